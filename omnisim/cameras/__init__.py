@@ -1,0 +1,17 @@
+"""Camera models: which ray of the scene each pixel sees.
+
+A model is three files with one stem: `cameras/<model>.py` (NumPy, float64, the reference),
+`shaders/camera/<model>.glsl` (the same function for the GPU) and an entry in
+`tests/camera_examples.py`, over which one contract test runs. Conventions, for all models:
+
+- Pixels are (u, v), u right and v down, (0, 0) at the centre of the top left one.
+- Rays are unit directions in the optical frame (x right, y down, z forward), from the effective
+  viewpoint. `omnisim.frames` has all frames.
+- A pixel outside the domain, or a direction that the camera cannot see, has `valid` False and
+  some finite value; that is data, not an error.
+"""
+
+from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
+from omnisim.cameras.hyperbolic import HyperbolicCamera
+
+__all__ = ["CentralCamera", "HyperbolicCamera", "Pixels", "Rays", "pixel_grid"]

@@ -1,0 +1,62 @@
+"""What every central camera model offers: the contract between its NumPy and GLSL halves."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class Rays(NamedTuple):
+    """Rays from the effective viewpoint, optical frame."""
+
+    directions: NDArray[np.float64]  # (..., 3), unit length
+    valid: NDArray[np.bool_]  # (...,): the pixel sees something by this ray
+
+
+class Pixels(NamedTuple):
+    """Positions in the picture."""
+
+    positions_px: NDArray[np.float64]  # (..., 2): u right, v down
+    valid: NDArray[np.bool_]  # (...,): the direction is seen, inside or outside the picture
+
+
+class CentralCamera(Protocol):
+    """A camera all of whose rays meet in one effective viewpoint.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        model: stem of the model's files, `cameras/<model>.py` and `shaders/camera/<model>.glsl`.
+    """
+
+    @property
+    def width_px(self) -> int: ...  # noqa: D102
+
+    @property
+    def height_px(self) -> int: ...  # noqa: D102
+
+    @property
+    def model(self) -> str: ...  # noqa: D102
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2)."""
+        ...
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3), which need not be of unit length."""
+        ...
+
+    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+        """Values of the uniforms that the model's GLSL file declares."""
+        ...
+
+    def parameters(self) -> dict[str, float | int | str | list[float]]:
+        """The camera in words and numbers, as JSON can hold them, for the picture's metadata."""
+        ...
+
+
+def pixel_grid(width_px: int, height_px: int) -> NDArray[np.float64]:
+    """Centres (height, width, 2) of all pixels of a picture."""
+    u, v = np.meshgrid(np.arange(width_px, dtype=np.float64), np.arange(height_px))
+    return np.stack((u, v.astype(np.float64)), axis=-1)

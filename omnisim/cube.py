@@ -1,0 +1,46 @@
+"""The cube of virtual cameras around the effective viewpoint: its faces and its unfolded layout.
+
+Each face is a pinhole camera with its own optical frame (x right, y down, z forward) in the rig
+frame (x forward, y left, z up). The four side faces are upright; the down face has the rig's
+front at its top, the up face continues the front face over its upper edge. No face is mirrored.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FACE_NAMES = ("front", "left", "back", "right", "down", "up")
+
+# Rows: the face's right, down and forward in the rig frame.
+FACE_FROM_RIG: NDArray[np.float64] = np.array(
+    [
+        [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
+        [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+        [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
+        [[-1, 0, 0], [0, 0, -1], [0, -1, 0]],
+        [[0, -1, 0], [-1, 0, 0], [0, 0, -1]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+    ],
+    dtype=np.float64,
+)
+
+# The unfolded cube as one picture: column and row of each face in a 3 × 2 grid.
+LAYOUT_COLUMNS, LAYOUT_ROWS = 3, 2
+LAYOUT_CELLS = ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1))
+
+
+def face_index(directions_rig: ArrayLike) -> NDArray[np.intp]:
+    """Index (...,) into `FACE_NAMES` of the face that sees each direction (..., 3)."""
+    directions = np.asarray(directions_rig, dtype=np.float64)
+    return np.argmax(np.einsum("fj,...j->...f", FACE_FROM_RIG[:, 2], directions), axis=-1)
+
+
+def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
+    """Point projection of directions (..., 3) onto faces (...,): tangents right and down (..., 2).
+
+    Inside a face both lie in [−1, 1].
+    """
+    directions = np.asarray(directions_rig, dtype=np.float64)
+    local = np.einsum("...ij,...j->...i", FACE_FROM_RIG[np.asarray(faces)], directions)
+    return local[..., :2] / local[..., 2:]

@@ -1,0 +1,29 @@
+"""Errors that a user can act on: one clear line each.
+
+The command line prints the message of an `OmnisimError` and exits with status 1. Anything else
+that escapes is a defect of omnisim and keeps its traceback.
+"""
+
+
+class OmnisimError(Exception):
+    """Base of all errors with a message meant for the user."""
+
+
+class OpticsError(OmnisimError):
+    """Parameters that no mirror or camera can have."""
+
+
+class SceneError(OmnisimError):
+    """A scene that cannot be read or has nothing to draw."""
+
+
+class SensorFileError(OmnisimError):
+    """A sensor file with an unknown key or a value that makes no sense."""
+
+
+class GraphicsError(OmnisimError):
+    """No OpenGL, too old an OpenGL, a size past its limits, or a shader that does not compile."""
+
+
+class OutputError(OmnisimError):
+    """A picture or mesh that cannot be written, or read back."""

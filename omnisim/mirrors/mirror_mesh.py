@@ -1,0 +1,48 @@
+"""The mesh of a mirror, and its texture coordinates on the unfolded cube (the paper's Fig. 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class MirrorMesh:
+    """Triangles whose vertices lie on the mirror, in the mirror frame.
+
+    Attributes:
+        vertices_m: (n, 3) float64, metres.
+        normals: (n, 3) float64, unit, on the reflecting side.
+        triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
+        polygons: how many polygons the mirror has in the paper's sense: the triangles next to
+            the vertex count one each, two triangles in one cell of the other rings count as one.
+        sectors: polygons around the axis.
+        rings: polygons from the vertex to the rim.
+    """
+
+    vertices_m: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    polygons: int
+    sectors: int
+    rings: int
+
+
+@dataclass(frozen=True)
+class UnfoldedMirrorMesh:
+    """A mirror mesh cut along the edges of the cube, one copy of each vertex for each face.
+
+    Attributes:
+        vertices_m: (n, 3) float64, mirror frame, metres.
+        normals: (n, 3) float64, unit.
+        texture_coordinates: (n, 2) float64 in [0, 1] on the unfolded cube (`omnisim.cube`),
+            origin at the top left of the picture.
+        triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
+    """
+
+    vertices_m: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    texture_coordinates: NDArray[np.float64]
+    triangles: NDArray[np.int64]

@@ -1,0 +1,8 @@
+// vec3 srgb_from_linear(vec3 linear): colours in [0, 1] to the sRGB transfer function.
+// Source: IEC 61966-2-1.
+
+vec3 srgb_from_linear(vec3 linear) {
+    vec3 low = linear * 12.92;
+    vec3 high = 1.055 * pow(max(linear, vec3(0.0031308)), vec3(1.0 / 2.4)) - 0.055;
+    return mix(low, high, step(vec3(0.0031308), linear));
+}
