@@ -1,0 +1,95 @@
+"""The capture: what the camera's picture shows, from the atlas of virtual cameras."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
+from omnisim.gpu.face_plan import FacePlan
+from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.uniforms import columns_first
+from omnisim.mirrors import MirrorMesh
+
+
+class LensCapture:
+    """The exact capture: every pixel's ray by the camera model's GLSL file."""
+
+    def __init__(self, context: moderngl.Context, camera: CentralCamera, emit_ray: bool = False):
+        self.program = build_program(
+            context,
+            "common/full_screen.vert",
+            "capture/lens.frag",
+            defines=("EMIT_RAY",) if emit_ray else (),
+            includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
+        )
+        for name, value in camera.uniforms().items():
+            self.program[name] = value
+        self._vertex_array = context.vertex_array(self.program, [])
+
+    def draw(self) -> None:
+        """Draw into the framebuffer in use."""
+        self._vertex_array.render(moderngl.TRIANGLES, vertices=3)
+
+
+class MirrorMeshCapture:
+    """The capture of a mirror's mesh by the pinhole camera that looks at it."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        camera: HyperbolicCamera,
+        mesh: MirrorMesh,
+        emit_ray: bool = False,
+    ):
+        self.program = build_program(
+            context,
+            "capture/mirror_mesh.vert",
+            "capture/mirror_mesh.frag",
+            defines=("EMIT_RAY",) if emit_ray else (),
+        )
+        self.program["u_picture_size_px"] = (camera.width_px, camera.height_px)
+        self.program["u_focal_length_px"] = camera.focal_length_px
+        self.program["u_principal_point_px"] = camera.principal_point_px
+        positions = (mesh.vertices_m / camera.mirror.c_m).astype("<f4")
+        self._vertex_array = context.vertex_array(
+            self.program,
+            [(context.buffer(positions), "3f4", "in_position")],
+            context.buffer(mesh.triangles.astype("<u4")),
+            index_element_size=4,
+        )
+
+    def draw(self) -> None:
+        """Draw into the framebuffer in use."""
+        self._vertex_array.render(moderngl.TRIANGLES)
+
+
+Capture = LensCapture | MirrorMeshCapture
+
+
+def connect_cube(
+    program: moderngl.Program, plan: FacePlan, rig_from_optical: NDArray[np.float64]
+) -> None:
+    """Tell a capture's program where in the atlas each face stands (`cube_lookup.glsl`)."""
+    tiles = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
+    reach = np.zeros((len(FACE_NAMES), 2), dtype=np.float32)
+    texels = np.zeros(len(FACE_NAMES), dtype=np.float32)
+    atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
+    for face in plan.faces:
+        half_px = 0.5 * face.size_px
+        middle_px = np.array([face.left_px, face.top_px]) + face.margin_px + half_px
+        tiles[face.index] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
+        reach[face.index] = -face.tangents[0], face.tangents[1]
+        texels[face.index] = half_px
+    program["u_atlas"] = 0
+    program["u_max_level"] = float(plan.max_level)
+    program["u_rig_from_optical"].write(columns_first(rig_from_optical))
+    for name, values in (
+        ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
+        ("u_face_tile", tiles),
+        ("u_face_reach", reach),
+        ("u_face_texels", texels),
+    ):
+        program[name].write(values)

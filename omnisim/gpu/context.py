@@ -1,0 +1,93 @@
+"""Opening OpenGL without a display, through EGL, and saying what to do where that fails."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import NamedTuple
+
+import moderngl
+
+from omnisim.errors import GraphicsError
+
+REQUIRED_VERSION = 430
+INSTALL_HINT = (
+    "install OpenGL: sudo apt-get install libegl1 libgl1 libgl1-mesa-dri (software), "
+    "or your graphics card's driver"
+)
+_LIBRARIES = ("libEGL.so.1", "libGL.so.1")
+
+
+class GraphicsInfo(NamedTuple):
+    """What draws, and its limits."""
+
+    vendor: str
+    renderer: str
+    version: str
+    max_texture_size_px: int
+    max_samples: int
+
+
+def open_context(device: int | None = None) -> moderngl.Context:
+    """Open an offscreen OpenGL context.
+
+    Args:
+        device: EGL's number of the device, as `omnisim info` lists them; None takes EGL's first.
+
+    Raises:
+        GraphicsError: no EGL, no driver, no such device, or an OpenGL that is too old.
+    """
+    for library in _LIBRARIES:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            raise GraphicsError(f"{library} is not there: {INSTALL_HINT}") from None
+    options = {} if device is None else {"device_index": device}
+    try:
+        context = moderngl.create_context(
+            standalone=True,
+            backend="egl",
+            libegl=_LIBRARIES[0],
+            libgl=_LIBRARIES[1],
+            require=REQUIRED_VERSION,
+            **options,
+        )
+    except Exception as reason:  # glcontext raises nothing more specific
+        raise GraphicsError(_reason(str(reason), device)) from None
+    context.gc_mode = "auto"
+    return context
+
+
+def graphics_info(context: moderngl.Context) -> GraphicsInfo:
+    """Names and limits of an open context."""
+    info = context.info
+    return GraphicsInfo(
+        info["GL_VENDOR"],
+        info["GL_RENDERER"],
+        info["GL_VERSION"],
+        int(info["GL_MAX_TEXTURE_SIZE"]),
+        int(context.max_samples),
+    )
+
+
+def list_devices() -> list[GraphicsInfo]:
+    """What each EGL device offers, in the order of their numbers."""
+    devices: list[GraphicsInfo] = []
+    while len(devices) < 64:  # far more than a machine has; ends any driver's endless list
+        try:
+            context = open_context(len(devices))
+        except GraphicsError:
+            break
+        devices.append(graphics_info(context))
+        context.release()
+    return devices
+
+
+def _reason(message: str, device: int | None) -> str:
+    if "requested device index" in message:
+        return f"device {device}: there is no such device ({message}): see `omnisim info`"
+    if "version" in message.lower():
+        return (
+            f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10} or newer is needed "
+            f"({message}): {INSTALL_HINT}"
+        )
+    return f"OpenGL could not be opened ({message}): {INSTALL_HINT}"

@@ -1,0 +1,180 @@
+"""The virtual cameras: the scene drawn into the faces of the cube at the effective viewpoint."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cube import FACE_FROM_RIG
+from omnisim.errors import GraphicsError
+from omnisim.gpu.face_plan import Face, FacePlan
+from omnisim.gpu.scene_buffers import SceneBuffers, is_blended
+from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.surface_program import SurfaceProgram, variant_of
+from omnisim.scene.model import Scene
+
+
+class CubePass:
+    """Draws the faces into one atlas texture.
+
+    Attributes:
+        plan: the faces and their places.
+        atlas: linear RGBA, half floats, first row of each face's picture first.
+
+    Raises:
+        GraphicsError: the atlas is larger than the GPU allows.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        buffers: SceneBuffers,
+        plan: FacePlan,
+        near_m: float,
+        far_m: float,
+        samples: int,
+        unlit: bool,
+    ):
+        self._context, self._scene, self._buffers, self.plan = context, scene, buffers, plan
+        self._near_m, self._far_m, self._unlit = near_m, far_m, unlit
+        size = (plan.width_px, plan.height_px)
+        limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
+        if max(size) > limit:
+            raise GraphicsError(
+                f"virtual cameras of {max(face.size_px for face in plan.faces)} px need an atlas "
+                f"of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
+                "make the picture or virtual_cameras.size_px smaller"
+            )
+        self.atlas = context.texture(size, 4, dtype="f2")
+        self.atlas.repeat_x = self.atlas.repeat_y = False
+        mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
+        self.atlas.filter = (mipmapped, moderngl.LINEAR)
+        samples = min(samples, int(context.max_samples))
+        self._resolved = context.framebuffer([self.atlas]) if samples > 1 else None
+        color = (
+            context.renderbuffer(size, 4, samples=samples, dtype="f2")
+            if samples > 1
+            else self.atlas
+        )
+        depth = context.depth_renderbuffer(size, samples=samples if samples > 1 else 0)
+        self._target = context.framebuffer([color], depth)
+        self._programs = {
+            variant: SurfaceProgram(build_program(context, *variant.files), buffers, scene, variant)
+            for variant in {variant_of(draw.material, unlit) for draw in buffers.draws}
+        }
+
+    def render(self, world_from_rig: NDArray[np.float64]) -> moderngl.Texture:
+        """Draw all faces from a pose (4, 4) and return the atlas."""
+        context, target = self._context, self._target
+        viewpoint_m = world_from_rig[:3, 3]
+        here_from_mesh = self._buffers.world_from_mesh.copy()
+        here_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
+        for program in self._programs.values():
+            program.set_viewpoint(viewpoint_m)
+        order = self._order(viewpoint_m)
+
+        target.use()
+        target.scissor = None
+        target.viewport = (0, 0, *target.size)
+        target.depth_mask = True
+        target.clear(*self._scene.background, 1.0)
+        context.enable_only(moderngl.DEPTH_TEST)
+        # y of the clip space runs down the picture, so triangles turn the other way round
+        context.cull_face = "back"
+        for face in self.plan.faces:
+            self._draw_face(face, world_from_rig[:3, :3], here_from_mesh, order)
+        target.scissor = None
+        target.depth_mask = True
+        context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
+        if self._resolved is not None:
+            context.copy_framebuffer(self._resolved, target)
+        if self.plan.max_level:
+            self.atlas.build_mipmaps(0, self.plan.max_level)
+        return self.atlas
+
+    def read_face(self, face: Face) -> NDArray[np.float32]:
+        """The 90° of a face as last drawn, linear RGB (size, size, 3), first row at the top."""
+        framebuffer = self._resolved or self._target
+        corner = (face.left_px + face.margin_px, face.top_px + face.margin_px)
+        data = framebuffer.read((*corner, face.size_px, face.size_px), components=3, dtype="f4")
+        return np.frombuffer(data, dtype=np.float32).reshape(face.size_px, face.size_px, 3)
+
+    def _order(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Draws in the order to draw them: opaque ones as they stand, blended from far to near."""
+        draws = self._buffers.draws
+        opaque = sum(not is_blended(draw.material) for draw in draws)
+        distances = np.linalg.norm(self._buffers.centres_m[opaque:] - viewpoint_m, axis=1)
+        blended = opaque + np.argsort(-distances, kind="stable")
+        for index in blended:
+            self._buffers.sort_blended(draws[index], viewpoint_m)
+        return np.concatenate((np.arange(opaque), blended))
+
+    def _draw_face(
+        self,
+        face: Face,
+        world_from_rig: NDArray[np.float64],
+        here_from_mesh: NDArray[np.float64],
+        order: NDArray[np.intp],
+    ) -> None:
+        context, target = self._context, self._target
+        face_from_here = np.eye(4)
+        face_from_here[:3, :3] = FACE_FROM_RIG[face.index] @ world_from_rig.T
+        clip_from_face = projection(face, self._near_m, self._far_m)
+        clip_from_mesh = (clip_from_face @ face_from_here) @ here_from_mesh
+        centres = here_from_mesh[:, :3, 3] @ face_from_here[:3, :3].T
+        seen = reaches(face, centres, self._buffers.radii_m, self._near_m, self._far_m)
+        tile = (face.left_px, face.top_px, face.tile_px, face.tile_px)
+        target.viewport = target.scissor = tile
+        for index in order[seen[order]]:
+            draw = self._buffers.draws[index]
+            material = draw.material
+            context.front_face = "ccw" if draw.mirrored else "cw"
+            toggle = context.disable if material.double_sided else context.enable
+            toggle(moderngl.CULL_FACE)
+            target.depth_mask = not is_blended(material)
+            toggle = context.enable if is_blended(material) else context.disable
+            toggle(moderngl.BLEND)
+            context.blend_func = (
+                moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
+            )  # fmt: skip
+            program = self._programs[variant_of(material, self._unlit)]
+            program.draw(draw, clip_from_mesh[index], here_from_mesh[index])
+
+
+def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
+    """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
+
+    The far plane may be infinite.
+    """
+    first, last = face.tangents
+    scale, shift = 2.0 / (last - first), -(last + first) / (last - first)
+    if math.isinf(far_m):
+        z_scale, z_shift = 1.0, -2.0 * near_m
+    else:
+        z_scale = (far_m + near_m) / (far_m - near_m)
+        z_shift = -2.0 * far_m * near_m / (far_m - near_m)
+    return np.array(
+        [[scale, 0, shift, 0], [0, scale, shift, 0], [0, 0, z_scale, z_shift], [0, 0, 1, 0]]
+    )
+
+
+def reaches(
+    face: Face,
+    centres: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    near_m: float,
+    far_m: float,
+) -> NDArray[np.bool_]:
+    """Which spheres (n,), centres (n, 3) in the face's frame, may touch what a tile shows."""
+    first, last = face.tangents
+    x, y, z = centres.T
+    seen = (z + radii >= near_m) & (z - radii <= far_m)
+    for across in (x, y):
+        # signed distances to the planes through the viewpoint and the tile's edges
+        seen &= (across - first * z) / math.hypot(1.0, first) >= -radii
+        seen &= (last * z - across) / math.hypot(1.0, last) >= -radii
+    return seen

@@ -1,0 +1,101 @@
+"""The corridor from a scene to a picture: cube pass, capture, encoding, readback."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera
+from omnisim.errors import GraphicsError
+from omnisim.gpu.capture_pass import Capture, connect_cube
+from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.shader_files import build_program
+
+
+class Picture(NamedTuple):
+    """What was read back; first row at the top."""
+
+    rgba: NDArray[np.uint8]  # (height, width, 4): sRGB, alpha 255 where the camera sees something
+    linear: NDArray[np.float32] | None  # (height, width, 3), where asked for
+
+
+class Pipeline:
+    """Renders one camera in one scene; everything on the GPU is made once.
+
+    Raises:
+        GraphicsError: a picture larger than the GPU allows.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        camera: CentralCamera,
+        rig_from_optical: NDArray[np.float64],
+        cube: CubePass,
+        capture: Capture,
+    ):
+        self._context, self._cube, self._capture = context, cube, capture
+        self._size = (camera.width_px, camera.height_px)
+        check_picture_size(context, *self._size)
+        connect_cube(capture.program, cube.plan, rig_from_optical)
+        self._linear = context.texture(self._size, 4, dtype="f2")
+        self._linear_target = context.framebuffer([self._linear])
+        self._encoded_target = context.framebuffer([context.renderbuffer(self._size, 4)])
+        encode = build_program(context, "common/full_screen.vert", "capture/encode.frag")
+        encode["u_linear"] = 0
+        self._encode = context.vertex_array(encode, [])
+
+    def render(self, world_from_rig: NDArray[np.float64], linear: bool = False) -> Picture:
+        """Render from a pose (4, 4); the linear picture is read back where asked for."""
+        atlas = self._cube.render(world_from_rig)
+        self._linear_target.use()
+        self._linear_target.clear()
+        atlas.use(0)
+        self._capture.draw()
+        self._encoded_target.use()
+        self._linear.use(0)
+        self._encode.render(moderngl.TRIANGLES, vertices=3)
+        width, height = self._size
+        encoded = self._encoded_target.read(components=4)
+        rgba = np.frombuffer(encoded, dtype=np.uint8).reshape(height, width, 4)
+        if not linear:
+            return Picture(rgba, None)
+        floats = self._linear_target.read(components=3, dtype="f4")
+        return Picture(rgba, np.frombuffer(floats, dtype=np.float32).reshape(height, width, 3))
+
+
+def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
+    """Refuse a picture larger than the GPU allows.
+
+    Raises:
+        GraphicsError: naming the size and the limit.
+    """
+    limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
+    if max(width_px, height_px) > limit:
+        raise GraphicsError(
+            f"a picture of {width_px} × {height_px} px: this GPU takes at most {limit}"
+        )
+
+
+def capture_rays(
+    context: moderngl.Context, camera: CentralCamera, capture: Capture
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Unit rays (height, width, 3), optical frame, and validity that a capture made with
+    `emit_ray` gives each pixel.
+
+    Raises:
+        GraphicsError: a picture larger than the GPU allows.
+    """
+    check_picture_size(context, camera.width_px, camera.height_px)
+    size = (camera.width_px, camera.height_px)
+    target = context.framebuffer([context.renderbuffer(size, 4, dtype="f4")])
+    context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+    target.use()
+    target.clear()
+    capture.draw()
+    values = np.frombuffer(target.read(components=4, dtype="f4"), dtype=np.float32)
+    values = values.reshape(camera.height_px, camera.width_px, 4)
+    return values[..., :3], values[..., 3] > 0.5

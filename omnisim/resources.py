@@ -1,0 +1,17 @@
+"""Where the files that ship with omnisim are: in the installed package, or in the checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _folder(name: str) -> Path:
+    installed = _PACKAGE / name
+    return installed if installed.is_dir() else _PACKAGE.parent / name
+
+
+# The package's own omnisim/sensors is code; only these two folders live at the top level.
+SHADERS = _folder("shaders")
+SCENES = _folder("scenes")

@@ -1,0 +1,7 @@
+"""What there is to see: plain data, and its loading (the only importer of trimesh)."""
+
+from omnisim.scene.builtin import builtin_scenes
+from omnisim.scene.load import load_scene
+from omnisim.scene.model import Scene
+
+__all__ = ["Scene", "builtin_scenes", "load_scene"]

@@ -1,0 +1,69 @@
+"""Checks that every mesh passes before it becomes part of a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.errors import SceneError
+from omnisim.scene.model import Mesh
+
+
+def make_mesh(
+    name: str,
+    positions: ArrayLike,
+    triangles: ArrayLike,
+    material: int,
+    normals: ArrayLike | None = None,
+    texture_coordinates: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
+) -> tuple[Mesh, NDArray[np.float64]] | None:
+    """Make a mesh about the middle of its bounding box, and that middle (3,).
+
+    Moving it there in float64 lets float32 hold a town in map coordinates to a micrometre.
+    None where there is no triangle. Normals or texture coordinates that are not finite, or of
+    another count than the positions, are dropped: the mesh is then flat, or in its plain colour.
+
+    Raises:
+        SceneError: a position that is not finite, or a triangle without its vertex.
+    """
+    points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
+    corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    if len(corners) == 0:
+        return None
+    if corners.min() < 0 or corners.max() >= len(points):
+        raise SceneError(f"mesh {name!r}: a triangle names vertex {corners.max()} of {len(points)}")
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        raise SceneError(
+            f"mesh {name!r}: vertex {int(np.argmax(bad))} is {points[np.argmax(bad)].tolist()}: "
+            f"want finite numbers ({int(bad.sum())} of {len(points)} vertices are not)"
+        )
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    mesh = Mesh(
+        name=name,
+        positions=np.ascontiguousarray(points - middle, dtype=np.float32),
+        triangles=np.ascontiguousarray(corners, dtype=np.uint32),
+        material=material,
+        normals=_per_vertex(normals, len(points), 3),
+        texture_coordinates=_per_vertex(texture_coordinates, len(points), 2),
+        colors=_per_vertex(colors, len(points), 4),
+    )
+    return mesh, middle
+
+
+def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
+    if values is None:
+        return None
+    array = np.ascontiguousarray(values, dtype=np.float32)
+    if array.shape != (count, width) or not np.isfinite(array).all():
+        return None
+    return array
+
+
+def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32]:
+    """Colours (n, 3 or 4) as RGBA float32, divided by `scale`."""
+    values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
+    if values.shape[1] == 3:
+        values = np.concatenate((values, np.ones((len(values), 1), dtype=np.float32)), axis=1)
+    return np.ascontiguousarray(values[:, :4])

@@ -1,0 +1,203 @@
+"""A scene as plain data: what there is to see, in the world frame, free of files and of the GPU."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Wrap(Enum):
+    """What lies beyond the edge of a texture."""
+
+    REPEAT = "repeat"
+    CLAMP_TO_EDGE = "clamp_to_edge"
+
+
+class AlphaMode(Enum):
+    """How alpha acts, as in glTF."""
+
+    OPAQUE = "opaque"
+    MASK = "mask"
+    BLEND = "blend"
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A colour picture with sRGB-encoded colours.
+
+    Attributes:
+        pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
+        wrap_u, wrap_v: what lies beyond its edges.
+    """
+
+    pixels: NDArray[np.uint8]
+    wrap_u: Wrap = Wrap.REPEAT
+    wrap_v: Wrap = Wrap.REPEAT
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """How a surface looks: base colour, alpha, sides.
+
+    Attributes:
+        name: name in the file.
+        base_color: linear RGBA that multiplies texture and vertex colours.
+        texture: base colour texture, if any.
+        alpha_mode: how alpha acts.
+        alpha_cutoff: with MASK, alpha below this is a hole.
+        double_sided: both sides are drawn.
+        unlit: drawn without lights, always.
+    """
+
+    name: str = ""
+    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    texture: Texture | None = None
+    alpha_mode: AlphaMode = AlphaMode.OPAQUE
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    unlit: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles of one material, about their own origin so that float32 holds them.
+
+    Attributes:
+        name: name in the file.
+        positions: (n, 3) float32, in the units of the file.
+        triangles: (m, 3) uint32, counter-clockwise seen from the front.
+        material: index into `Scene.materials`.
+        normals: (n, 3) float32, or None: flat triangles.
+        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left, or None.
+        colors: (n, 4) float32 linear RGBA, or None.
+    """
+
+    name: str
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    material: int
+    normals: NDArray[np.float32] | None = None
+    texture_coordinates: NDArray[np.float32] | None = None
+    colors: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One occurrence of a mesh in the world.
+
+    Attributes:
+        name: name of the node in the file; parts of one object share it.
+        mesh: index into `Scene.meshes`.
+        world_from_mesh: (4, 4) float64, metres.
+    """
+
+    name: str
+    mesh: int
+    world_from_mesh: NDArray[np.float64]
+
+
+class LightKind(Enum):
+    """The lights of KHR_lights_punctual."""
+
+    DIRECTIONAL = "directional"
+    POINT = "point"
+    SPOT = "spot"
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light without size; it casts no shadows.
+
+    Attributes:
+        kind: directional, point or spot.
+        color: linear RGB.
+        intensity: directional in lux, point and spot in candela.
+        position_m: (3,) world; unused when directional.
+        direction: (3,) unit, world, the way the light travels; unused for a point light.
+        range_m: where a point or spot light ends.
+        cone_cosines: cosines of a spot light's inner and outer half-angle.
+
+    Source: glTF extension KHR_lights_punctual.
+    """
+
+    kind: LightKind
+    color: tuple[float, float, float]
+    intensity: float
+    position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    range_m: float = math.inf
+    cone_cosines: tuple[float, float] = (1.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """All the light in a scene.
+
+    A white surface under ambient (1, 1, 1) alone has colour (1, 1, 1). A lamp adds its
+    illuminance times `exposure`, by Lambert's cosine.
+
+    Attributes:
+        ambient: linear RGB, the same from everywhere.
+        lights: the lamps.
+        exposure: brightness of a white surface for one lux.
+    """
+
+    ambient: tuple[float, float, float]
+    lights: tuple[Light, ...]
+    exposure: float = 1.0
+
+
+@dataclass(frozen=True)
+class StartPose:
+    """Where to look from when nobody says: the effective viewpoint, world, and the heading."""
+
+    position_m: tuple[float, float, float]
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that can be seen.
+
+    Attributes:
+        name: file or built-in name.
+        meshes, materials, instances: what there is and where.
+        lighting: ambient light and lamps.
+        background: linear RGB where nothing is hit.
+        start: where to look from by default.
+        notices: one line each: what the file asked for and could not be had.
+    """
+
+    name: str
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    instances: tuple[Instance, ...]
+    lighting: Lighting
+    background: tuple[float, float, float]
+    start: StartPose
+    notices: tuple[str, ...] = ()
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles of all instances."""
+        return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
+
+    def bounds_m(self) -> NDArray[np.float64]:
+        """Smallest and largest corner (2, 3) of all instances in the world."""
+        return bounds_m(self.meshes, self.instances)
+
+
+def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
+    """Smallest and largest corner (2, 3) of the instances' bounding boxes in the world."""
+    boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in meshes]
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for instance in instances:
+        box = np.array(boxes[instance.mesh], dtype=np.float64)
+        corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
+        world = corners @ instance.world_from_mesh[:3, :3].T + instance.world_from_mesh[:3, 3]
+        low, high = np.minimum(low, world.min(axis=0)), np.maximum(high, world.max(axis=0))
+    return np.stack((low, high))

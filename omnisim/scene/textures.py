@@ -1,0 +1,76 @@
+"""From the pictures that trimesh hands on (Pillow) to textures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.model import Texture, Wrap
+
+
+class TextureStore:
+    """Decodes each picture once, however many materials use it.
+
+    Attributes:
+        notices: one line for each picture that could not be decoded.
+    """
+
+    def __init__(self) -> None:
+        self.notices: list[str] = []
+        self._textures: dict[tuple[object, ...], Texture | None] = {}
+        self._pixels: dict[int, tuple[Any, NDArray[np.uint8] | None]] = {}
+
+    def texture(
+        self,
+        image: Any,
+        used_by: str,
+        wraps: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT),
+        mirrored: tuple[bool, bool] = (False, False),
+    ) -> Texture | None:
+        """Return the texture of a Pillow picture, or None where it cannot be decoded.
+
+        Where it is mirrored, its mirror image stands beside it, along u or v.
+        """
+        key = (id(image), wraps, mirrored)
+        if key not in self._textures:
+            pixels = self._decode(image, used_by)
+            for axis in (1, 0):
+                if pixels is not None and mirrored[1 - axis]:
+                    pixels = np.concatenate((pixels, np.flip(pixels, axis)), axis)
+            self._textures[key] = None if pixels is None else Texture(pixels, *wraps)
+        return self._textures[key]
+
+    def _decode(self, image: Any, used_by: str) -> NDArray[np.uint8] | None:
+        if id(image) not in self._pixels:
+            try:
+                pixels = rgba8(image)
+            except (OSError, ValueError, SyntaxError, EOFError) as reason:  # what Pillow raises
+                self.notices.append(
+                    f"texture of {used_by} cannot be decoded ({reason}): its plain colour is drawn"
+                )
+                pixels = None
+            # the picture is kept so that its id is not used again
+            self._pixels[id(image)] = (image, pixels)
+        return self._pixels[id(image)][1]
+
+
+def rgba8(image: Any) -> NDArray[np.uint8]:
+    """Pixels (height, width, 4) uint8 of a Pillow picture of any mode.
+
+    Raises:
+        OSError, ValueError, SyntaxError, EOFError: the picture is damaged.
+    """
+    if image.mode.startswith(("I", "F")):  # 16-bit grey, which Pillow would clip
+        grey = np.asarray(image, dtype=np.float64)
+        grey = grey / 257.0 if image.mode.startswith("I") else grey * 255.0
+        levels = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+        opaque = np.full_like(levels, 255)
+        return np.stack((levels, levels, levels, opaque), axis=-1)
+    return np.array(image.convert("RGBA"), dtype=np.uint8)
+
+
+def has_holes(texture: Texture | None) -> bool:
+    """Whether any texel is not opaque."""
+    return texture is not None and bool((texture.pixels[..., 3] < 255).any())

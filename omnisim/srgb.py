@@ -1,0 +1,19 @@
+"""The sRGB transfer function (IEC 61966-2-1), the reference of `shaders/common/srgb.glsl`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def srgb_from_linear(linear: ArrayLike) -> NDArray[np.float64]:
+    """Encode linear values (...) in [0, 1]."""
+    values = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
+    high = 1.055 * np.maximum(values, 0.0031308) ** (1.0 / 2.4) - 0.055
+    return np.where(values <= 0.0031308, 12.92 * values, high)
+
+
+def linear_from_srgb(encoded: ArrayLike) -> NDArray[np.float64]:
+    """Decode sRGB values (...) in [0, 1]."""
+    values = np.clip(np.asarray(encoded, dtype=np.float64), 0.0, 1.0)
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,82 @@
+"""Reading TOML into a checked model, with errors that name file, key, value and what was wanted."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pydantic
+
+from omnisim.errors import OmnisimError
+
+Model = TypeVar("Model", bound=pydantic.BaseModel)
+
+
+class Table(pydantic.BaseModel):
+    """A TOML table that takes its own keys only and cannot be changed once read."""
+
+    model_config = pydantic.ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True
+    )
+
+
+def read_toml(path: Path, model: type[Model], error: type[OmnisimError]) -> Model:
+    """Read `path` as `model`.
+
+    Raises:
+        error: the file cannot be read, is not TOML, or does not fit the model; one line for each
+            fault.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as reason:
+        raise error(f"{path}: cannot be read: {reason.strerror}") from None
+    except UnicodeDecodeError:
+        raise error(f"{path}: not a text file (want TOML, UTF-8)") from None
+    except tomllib.TOMLDecodeError as reason:
+        raise error(f"{path}: not TOML: {reason}") from None
+    return parse_table(data, model, error, str(path))
+
+
+def parse_table(
+    data: dict[str, Any], model: type[Model], error: type[OmnisimError], source: str
+) -> Model:
+    """Check `data` against `model`; `source` names it in messages.
+
+    Raises:
+        error: one line for each fault.
+    """
+    try:
+        return model.model_validate(data)
+    except pydantic.ValidationError as faults:
+        lines = [f"{source}: {_line(fault, model)}" for fault in faults.errors()]
+        raise error("\n".join(lines)) from None
+
+
+def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
+    names = [str(part) for part in fault["loc"]]
+    key = ".".join(names) or "file"
+    if fault["type"] == "extra_forbidden":
+        known = _keys(model, names[:-1])
+        near = difflib.get_close_matches(names[-1], known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else "known keys: " + ", ".join(known)
+        return f"{key}: unknown key; {hint}"
+    if fault["type"] == "missing":
+        return f"{key}: missing"
+    message = fault["msg"].removeprefix("Value error, ").replace("Input should be", "want")
+    if message.startswith("want"):
+        return f"{key} = {fault['input']!r}: {message}"
+    return f"{key}: {message}"
+
+
+def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
+    """Keys of the table that `names` leads to, as far as it can be followed."""
+    for name in names:
+        field = model.model_fields.get(name)
+        inner = field.annotation if field else None
+        if not (isinstance(inner, type) and issubclass(inner, pydantic.BaseModel)):
+            return []
+        model = inner
+    return list(model.model_fields)

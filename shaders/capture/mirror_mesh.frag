@@ -1,0 +1,10 @@
+// The capture of the mirror's mesh: the point of the flat polygon that the pixel sees, projected
+// from the effective viewpoint onto the cube (the paper's section 2.3).
+#version 430 core
+
+in vec3 v_ray;
+#include "capture/emit.glsl"
+
+void main() {
+    emit(true, v_ray);
+}

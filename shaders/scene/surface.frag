@@ -1,0 +1,42 @@
+// A surface of the scene: linear base colour, lit or not. Colours are linear throughout; the
+// texture is stored as sRGB and decoded by the sampler.
+#version 430 core
+
+uniform vec4 u_base_color;
+uniform sampler2D u_texture;  // white where the material has none
+
+in vec2 v_texture_coordinate;
+in vec4 v_color;
+layout(location = 0) out vec4 out_color;
+
+#ifdef ALPHA_MASK
+uniform float u_alpha_cutoff;
+#endif
+
+#ifdef LIT
+in vec3 v_position;
+in vec3 v_normal;
+#include "scene/lighting.glsl"
+#endif
+
+void main() {
+    vec4 color = u_base_color * v_color * texture(u_texture, v_texture_coordinate);
+#ifdef LIT
+    // before any discard: derivatives need the whole 2 x 2 block
+    vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));
+#endif
+#ifdef ALPHA_MASK
+    if (color.a < u_alpha_cutoff) discard;
+#endif
+#ifdef LIT
+    // The side that is seen is the side that is lit, whatever way the triangle is wound.
+    flat_normal *= dot(flat_normal, v_position) > 0.0 ? -1.0 : 1.0;
+    vec3 normal = dot(v_normal, v_normal) > 0.0 ? v_normal : flat_normal;
+    normal *= dot(normal, flat_normal) < 0.0 ? -1.0 : 1.0;
+    color.rgb *= light_on_surface(v_position, normalize(normal));
+#endif
+#ifndef ALPHA_BLEND
+    color.a = 1.0;
+#endif
+    out_color = color;
+}

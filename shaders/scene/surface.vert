@@ -1,0 +1,31 @@
+// A vertex of the scene, for one face of the cube.
+// u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
+// u_here_from_mesh  axes of the world, origin at the effective viewpoint, metres
+// u_normal_from_mesh  cofactors of the above: normals under any scale
+#version 430 core
+
+uniform mat4 u_clip_from_mesh;
+
+in vec3 in_position;
+in vec2 in_texture_coordinate;
+in vec4 in_color;
+out vec2 v_texture_coordinate;
+out vec4 v_color;
+
+#ifdef LIT
+uniform mat4 u_here_from_mesh;
+uniform mat3 u_normal_from_mesh;
+in vec3 in_normal;
+out vec3 v_position;
+out vec3 v_normal;
+#endif
+
+void main() {
+    gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
+    v_texture_coordinate = in_texture_coordinate;
+    v_color = in_color;
+#ifdef LIT
+    v_position = (u_here_from_mesh * vec4(in_position, 1.0)).xyz;
+    v_normal = u_normal_from_mesh * in_normal;
+#endif
+}
