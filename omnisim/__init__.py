@@ -1,3 +1,47 @@
-"""omnisim: pictures from omnidirectional cameras that can be trusted."""
+"""omnisim: pictures from omnidirectional cameras that can be trusted to a tenth of a pixel.
+
+scene = omnisim.load_scene("courtyard")
+with omnisim.Renderer(scene, omnisim.OmniCamera()) as renderer:
+    frame = renderer.render(renderer.camera.base_pose((0.0, 0.0, 1.0), yaw_deg=30.0))
+    frame.save("frame.png")
+"""
+
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from omnisim.errors import OmnisimError
+    from omnisim.frame import Frame
+    from omnisim.frames import pose
+    from omnisim.scene import Scene, load_scene
+    from omnisim.sensors import OmniCamera, Renderer
+
+# Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
+_HOMES = {
+    "OmnisimError": "omnisim.errors",
+    "Frame": "omnisim.frame",
+    "pose": "omnisim.frames",
+    "Scene": "omnisim.scene",
+    "load_scene": "omnisim.scene",
+    "OmniCamera": "omnisim.sensors",
+    "Renderer": "omnisim.sensors",
+}
+__all__ = [
+    "Frame",
+    "OmniCamera",
+    "OmnisimError",
+    "Renderer",
+    "Scene",
+    "__version__",
+    "load_scene",
+    "pose",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'omnisim' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES[name]), name)

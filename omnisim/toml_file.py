@@ -65,6 +65,8 @@ def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
         return f"{key}: missing"
+    if fault["type"] == "model_type":
+        return f"{key} = {fault['input']!r}: want a table, [{key}]"
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be", "want")
     if message.startswith("want"):
         return f"{key} = {fault['input']!r}: {message}"

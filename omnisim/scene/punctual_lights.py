@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from omnisim.scene.model import Instance, Light, LightKind, Lighting, Mesh
+from omnisim.scene.model import Instance, Light, Lighting, LightKind, Mesh
 
 # A white surface with no lamp near it is still seen: what stands in for light from all around.
 AMBIENT_BESIDE_LAMPS = (0.25, 0.25, 0.25)

@@ -1,0 +1,126 @@
+"""Pictures in and out (the only importer of OpenImageIO).
+
+A file appears under its name only when it is whole: it is written beside it and moved there.
+The camera's parameters and pose travel inside, as one JSON text in ImageDescription, which every
+format here can hold.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from omnisim import __version__
+from omnisim.errors import OutputError
+
+EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+FLOAT_SUFFIXES = (".exr",)
+METADATA_KEY = "ImageDescription"
+# On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
+_JPEG = {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"}
+
+
+def is_float_format(path: Path) -> bool:
+    """Whether the format holds linear floats.
+
+    Raises:
+        OutputError: the suffix is of no format that omnisim writes.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
+        raise OutputError(
+            f"{path}: unknown picture format {suffix or '(no suffix)'!r}: want one of "
+            + " ".join(EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES)
+        )
+    return suffix in FLOAT_SUFFIXES
+
+
+def check_target(path: Path) -> None:
+    """Refuse early what could only fail after the work is done.
+
+    Raises:
+        OutputError: the folder is not there or cannot be written, or `path` is a folder.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder: want the name of a file")
+    folder = path.parent
+    if not folder.is_dir():
+        raise OutputError(f"{path}: the folder {folder} does not exist: create it first")
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"{path}: the folder {folder} cannot be written to")
+
+
+def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | None = None) -> None:
+    """Write a picture (height, width, 3): uint8 sRGB, or float32 linear for EXR.
+
+    Raises:
+        OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
+            written; nothing is left under `path` then.
+    """
+    is_float = is_float_format(path)
+    if pixels.dtype != (np.float32 if is_float else np.uint8):
+        kind = "linear float32" if is_float else "uint8"
+        raise OutputError(f"{path}: this format takes {kind} pixels, not {pixels.dtype}")
+    check_target(path)
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else oiio.UINT8)
+    spec["Software"] = f"omnisim {__version__}"
+    spec["oiio:ColorSpace"] = "lin_rec709_scene" if is_float else "srgb_rec709_scene"
+    if metadata is not None:
+        spec[METADATA_KEY] = json.dumps(metadata)
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        for key, value in _JPEG.items():
+            spec[key] = value
+    # OpenImageIO picks the format by the suffix, which therefore stays at the end
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        _write(partial, spec, np.ascontiguousarray(pixels))
+        os.replace(partial, path)
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+    except OutputError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _write(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
+    output = oiio.ImageOutput.create(str(path))
+    if output is None:
+        raise OutputError(oiio.geterror())
+    done = output.open(str(path), spec) and output.write_image(pixels)
+    error = output.geterror()
+    if not (output.close() and done):
+        raise OutputError(" ".join((error or output.geterror() or "no reason given").split()))
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
+    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
+
+    The metadata is None where the picture has none of ours.
+
+    Raises:
+        OutputError: the file is missing or not a picture.
+    """
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise OutputError(f"{path}: cannot be read: {' '.join(oiio.geterror().split())}")
+    try:
+        spec = source.spec()
+        pixels = source.read_image(spec.format)
+        if pixels is None:
+            raise OutputError(f"{path}: cannot be read: {' '.join(source.geterror().split())}")
+        text = spec.getattribute(METADATA_KEY)
+    finally:
+        source.close()
+    try:
+        metadata = json.loads(text) if isinstance(text, str) else None
+    except json.JSONDecodeError:
+        metadata = None  # somebody else's description
+    return pixels, metadata if isinstance(metadata, dict) else None

@@ -1,0 +1,127 @@
+"""The catadioptric sensor: mirror, virtual cameras, capturing camera, and where it is mounted."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim import frames
+from omnisim.cameras import HyperbolicCamera
+from omnisim.errors import OpticsError
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.sensors.sensor_file import SensorFile, parse_sensor, read_sensor_file
+
+PAPER_POLYGONS = 1024
+PAPER_SIZE_PX = 360
+
+
+def _paper_camera() -> HyperbolicCamera:
+    return HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
+
+
+@dataclass(frozen=True, eq=False)
+class OmniCamera:
+    """A camera that looks up at a mirror. Without arguments: the paper's.
+
+    Attributes:
+        camera: the capturing camera and its mirror.
+        polygons: of the mirror's mesh; None captures exactly, pixel by pixel.
+        base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
+            viewpoint.
+        face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
+        near_m, far_m: what the virtual cameras see; far may be infinite.
+        samples: samples a texel of the virtual cameras, against jagged edges.
+
+    Raises:
+        OpticsError: a polygon count that makes no mesh.
+    """
+
+    camera: HyperbolicCamera = field(default_factory=_paper_camera)
+    polygons: int | None = PAPER_POLYGONS
+    base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    face_size_px: int | None = None
+    near_m: float = 0.05
+    far_m: float = np.inf
+    samples: int = 4
+
+    def __post_init__(self) -> None:
+        if self.polygons is not None:
+            sectors_and_rings(self.polygons)
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> OmniCamera:
+        """Read a sensor file.
+
+        Raises:
+            SensorFileError: naming file, key, value and what was wanted.
+        """
+        return cls._from_settings(read_sensor_file(Path(path)))
+
+    @classmethod
+    def from_table(cls, table: dict[str, Any], source: str = "sensor") -> OmniCamera:
+        """Make the sensor of a table with the keys of a sensor file.
+
+        Raises:
+            SensorFileError: naming `source`, key, value and what was wanted.
+        """
+        return cls._from_settings(parse_sensor(table, source))
+
+    @classmethod
+    def _from_settings(cls, settings: SensorFile) -> OmniCamera:
+        mounting, virtual = settings.mirror.mounting, settings.virtual_cameras
+        return cls(
+            camera=settings.make_camera(),
+            polygons=settings.mirror.polygon_count,
+            base_from_rig=frames.pose(
+                mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
+            ),
+            face_size_px=virtual.face_size_px,
+            near_m=virtual.near_m,
+            far_m=virtual.far_m,
+            samples=virtual.samples,
+        )
+
+    def resized(self, size_px: int) -> OmniCamera:
+        """The same view in a picture whose shorter side has `size_px` pixels.
+
+        Raises:
+            OpticsError: a size below 1.
+        """
+        if size_px < 1:
+            raise OpticsError(f"camera: size {size_px}: want at least 1")
+        old = self.camera
+        scale = size_px / min(old.width_px, old.height_px)
+        u, v = old.principal_point_px
+        camera = dataclasses.replace(
+            old,
+            width_px=round(old.width_px * scale),
+            height_px=round(old.height_px * scale),
+            focal_length_px=old.focal_length_px * scale,
+            principal_point_px=((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5),
+        )
+        return dataclasses.replace(self, camera=camera)
+
+    def with_polygons(self, polygons: int | None) -> OmniCamera:
+        """The same sensor with another mesh; None captures exactly.
+
+        Raises:
+            OpticsError: a polygon count that makes no mesh.
+        """
+        return dataclasses.replace(self, polygons=polygons)
+
+    def base_pose(self, viewpoint_m: ArrayLike, yaw_deg: float = 0.0) -> NDArray[np.float64]:
+        """Pose (4, 4) world_from_base of a level vehicle at a heading, such that the effective
+        viewpoint is at `viewpoint_m` (3,), world.
+
+        Raises:
+            OmnisimError: a position or angle that is not finite.
+        """
+        world_from_base = frames.pose(viewpoint_m, yaw_deg=yaw_deg)
+        world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
+        return world_from_base

@@ -1,0 +1,159 @@
+"""A sensor in a scene: poses in, frames out."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim import __version__
+from omnisim.cube import LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
+from omnisim.errors import GraphicsError
+from omnisim.frame import Frame
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP, check_pose
+from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
+from omnisim.gpu.context import open_context
+from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.pipeline import Pipeline, check_picture_size
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.mirrors import tessellate
+from omnisim.scene import Scene
+from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.srgb import srgb_from_linear
+
+
+class Renderer:
+    """Renders a sensor's pictures of a scene; loads and compiles everything once.
+
+    Use it as a context manager, or `close` it: it holds an OpenGL context.
+
+    Args:
+        scene: what there is to see.
+        camera: the sensor; by default the paper's.
+        unlit: show plain base colours, without lights.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
+
+    Raises:
+        GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: OmniCamera | None = None,
+        *,
+        unlit: bool = False,
+        device: int | None = None,
+    ):
+        self.scene = scene
+        self.camera = OmniCamera() if camera is None else camera
+        self._unlit = unlit
+        self._context = open_context(device)
+        try:
+            self._build()
+        except BaseException:
+            self.close()
+            raise
+
+    def _build(self) -> None:
+        sensor, context = self.camera, self._context
+        check_picture_size(context, sensor.camera.width_px, sensor.camera.height_px)
+        self._cube = CubePass(
+            context,
+            self.scene,
+            SceneBuffers(context, self.scene),
+            plan_faces(sensor.camera, RIG_FROM_OPTICAL_LOOKING_UP, sensor.face_size_px),
+            sensor.near_m,
+            sensor.far_m,
+            sensor.samples,
+            self._unlit,
+        )
+        capture: Capture
+        if sensor.polygons is None:
+            capture = LensCapture(context, sensor.camera)
+        else:
+            mesh = tessellate(sensor.camera.mirror, sensor.polygons)
+            capture = MirrorMeshCapture(context, sensor.camera, mesh)
+        self._pipeline = Pipeline(
+            context, sensor.camera, RIG_FROM_OPTICAL_LOOKING_UP, self._cube, capture
+        )
+
+    def render(self, world_from_base: ArrayLike, linear: bool = False) -> Frame:
+        """Render one frame.
+
+        Args:
+            world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`.
+            linear: also read back linear floats, which EXR needs.
+
+        Raises:
+            OmnisimError: a matrix that is not a pose.
+        """
+        base = check_pose(world_from_base)
+        world_from_rig = base @ self.camera.base_from_rig
+        picture = self._pipeline.render(world_from_rig, linear)
+        return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
+
+    def faces(self) -> dict[str, NDArray[np.uint8]]:
+        """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name."""
+        return {
+            face.name: np.rint(255.0 * srgb_from_linear(self._cube.read_face(face))).astype("u1")
+            for face in self._cube.plan.faces
+        }
+
+    def close(self) -> None:
+        """Give the OpenGL context back; the renderer is of no use afterwards."""
+        self._context.release()
+
+    def __enter__(self) -> Renderer:
+        """Enter a `with` block."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close at the end of the block."""
+        self.close()
+
+    def _metadata(
+        self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]
+    ) -> dict[str, Any]:
+        world_from_optical = world_from_rig.copy()
+        world_from_optical[:3, :3] = world_from_rig[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP
+        return {
+            "omnisim": __version__,
+            "scene": self.scene.name,
+            "camera": self.camera.camera.parameters(),
+            "polygons": self.camera.polygons or "exact",
+            "lit": not self._unlit,
+            "exposure": self.scene.lighting.exposure,
+            "world_from_base": world_from_base.tolist(),
+            "world_from_optical": world_from_optical.tolist(),
+        }
+
+
+def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """The faces side by side, as the texture coordinates of an exported mirror expect them.
+
+    Cells of faces that were not drawn are black; smaller faces are enlarged to the largest.
+
+    Raises:
+        GraphicsError: no faces.
+    """
+    from omnisim.cube import FACE_NAMES
+
+    if not faces:
+        raise GraphicsError("there are no faces to unfold")
+    size = max(face.shape[0] for face in faces.values())
+    picture = np.zeros((LAYOUT_ROWS * size, LAYOUT_COLUMNS * size, 3), dtype=np.uint8)
+    for name, face in faces.items():
+        column, row = LAYOUT_CELLS[FACE_NAMES.index(name)]
+        nearest = np.arange(size) * face.shape[0] // size
+        cell = face[nearest[:, None], nearest]
+        picture[row * size : (row + 1) * size, column * size : (column + 1) * size] = cell
+    return picture

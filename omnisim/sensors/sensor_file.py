@@ -1,0 +1,202 @@
+"""The sensor file: the paper's three groups of USARBot.ini (section 2.4) in TOML.
+
+`paper.toml` beside this file has every key, with its default and a comment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+
+from omnisim.cameras import HyperbolicCamera
+from omnisim.errors import OpticsError, SensorFileError
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.mirrors.hyperbolic import (
+    DEFAULT_RIM_RAD,
+    PAPER_C,
+    PAPER_K,
+    PAPER_METERS_PER_UNIT,
+)
+from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.toml_file import Table, parse_table, read_toml
+
+DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
+MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
+
+
+def _word_or(word: str, wanted: str, fits: Callable[[Any], bool]) -> BeforeValidator:
+    """A value that is one certain word, or fits; the message says both."""
+
+    def check(value: Any) -> Any:
+        if value == word or fits(value):
+            return value
+        raise ValueError(f"want {wanted} or {word!r}")
+
+    return BeforeValidator(check)
+
+
+def _is_size(value: Any) -> bool:
+    return type(value) is int and 1 <= value <= MAX_PICTURE_PX
+
+
+def _is_positive(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value) and value > 0
+
+
+def _is_point(value: Any) -> bool:
+    return (
+        isinstance(value, list | tuple)
+        and len(value) == 2
+        and all(type(part) in (int, float) and math.isfinite(part) for part in value)
+    )
+
+
+PolygonCount = Annotated[Any, _word_or("exact", "a whole number", lambda v: type(v) is int)]
+FaceSize = Annotated[Any, _word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
+FocalLength = Annotated[Any, _word_or("fit", "a number > 0", _is_positive)]
+PrincipalPoint = Annotated[Any, _word_or("centre", "[u, v] in pixels", _is_point)]
+Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class Mounting(Table):
+    """Where the effective viewpoint sits on the vehicle, and how the sensor is turned."""
+
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+
+
+class Mirror(Table):
+    """First group: the static mesh."""
+
+    shape: Literal["hyperbolic"] = "hyperbolic"
+    k: Annotated[float, Field(ge=2.0)] = PAPER_K
+    c: Positive = PAPER_C
+    meters_per_unit: Positive = PAPER_METERS_PER_UNIT
+    theta_max_deg: float | None = None
+    rim_radius_m: Positive | None = None
+    polygons: PolygonCount = 1024
+    mounting: Mounting = Mounting()
+
+    @model_validator(mode="after")
+    def _one_rim(self) -> Mirror:
+        if self.theta_max_deg is not None and self.rim_radius_m is not None:
+            raise ValueError("theta_max_deg and rim_radius_m both say where the rim is: want one")
+        return self
+
+    @property
+    def polygon_count(self) -> int | None:
+        """Polygons of the mesh, or None: exact."""
+        return None if self.polygons == "exact" else self.polygons
+
+
+class VirtualCameras(Table):
+    """Second group: the cameras at the effective viewpoint."""
+
+    size_px: FaceSize = "auto"
+    near_m: Positive = 0.05
+    far_m: Annotated[float, Field(gt=0.0, allow_inf_nan=True)] = math.inf
+    samples: Literal[1, 2, 4, 8] = 4
+
+    @model_validator(mode="after")
+    def _near_before_far(self) -> VirtualCameras:
+        if not self.near_m < self.far_m:
+            raise ValueError(f"far_m = {self.far_m:g}: want more than near_m = {self.near_m:g}")
+        return self
+
+    @property
+    def face_size_px(self) -> int | None:
+        """Texels across 90°, or None: as the picture needs."""
+        return None if self.size_px == "auto" else self.size_px
+
+
+class Camera(Table):
+    """Third group: the camera that looks at the mirror."""
+
+    width_px: Size = 360
+    height_px: Size = 360
+    focal_length_px: FocalLength = "fit"
+    principal_point_px: PrincipalPoint = "centre"
+
+
+class SensorFile(Table):
+    """A whole sensor file."""
+
+    mirror: Mirror = Mirror()
+    virtual_cameras: VirtualCameras = VirtualCameras()
+    camera: Camera = Camera()
+    _source: str = PrivateAttr("sensor")
+
+    def make_camera(self) -> HyperbolicCamera:
+        """The capturing camera and its mirror.
+
+        Raises:
+            SensorFileError: what only the optics can refuse, with the key that asked for it.
+        """
+        mirror = self._make_mirror()
+        camera = HyperbolicCamera.framed_on_rim(mirror, self.camera.width_px, self.camera.height_px)
+        focal, centre = self.camera.focal_length_px, self.camera.principal_point_px
+        return HyperbolicCamera(
+            mirror,
+            camera.width_px,
+            camera.height_px,
+            camera.focal_length_px if focal == "fit" else float(focal),
+            camera.principal_point_px
+            if centre == "centre"
+            else (float(centre[0]), float(centre[1])),
+        )
+
+    def _make_mirror(self) -> HyperbolicMirror:
+        data = self.mirror
+        shape = (data.k, data.c, data.meters_per_unit)
+        key = "rim_radius_m" if data.rim_radius_m is not None else "theta_max_deg"
+        try:
+            if data.polygon_count is not None:
+                sectors_and_rings(data.polygon_count)
+        except OpticsError as reason:
+            raise self._fault(f"mirror.polygons = {data.polygons}", reason) from None
+        try:
+            if data.rim_radius_m is not None:
+                return HyperbolicMirror.with_rim_radius(data.rim_radius_m, *shape)
+            rim = DEFAULT_RIM_RAD
+            if data.theta_max_deg is not None:
+                rim = math.radians(data.theta_max_deg)
+            return HyperbolicMirror(*shape, rim)
+        except OpticsError as reason:
+            given = getattr(data, key)
+            value = f"{math.degrees(DEFAULT_RIM_RAD):g} (default)" if given is None else given
+            raise self._fault(f"mirror.{key} = {value}", reason) from None
+
+    def _fault(self, key: str, reason: OpticsError) -> SensorFileError:
+        words = str(reason).removeprefix("mirror: ")
+        return SensorFileError(f"{self._source}: {key}: {words}")
+
+
+def read_sensor_file(path: Path) -> SensorFile:
+    """Read and check a sensor file.
+
+    Raises:
+        SensorFileError: naming file, key, value and what was wanted.
+    """
+    return _checked(read_toml(path, SensorFile, SensorFileError), str(path))
+
+
+def parse_sensor(table: dict[str, Any], source: str) -> SensorFile:
+    """Check a table with the keys of a sensor file; `source` names it in messages.
+
+    Raises:
+        SensorFileError: naming source, key, value and what was wanted.
+    """
+    return _checked(parse_table(table, SensorFile, SensorFileError, source), source)
+
+
+def _checked(settings: SensorFile, source: str) -> SensorFile:
+    settings._source = source
+    settings.make_camera()
+    return settings
