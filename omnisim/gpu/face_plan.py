@@ -134,7 +134,8 @@ def _pixels_per_tangent(
     tangents = np.stack(np.meshgrid(line, line), axis=-1)
 
     def pixels(right: float, down: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        local = np.concatenate((tangents + (right, down), np.ones((GRID, GRID, 1))), axis=-1)
+        shifted = tangents + np.array([right, down])
+        local = np.concatenate((shifted, np.ones((GRID, GRID, 1))), axis=-1)
         return camera.pixel_from_ray(local @ face_from_optical)
 
     here, seen = pixels(0.0, 0.0)

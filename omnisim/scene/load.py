@@ -93,9 +93,13 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
 
 def _locate(source: str | Path) -> tuple[Path, SceneFile]:
     path = Path(source)
-    builtin = None if path.exists() else builtin_scene_file(str(source))
+    if path.is_dir() and (path / "scene.toml").is_file():
+        path = path / "scene.toml"
+    builtin = None if path.is_file() else builtin_scene_file(str(source))
     if builtin is not None:
         path = builtin
+    if path.is_dir():
+        raise SceneError(f"{path}: is a folder without a scene.toml: want a scene file")
     if path.suffix.lower() != ".toml":
         if not path.exists():
             names = builtin_scenes()

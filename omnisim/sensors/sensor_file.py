@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -142,15 +143,11 @@ class SensorFile(Table):
         mirror = self._make_mirror()
         camera = HyperbolicCamera.framed_on_rim(mirror, self.camera.width_px, self.camera.height_px)
         focal, centre = self.camera.focal_length_px, self.camera.principal_point_px
-        return HyperbolicCamera(
-            mirror,
-            camera.width_px,
-            camera.height_px,
-            camera.focal_length_px if focal == "fit" else float(focal),
-            camera.principal_point_px
-            if centre == "centre"
-            else (float(centre[0]), float(centre[1])),
-        )
+        if focal != "fit":
+            camera = replace(camera, focal_length_px=float(focal))
+        if centre != "centre":
+            camera = replace(camera, principal_point_px=(float(centre[0]), float(centre[1])))
+        return camera
 
     def _make_mirror(self) -> HyperbolicMirror:
         data = self.mirror

@@ -1,0 +1,167 @@
+"""The command line: parse, call, print."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from omnisim import __version__
+from omnisim.errors import OmnisimError
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+app = typer.Typer(
+    name="omnisim",
+    help="Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+DeviceOption = Annotated[
+    int | None,
+    typer.Option("--device", min=0, help="Number of the GPU, as `omnisim info` lists them."),
+]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        out.print(f"omnisim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel."""
+
+
+@app.command()
+def info() -> None:
+    """Show what draws here, what is missing, and how to get it."""
+    from omnisim.cli.info import run
+
+    run(out)
+
+
+@app.command()
+def render(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="A scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
+            "or the name of a built-in scene."
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."),
+    ],
+    sensor: Annotated[
+        Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
+    ] = None,
+    at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--at",
+            metavar="X Y Z",
+            help="Effective viewpoint in metres, z up; by default the scene's start.",
+        ),
+    ] = None,
+    yaw: Annotated[
+        float | None,
+        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from +x. [dim]0[/]"),
+    ] = None,
+    polygons: Annotated[
+        str | None,
+        typer.Option(
+            "-n",
+            "--polygons",
+            metavar="POLYGONS|exact",
+            help="Polygons of the mirror's mesh, or exact. [dim]1024, or as the sensor file says[/]",
+        ),
+    ] = None,
+    size: Annotated[
+        int | None, typer.Option("--size", metavar="PX", help="Pixels of the shorter side.")
+    ] = None,
+    unlit: Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")] = False,
+    faces: Annotated[
+        Path | None,
+        typer.Option(
+            "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
+        ),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
+    ] = None,
+    device: DeviceOption = None,
+) -> None:
+    """Render one frame of a catadioptric camera."""
+    from omnisim.cli.render import RenderRequest, run
+
+    request = RenderRequest(
+        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device
+    )
+    run(request, out, err)
+
+
+@app.command()
+def mirror(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Mesh: .glb, .obj or .ply.")],
+    polygons: Annotated[
+        int | None,
+        typer.Option("-n", "--polygons", help="Polygons. [dim]1024, or as the sensor file says[/]"),
+    ] = None,
+    sensor: Annotated[
+        Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's mirror.")
+    ] = None,
+) -> None:
+    """Write the mirror's mesh, textured for the unfolded cube, to open in Blender."""
+    from omnisim.cli.mirror import run
+
+    run(output, polygons, sensor, out)
+
+
+@app.command()
+def sensor(
+    check: Annotated[
+        Path | None, typer.Option("--check", metavar="FILE", help="Check this sensor file.")
+    ] = None,
+) -> None:
+    """Print the default sensor file, every key with a comment, or check one."""
+    from omnisim.cli.sensor import run
+
+    run(check, out)
+
+
+def main() -> None:
+    """Run the command line; what a user can act on is one line and exit status 1."""
+    try:
+        app()
+    except OmnisimError as error:
+        for line in str(error).splitlines():
+            err.print(f"[bold red]error:[/] {_plain(line)}")
+        sys.exit(1)
+    except KeyboardInterrupt:
+        err.print("interrupted")
+        sys.exit(130)
+
+
+def _plain(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

@@ -1,0 +1,35 @@
+"""`omnisim mirror`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from omnisim.cli.options import read_sensor
+from omnisim.mirrors import tessellate
+from omnisim.mirrors.unfolding import unfold
+from omnisim.scene.mesh_files import check_mesh_target, write_mirror
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
+
+
+def run(output: Path, polygons: int | None, sensor: Path | None, out: Console) -> None:
+    """Write the mesh and say what is in it.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    check_mesh_target(output)
+    camera = read_sensor(sensor)
+    mirror = camera.camera.mirror
+    if polygons is None:
+        polygons = camera.polygons or PAPER_POLYGONS
+    mesh = tessellate(mirror, polygons)
+    unfolded = unfold(mirror, mesh)
+    write_mirror(output, unfolded, "hyperbolic_mirror")
+    out.print(
+        f"{output}: {mesh.polygons} polygons ({mesh.sectors} sectors × {mesh.rings} rings), "
+        f"{len(unfolded.triangles)} triangles once cut along the cube's edges, "
+        f"rim radius {1000.0 * mirror.rim_radius_m:.4g} mm",
+        markup=False,
+    )

@@ -1,0 +1,36 @@
+"""`omnisim sensor`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from rich.console import Console
+
+from omnisim.cli.options import read_sensor
+from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+
+
+def run(check: Path | None, out: Console) -> None:
+    """Print the default sensor file, or check one and say what it describes.
+
+    Raises:
+        SensorFileError: naming file, key, value and what was wanted.
+    """
+    if check is None:
+        out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
+        return
+    sensor = read_sensor(check)
+    camera, mirror = sensor.camera, sensor.camera.mirror
+    lines = (
+        f"{check}: good",
+        f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
+        f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
+        f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
+        f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
+        f"  mesh     {sensor.polygons or 'exact, none'}",
+        f"  picture  {camera.width_px} × {camera.height_px} px, f = {camera.focal_length_px:.6g} px, "
+        f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
+    )
+    for line in lines:
+        out.print(line, markup=False)

@@ -1,0 +1,142 @@
+"""Cutting a mirror's mesh along the edges of the cube, for texture coordinates (Fig. 6).
+
+Inside one face of the cube, point projection gives a polygon its texture coordinates. A polygon
+that an edge of the cube crosses belongs to two faces; it is cut there, and the new vertices are
+put on the mirror, where the same direction meets it. Both neighbours of a cut edge get the same
+new vertex, so the mesh has no cracks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cube import (
+    FACE_FROM_RIG,
+    FACE_NAMES,
+    LAYOUT_CELLS,
+    LAYOUT_COLUMNS,
+    LAYOUT_ROWS,
+    face_tangents,
+)
+from omnisim.frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.mirrors.hyperbolic import HyperbolicMirror
+from omnisim.mirrors.mirror_mesh import MirrorMesh, UnfoldedMirrorMesh
+
+RIG_FROM_MIRROR: NDArray[np.float64] = RIG_FROM_OPTICAL_LOOKING_UP @ MIRROR_FROM_OPTICAL.T
+# A vertex this near to an edge of the cube, as a share of its distance, lies on it: the meridians
+# at 45° do but for rounding.
+_ON_EDGE = 1e-12
+
+
+def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
+    """Cut a mesh along the cube's edges and give it texture coordinates.
+
+    Args:
+        mirror: the mirror that `mesh` is of.
+        mesh: its mesh.
+    """
+    cutter = _Cutter(mirror, mesh.vertices_m)
+    parts = []
+    for face in range(len(FACE_NAMES)):
+        triangles = cutter.triangles_on(face, mesh.triangles)
+        if len(triangles):
+            parts.append((face, triangles))
+    positions = np.array(cutter.positions)
+    vertices, coordinates, triangles, base = [], [], [], 0
+    for face, corners in parts:
+        used, local = np.unique(corners, return_inverse=True)
+        vertices.append(positions[used])
+        coordinates.append(_texture_coordinates(positions[used], face))
+        triangles.append(local.reshape(-1, 3) + base)
+        base += len(used)
+    stacked = np.concatenate(vertices)
+    return UnfoldedMirrorMesh(
+        vertices_m=stacked,
+        normals=mirror.normals(stacked),
+        texture_coordinates=np.concatenate(coordinates),
+        triangles=np.concatenate(triangles).astype(np.int64),
+    )
+
+
+def _texture_coordinates(positions: NDArray[np.float64], face: int) -> NDArray[np.float64]:
+    """Coordinates (n, 2) on the unfolded cube, origin at the top left."""
+    tangents = face_tangents(positions @ RIG_FROM_MIRROR.T, face)
+    inside = np.clip(0.5 + 0.5 * tangents, 0.0, 1.0)  # clip: rounding only
+    return (inside + LAYOUT_CELLS[face]) / (LAYOUT_COLUMNS, LAYOUT_ROWS)
+
+
+class _Cutter:
+    """Clips triangles to the cells of the cube's faces and shares the vertices it makes.
+
+    Attributes:
+        positions: (3,) of all vertices, mirror frame, the new ones after the old.
+    """
+
+    def __init__(self, mirror: HyperbolicMirror, positions: NDArray[np.float64]):
+        self._mirror = mirror
+        self.positions = list(positions)
+        self._made: dict[tuple[int, int, tuple[float, ...]], int] = {}
+        self._fixed = _edge_distances(positions)
+
+    def triangles_on(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The parts (m, 3) of triangles that one face sees."""
+        limits = _edge_planes(face)
+        distances = self._fixed[face][triangles]  # (n, 3 corners, 4 planes)
+        outside = np.any(np.all(distances <= 0.0, axis=1), axis=1)
+        whole = np.all(distances >= 0.0, axis=(1, 2)) & ~outside
+        result = triangles[whole].tolist()
+        for corners in triangles[~whole & ~outside].tolist():
+            polygon = corners
+            for plane in limits:
+                polygon = self._clip(polygon, plane)
+            result += [[polygon[0], polygon[i], polygon[i + 1]] for i in range(1, len(polygon) - 1)]
+        return np.array(result, dtype=np.int64).reshape(-1, 3)
+
+    def _clip(self, polygon: list[int], plane: NDArray[np.float64]) -> list[int]:
+        """The part of a polygon in front of a plane through the effective viewpoint."""
+        kept: list[int] = []
+        sides = [self._side(vertex, plane) for vertex in polygon]
+        for i, vertex in enumerate(polygon):
+            last, side_last, side = polygon[i - 1], sides[i - 1], sides[i]
+            if side * side_last < 0.0:
+                kept.append(self._cut(last, vertex, plane))
+            if side >= 0.0:
+                kept.append(vertex)
+        return kept
+
+    def _side(self, vertex: int, plane: NDArray[np.float64]) -> float:
+        position = self.positions[vertex]
+        distance = float(plane @ position)
+        return 0.0 if abs(distance) <= _ON_EDGE * float(np.linalg.norm(position)) else distance
+
+    def _cut(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
+        low, high = min(one, other), max(one, other)
+        # the two faces at an edge of the cube see its plane from opposite sides
+        sign = 1.0 if tuple(plane) > tuple(-plane) else -1.0
+        key = (low, high, tuple((sign * plane).tolist()))
+        if key not in self._made:
+            a, b = self.positions[low], self.positions[high]
+            t = (plane @ a) / (plane @ a - plane @ b)
+            crossing = a + t * (b - a)
+            theta = np.arctan2(np.hypot(crossing[0], crossing[1]), crossing[2])
+            azimuth = np.arctan2(crossing[1], crossing[0])
+            self._made[key] = len(self.positions)
+            self.positions.append(self._mirror.surface_points(theta, azimuth).positions_m)
+        return self._made[key]
+
+
+def _edge_planes(face: int) -> NDArray[np.float64]:
+    """Normals (4, 3) in the mirror frame of the planes that bound a face, pointing inwards."""
+    right, down, forward = FACE_FROM_RIG[face]
+    return np.array([forward - right, forward + right, forward - down, forward + down]) @ (
+        RIG_FROM_MIRROR
+    )
+
+
+def _edge_distances(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distances (6 faces, n, 4 planes), exactly 0 on an edge."""
+    planes = np.array([_edge_planes(face) for face in range(len(FACE_NAMES))])
+    distances = np.einsum("fpj,nj->fnp", planes, positions)
+    near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]
+    return np.where(near, 0.0, distances)
