@@ -41,9 +41,7 @@ def _print_version(wanted: bool) -> None:
 def _options(
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version."
-        ),
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print it."),
     ] = False,
 ) -> None:
     """Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel."""
@@ -62,8 +60,9 @@ def render(
     scene: Annotated[
         str,
         typer.Argument(
+            metavar="SCENE",
             help="A scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
-            "or the name of a built-in scene."
+            "or the name of a built-in scene.",
         ),
     ],
     output: Annotated[
@@ -91,7 +90,7 @@ def render(
             "-n",
             "--polygons",
             metavar="POLYGONS|exact",
-            help="Polygons of the mirror's mesh, or exact. [dim]1024, or as the sensor file says[/]",
+            help="Polygons of the mirror's mesh, or exact. [dim]1024, or the sensor file's[/]",
         ),
     ] = None,
     size: Annotated[
@@ -124,7 +123,7 @@ def mirror(
     output: Annotated[Path, typer.Option("-o", "--output", help="Mesh: .glb, .obj or .ply.")],
     polygons: Annotated[
         int | None,
-        typer.Option("-n", "--polygons", help="Polygons. [dim]1024, or as the sensor file says[/]"),
+        typer.Option("-n", "--polygons", help="Polygons. [dim]1024, or the sensor file's[/]"),
     ] = None,
     sensor: Annotated[
         Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's mirror.")

@@ -29,7 +29,8 @@ def run(check: Path | None, out: Console) -> None:
         f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
         f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
         f"  mesh     {sensor.polygons or 'exact, none'}",
-        f"  picture  {camera.width_px} × {camera.height_px} px, f = {camera.focal_length_px:.6g} px, "
+        f"  picture  {camera.width_px} × {camera.height_px} px, "
+        f"focal length {camera.focal_length_px:.6g} px, "
         f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
     )
     for line in lines:
