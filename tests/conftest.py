@@ -4,11 +4,52 @@ import os
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")  # before pyrender, an oracle, is imported
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+
+from omnisim.errors import GraphicsError
+from omnisim.gpu.context import open_context
+
+SHARED_ASSETS = Path(__file__).resolve().parents[2] / "shared" / "assets"
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _numpy_errors_are_failures():
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         yield
+
+
+@pytest.fixture
+def context():
+    """An OpenGL context that must be free of errors when the test is done with it."""
+    context = open_context_or_skip()
+    assert context.error == "GL_NO_ERROR"
+    yield context
+    assert context.error == "GL_NO_ERROR"
+    context.release()
+
+
+@pytest.fixture
+def needs_opengl():
+    """For tests that open their own context."""
+    open_context_or_skip().release()
+
+
+def open_context_or_skip():
+    try:
+        return open_context()
+    except GraphicsError as reason:
+        if os.environ.get("CI"):
+            raise  # CI must have OpenGL
+        pytest.skip(str(reason))
+
+
+@pytest.fixture
+def warehouse():
+    """Path of a real scene that nobody made for omnisim; it is not part of the project."""
+    path = SHARED_ASSETS / "small_warehouse.glb"
+    if not path.is_file():
+        pytest.skip(f"{path.name} is kept outside the project and is not here")
+    return path

@@ -53,7 +53,6 @@ def open_context(device: int | None = None) -> moderngl.Context:
         )
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
-    context.gc_mode = "auto"
     return context
 
 

@@ -11,8 +11,11 @@ from omnisim.errors import GraphicsError
 from omnisim.resources import SHADERS
 
 _INCLUDE = re.compile(r"^\s*#include\s+(\S+)\s*$")
-# llvmpipe and most drivers write "0:12(3): error"; NVIDIA writes "0(12) : error".
-_PLACE = re.compile(r"\b(\d+)(?::(\d+)\(\d+\)|\((\d+)\))")
+# The second number of #line is meant for the file, but Mesa forgets it inside expressions. So
+# the file is written into the line number instead: line 12 of file 3 is line 300012.
+_LINES_A_FILE = 100_000
+# Mesa and most drivers write "0:300012(3): error"; NVIDIA writes "0(300012) : error".
+_PLACE = re.compile(r"\b\d+(?::(\d+)\(\d+\)|\((\d+)\))")
 
 
 def build_program(
@@ -44,9 +47,9 @@ def build_program(
 def _expand(
     name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
 ) -> str:
-    """The text of a file with its includes in place; `files` collects names by #line number."""
-    number = len(files)
+    """The text of a file with its includes in place; `files` collects their names."""
     files.append(name)
+    before_first = _LINES_A_FILE * len(files)
     try:
         lines = (SHADERS / name).read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -56,13 +59,13 @@ def _expand(
         if line.startswith("#version"):
             expanded.append(line)
             expanded.extend(f"#define {define}" for define in defines)
-            expanded.append(f"#line {index + 1} {number}")
+            expanded.append(f"#line {before_first + index + 1}")
         elif include := _INCLUDE.match(line):
             target = include[1]
             target = target.strip('"') if target.startswith('"') else includes[target]
-            expanded.append(f"#line 1 {len(files)}")
+            expanded.append(f"#line {_LINES_A_FILE * (len(files) + 1) + 1}")
             expanded.append(_expand(target, files, defines, includes))
-            expanded.append(f"#line {index + 1} {number}")
+            expanded.append(f"#line {before_first + index + 1}")
         else:
             expanded.append(line)
     return "\n".join(expanded) + "\n"
@@ -70,9 +73,7 @@ def _expand(
 
 def _with_file_names(message: str, files: Sequence[str]) -> str:
     def place(match: re.Match[str]) -> str:
-        number = int(match[1])
-        if number >= len(files):
-            return match[0]
-        return f"{files[number]}:{match[2] or match[3]}"
+        number, line = divmod(int(match[1] or match[2]), _LINES_A_FILE)
+        return f"{files[number - 1]}:{line}" if 1 <= number <= len(files) else match[0]
 
     return "shader: " + _PLACE.sub(place, message).strip()

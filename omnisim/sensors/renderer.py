@@ -53,7 +53,8 @@ class Renderer:
         self._unlit = unlit
         self._context = open_context(device)
         try:
-            self._build()
+            with self._context:
+                self._build()
         except BaseException:
             self.close()
             raise
@@ -93,14 +94,17 @@ class Renderer:
         """
         base = check_pose(world_from_base)
         world_from_rig = base @ self.camera.base_from_rig
-        picture = self._pipeline.render(world_from_rig, linear)
+        with self._context:  # another renderer's may be current
+            picture = self._pipeline.render(world_from_rig, linear)
         return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name."""
+        with self._context:
+            linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
         return {
-            face.name: np.rint(255.0 * srgb_from_linear(self._cube.read_face(face))).astype("u1")
-            for face in self._cube.plan.faces
+            name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
+            for name, pixels in linear.items()
         }
 
     def close(self) -> None:

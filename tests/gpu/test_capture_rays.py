@@ -1,0 +1,77 @@
+"""The GPU's rays against NumPy's, and the mesh's against the exact mirror's."""
+
+import numpy as np
+import pytest
+
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.gpu.capture_pass import LensCapture, MirrorMeshCapture
+from omnisim.gpu.pipeline import capture_rays
+from omnisim.mirrors import HyperbolicMirror, tessellate
+from tests.camera_examples import CAMERA_EXAMPLES
+
+
+def _angles(one, other):
+    """Angles between unit vectors; by the chord, which is exact where the arccosine is not."""
+    return 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(one - other, axis=-1), 0.0, 1.0))
+
+
+@pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
+def test_glsl_rays_are_the_reference(context, camera):
+    rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit_ray=True))
+    reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    both = valid & reference.valid
+    assert _angles(rays, reference.directions)[both].max() < 1e-5
+    # validity may differ only where the rim passes through the pixel's centre, to rounding
+    border = np.abs(_distance_to_rim_px(camera)) < 1e-3
+    assert np.array_equal(valid[~border], reference.valid[~border])
+
+
+def _distance_to_rim_px(camera):
+    pixels = pixel_grid(camera.width_px, camera.height_px)
+    return np.linalg.norm(pixels - camera.principal_point_px, axis=-1) - camera.rim_radius_px
+
+
+# Mean and maximum in pixels at 360 × 360 for a rim at 105°, with rings equally spaced in the
+# picture, which ours must beat.
+EQUAL_RINGS = {
+    16: (10.4, 19.7),
+    64: (2.55, 5.39),
+    256: (0.63, 1.43),
+    1024: (0.155, 0.369),
+    4096: (0.039, 0.090),
+}
+
+
+def _mesh_error_px(context, polygons):
+    camera = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 360, 360)
+    mesh = tessellate(camera.mirror, polygons)
+    capture = MirrorMeshCapture(context, camera, mesh, emit_ray=True)
+    rays, seen = capture_rays(context, camera, capture)
+    assert 0.85 < seen.sum() / camera.ray_from_pixel(pixel_grid(360, 360)).valid.sum() <= 1.0
+    # the mesh may see a little past the rim: between two vertices it is nearer to the axis
+    theta = np.arccos(np.clip(-rays[seen][:, 2].astype(np.float64), -1.0, 1.0))
+    azimuth = np.arctan2(rays[seen][:, 1], rays[seen][:, 0])
+    radius = camera.image_radius_px(theta)
+    positions = np.stack((np.cos(azimuth), np.sin(azimuth)), axis=-1) * radius[:, None]
+    pixels = pixel_grid(360, 360)[seen] - camera.principal_point_px
+    return np.linalg.norm(positions - pixels, axis=-1)
+
+
+@pytest.mark.parametrize("polygons", EQUAL_RINGS)
+def test_mesh_geometry_error(context, polygons):
+    error = _mesh_error_px(context, polygons)
+    mean, maximum = EQUAL_RINGS[polygons]
+    assert error.mean() < mean
+    assert error.max() < maximum
+
+
+def test_paper_mesh_is_within_the_stated_bound(context):
+    error = _mesh_error_px(context, 1024)
+    assert error.mean() <= 0.20
+    assert error.max() <= 0.40
+
+
+def test_four_times_the_polygons_a_quarter_of_the_error(context):
+    means = [_mesh_error_px(context, polygons).mean() for polygons in (64, 256, 1024, 4096)]
+    slope = np.polyfit(np.log([64, 256, 1024, 4096]), np.log(means), 1)[0]
+    assert slope == pytest.approx(-1.0, abs=0.05)

@@ -1,0 +1,59 @@
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.cameras import HyperbolicCamera
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.gpu.face_plan import plan_faces
+from omnisim.mirrors import HyperbolicMirror
+
+
+def _plan(theta_max_deg=105.0, size_px=360, **options):
+    mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
+    camera = HyperbolicCamera.framed_on_rim(mirror, size_px, size_px)
+    return plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP, **options)
+
+
+FIVE = {"front", "left", "back", "right", "down"}
+
+
+@pytest.mark.parametrize(
+    ("theta_max_deg", "names"),
+    [
+        (40.0, {"down"}),
+        (44.9, {"down"}),
+        (45.1, FIVE),
+        (105.0, FIVE),
+        (125.2, FIVE),
+        (125.3, FIVE | {"up"}),  # past 90° + atan(1/√2) = 125.264°
+        (150.0, FIVE | {"up"}),
+    ],
+)
+def test_faces_that_the_rim_asks_for(theta_max_deg, names):
+    assert {face.name for face in _plan(theta_max_deg).faces} == names
+
+
+def test_auto_sizes_are_the_closed_form():
+    """Side faces D, bottom face D/(2 tan(θ_max/2)) texels; ours may have 5 % to spare."""
+    sizes = {face.name: face.size_px for face in _plan().faces}
+    assert 0.95 * 360 <= sizes["front"] <= 1.05 * 360
+    bottom = 360 / (2.0 * math.tan(math.radians(105.0) / 2.0))
+    assert bottom <= sizes["down"] <= 1.05 * bottom
+    assert sizes["front"] == sizes["left"] == sizes["back"] == sizes["right"]
+
+
+@pytest.mark.parametrize("face_size_px", [None, 64, 333, 1024])
+def test_tiles_do_not_overlap_and_keep_to_mip_texels(face_size_px):
+    plan = _plan(150.0, face_size_px=face_size_px)
+    step = 1 << plan.max_level
+    used = np.zeros((plan.height_px, plan.width_px), dtype=int)
+    for face in plan.faces:
+        assert face.left_px % step == face.top_px % step == face.tile_px % step == 0
+        assert face.margin_px >= step
+        assert face.tile_px - face.size_px - face.margin_px >= step
+        bottom, right = face.top_px + face.tile_px, face.left_px + face.tile_px
+        used[face.top_px : bottom, face.left_px : right] += 1
+    assert used.max() == 1
+    if face_size_px:
+        assert {face.size_px for face in plan.faces} == {face_size_px}

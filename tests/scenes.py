@@ -1,0 +1,52 @@
+"""Small scenes made of numbers, whose every colour can be computed without a renderer."""
+
+import numpy as np
+
+from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
+
+NO_LIGHT = Lighting(ambient=(1.0, 1.0, 1.0), lights=())
+
+
+def scene_of(meshes, materials=None, poses=None, lighting=NO_LIGHT, background=(0.0, 0.0, 0.0)):
+    """A scene of meshes, one instance each."""
+    poses = [np.eye(4)] * len(meshes) if poses is None else poses
+    return Scene(
+        name="test",
+        meshes=tuple(meshes),
+        materials=tuple(materials or [Material(double_sided=True)]),
+        instances=tuple(Instance(f"object {i}", i, pose) for i, pose in enumerate(poses)),
+        lighting=lighting,
+        background=background,
+        start=StartPose((0.0, 0.0, 0.0)),
+    )
+
+
+ROOM_HALF_M = np.array([3.0, 2.0, 1.5])
+
+
+def room_color(points):
+    """Linear RGB of the room's walls at points (..., 3): a different gradient along each axis."""
+    return 0.5 + 0.4 * np.asarray(points) / ROOM_HALF_M
+
+
+def room_hit(origin, directions):
+    """Where rays from inside the room meet its walls."""
+    directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
+    distances = (np.sign(directions) * ROOM_HALF_M - origin) / directions
+    return origin + directions * distances.min(axis=-1, keepdims=True)
+
+
+def room():
+    """A box seen from inside whose vertex colours are linear in position."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = signs * ROOM_HALF_M
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    colors = np.concatenate((room_color(corners), np.ones((8, 1))), axis=1)
+    return Mesh(
+        "room",
+        corners.astype(np.float32),
+        np.array(triangles, dtype=np.uint32),
+        0,
+        colors=colors.astype(np.float32),
+    )
