@@ -1,0 +1,95 @@
+"""The scene under construction: named models placed at named nodes, then written as GLB."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from geometry import Patch, pose
+from trimesh.visual.material import PBRMaterial
+from trimesh.visual.texture import TextureVisuals
+
+# glTF is Y up: world (x, y, z) is stored as (x, z, -y).
+TO_GLTF = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+@dataclass(frozen=True)
+class Model:
+    """A shape in one material; placed any number of times."""
+
+    name: str
+    material: str
+    patch: Patch
+
+
+@dataclass
+class Stage:
+    """Collects nodes; each node is one object, and its name says which."""
+
+    materials: dict[str, PBRMaterial]
+    models: dict[str, Model] = field(default_factory=dict)
+    nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+
+    def place(self, node: str, model: Model, matrix: np.ndarray | None = None) -> None:
+        """Add one object."""
+        if node in self.nodes:
+            raise ValueError(f"two objects are called {node}")
+        known = self.models.setdefault(model.name, model)
+        if known is not model:
+            raise ValueError(f"two models are called {model.name}")
+        self.nodes[node] = (model.name, pose() if matrix is None else matrix)
+
+    def triangle_count(self) -> int:
+        """Triangles drawn, instances counted each time."""
+        return sum(len(self.models[name].patch.faces) for name, _ in self.nodes.values())
+
+    def write(self, path: Path) -> int:
+        """Write a GLB file; returns its size in bytes."""
+        scene = trimesh.Scene()
+        scene.geometry.update({name: self._mesh(model) for name, model in self.models.items()})
+        for node, (name, matrix) in self.nodes.items():
+            stored = TO_GLTF @ matrix @ np.linalg.inv(TO_GLTF)
+            # Rounding keeps the file free of 1e-17 noise that differs between machines.
+            stored = np.round(stored, 6) + 0.0
+            # Not add_geometry, which would store a copy of the mesh for every instance.
+            scene.graph.update(frame_to=node, matrix=stored, geometry=name)
+        return path.write_bytes(
+            trimesh.exchange.gltf.export_glb(
+                scene, include_normals=True, tree_postprocessor=_finish_tree
+            )
+        )
+
+    def _mesh(self, model: Model) -> trimesh.Trimesh:
+        turn = TO_GLTF[:3, :3]
+        return trimesh.Trimesh(
+            vertices=np.round(model.patch.positions @ turn.T, 5),
+            faces=model.patch.faces,
+            vertex_normals=np.round(model.patch.normals @ turn.T, 5),
+            visual=TextureVisuals(
+                uv=np.round(model.patch.uvs, 5), material=self.materials[model.material]
+            ),
+            process=False,
+        )
+
+
+def _finish_tree(tree: dict) -> None:
+    """State what the exporter leaves to chance: texture filtering, buffer use, origin."""
+    tree["asset"] = {"version": "2.0", "generator": "omnisim scenes/courtyard/build.py"}
+    linear, linear_mipmap_linear, repeat = 9729, 9987, 10497
+    tree["samplers"] = [
+        {"magFilter": linear, "minFilter": linear_mipmap_linear, "wrapS": repeat, "wrapT": repeat}
+    ]
+    for texture in tree["textures"]:
+        texture["sampler"] = 0
+    vertex_data, index_data = 34962, 34963
+    for mesh in tree["meshes"]:
+        mesh.pop("extras", None)
+        for primitive in mesh["primitives"]:
+            uses = [(accessor, vertex_data) for accessor in primitive["attributes"].values()]
+            for accessor, target in [*uses, (primitive["indices"], index_data)]:
+                tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
+    for scene in tree["scenes"]:
+        scene["name"] = "courtyard"
+        scene.pop("extras", None)
