@@ -60,7 +60,7 @@ def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
     key = ".".join(names) or "file"
     if fault["type"] == "extra_forbidden":
         known = _keys(model, names[:-1])
-        near = difflib.get_close_matches(names[-1], known, n=1)
+        near = difflib.get_close_matches(names[-1], known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]!r}?" if near else "known keys: " + ", ".join(known)
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":

@@ -6,7 +6,7 @@ import difflib
 import io
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
@@ -17,7 +17,7 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.builtin import builtin_scene_file, builtin_scenes
 from omnisim.scene.gltf import GltfReader
 from omnisim.scene.gltf_header import check_extensions, marked_file, read_header
-from omnisim.scene.model import Instance, Scene, StartPose, bounds_m
+from omnisim.scene.model import Instance, Light, Material, Mesh, Scene, StartPose, bounds_m
 from omnisim.scene.other_formats import read_meshes
 from omnisim.scene.punctual_lights import default_lighting, lighting_for, read_lights
 from omnisim.scene.scene_file import SceneFile, read_scene_file
@@ -35,6 +35,16 @@ _WORLD_FROM_UP_AXIS = {
 # Where the format itself does not fix it: what Blender's importers assume.
 _UP_AXIS_OF_FORMAT = {".glb": "y", ".gltf": "y", ".obj": "y"}
 _NOT_MESHES = {".dxf", ".svg", ".binvox"}
+
+
+class _Content(NamedTuple):
+    """What a mesh file holds, in its own axes and units but for the lights, which are in ours."""
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    instances: tuple[Instance, ...]
+    notices: list[str]
+    lights: tuple[Light, ...] = ()
 
 
 def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
@@ -59,35 +69,37 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
             ".glb .gltf .obj .ply .stl .dae, or a scene's .toml"
         )
     data = _read(path)
-    textures, resolver = TextureStore(), AssetResolver(path)
-    try:
-        meshes, materials, instances, lamps, notices = (
-            _read_gltf(path, data, textures, resolver)
-            if suffix in (".glb", ".gltf")
-            else _read_other(path, data, textures, resolver)
-        )
-    except SceneError as reason:
-        raise _named(path, reason) from None
-    if not instances:
-        raise SceneError(f"{path}: has no triangles to draw")
     axis, meters_per_unit = _axis_and_unit(suffix, data, settings, up_axis)
     world_from_file = np.eye(4)
     world_from_file[:3, :3] = _WORLD_FROM_UP_AXIS[axis] * meters_per_unit
+    textures, resolver = TextureStore(), AssetResolver(path)
+    try:
+        if suffix in (".glb", ".gltf"):
+            read = _read_gltf(path, data, textures, resolver, world_from_file)
+        else:
+            loaded = _trimesh(path, data, resolver)
+            read = _Content(*read_meshes(loaded, textures, resolver))
+    except SceneError as reason:
+        raise _named(path, reason) from None
+    if not read.instances:
+        raise SceneError(f"{path}: has no triangles to draw")
+    meshes, lights = read.meshes, read.lights
     instances = tuple(
         Instance(instance.name, instance.mesh, world_from_file @ instance.world_from_mesh)
-        for instance in instances
+        for instance in read.instances
     )
-    lights = () if lamps is None else read_lights(*lamps, world_from_file)
     missing = [f"{name} is not there: drawn without it" for name in resolver.missing]
     return Scene(
         name=str(source),
         meshes=meshes,
-        materials=materials,
+        materials=read.materials,
         instances=instances,
         lighting=lighting_for(lights, meshes, instances) if lights else default_lighting(),
         background=settings.background or DEFAULT_BACKGROUND,
         start=_start(settings, bounds_m(meshes, instances)),
-        notices=tuple(f"{path.name}: {line}" for line in [*missing, *textures.notices, *notices]),
+        notices=tuple(
+            f"{path.name}: {line}" for line in [*missing, *textures.notices, *read.notices]
+        ),
     )
 
 
@@ -141,13 +153,20 @@ def _trimesh(path: Path, data: bytes, resolver: AssetResolver, **options: Any) -
         raise SceneError(f"cannot be read as {path.suffix[1:]}: {missing}{words}") from None
 
 
-def _read_gltf(path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver) -> Any:
+def _read_gltf(
+    path: Path,
+    data: bytes,
+    textures: TextureStore,
+    resolver: AssetResolver,
+    world_from_file: NDArray[np.float64],
+) -> _Content:
     header, rest = read_header(path, data)
-    check_extensions(path, header)
-    loaded = _trimesh(path, marked_file(path, header, rest), resolver)
     reader = GltfReader(header, textures)
     try:
+        check_extensions(path, header)
+        loaded = _trimesh(path, marked_file(path, header, rest), resolver)
         meshes, materials, instances = reader.read(loaded)
+        lights = read_lights(loaded, header, world_from_file)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as reason:
         raise SceneError(f"its JSON does not hold together: {reason!r}") from None
     for key, words in (
@@ -158,13 +177,7 @@ def _read_gltf(path: Path, data: bytes, textures: TextureStore, resolver: AssetR
             reader.notices.append(words)
     if "EXT_mesh_gpu_instancing" in header.get("extensionsUsed", []):
         reader.notices.append("EXT_mesh_gpu_instancing is not read: one of each is drawn")
-    return meshes, materials, instances, (loaded, header), reader.notices
-
-
-def _read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver) -> Any:
-    loaded = _trimesh(path, data, resolver)
-    meshes, materials, instances, notices = read_meshes(loaded, textures, resolver)
-    return meshes, materials, instances, None, notices
+    return _Content(meshes, materials, instances, reader.notices, lights)
 
 
 def _named(path: Path, reason: SceneError) -> SceneError:

@@ -1,0 +1,324 @@
+"""glTF as files have it: exact factors, transforms, instances, textures, lamps."""
+
+import base64
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from omnisim.errors import SceneError
+from omnisim.scene import load_scene
+from omnisim.scene.model import AlphaMode, LightKind, Wrap
+
+
+def _png(pixels):
+    data = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, dtype=np.uint8)).save(data, "PNG")
+    return data.getvalue()
+
+
+class GltfBuilder:
+    """A glTF file with everything inside, from plain numbers."""
+
+    def __init__(self):
+        self.blob = b""
+        self.tree = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+            "meshes": [],
+            "accessors": [],
+            "bufferViews": [],
+        }
+
+    def accessor(self, values, kind, normalized=False):
+        values = np.ascontiguousarray(values)
+        component = {"f4": 5126, "u4": 5125, "u2": 5123, "u1": 5121, "i2": 5122}
+        self.blob += b"\0" * (-len(self.blob) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.blob), "byteLength": values.nbytes}
+        self.blob += values.tobytes()
+        self.tree["bufferViews"].append(view)
+        entry = {
+            "bufferView": len(self.tree["bufferViews"]) - 1,
+            "componentType": component[values.dtype.str[1:]],
+            "count": len(values),
+            "type": kind,
+        }
+        if normalized:
+            entry["normalized"] = True
+        self.tree["accessors"].append(entry)
+        return len(self.tree["accessors"]) - 1
+
+    def triangle(self, material=None, positions=None, **attributes):
+        positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]] if positions is None else positions
+        attributes["POSITION"] = self.accessor(np.asarray(positions, "<f4"), "VEC3")
+        primitive = {"attributes": attributes}
+        if material is not None:
+            primitive["material"] = material
+        self.tree["meshes"].append({"primitives": [primitive]})
+        return len(self.tree["meshes"]) - 1
+
+    def node(self, **node):
+        self.tree["nodes"].append(node)
+        self.tree["scenes"][0]["nodes"].append(len(self.tree["nodes"]) - 1)
+
+    def texture(self, pixels, **sampler):
+        uri = "data:image/png;base64," + base64.b64encode(_png(pixels)).decode()
+        self.tree.setdefault("images", []).append({"uri": uri})
+        texture = {"source": len(self.tree["images"]) - 1}
+        if sampler:
+            self.tree.setdefault("samplers", []).append(sampler)
+            texture["sampler"] = len(self.tree["samplers"]) - 1
+        self.tree.setdefault("textures", []).append(texture)
+        return len(self.tree["textures"]) - 1
+
+    def write(self, path):
+        uri = "data:application/octet-stream;base64," + base64.b64encode(self.blob).decode()
+        self.tree["buffers"] = [{"byteLength": len(self.blob), "uri": uri}]
+        path.write_text(json.dumps(self.tree))
+        return path
+
+
+@pytest.fixture
+def gltf():
+    return GltfBuilder()
+
+
+def _world(scene, instance=0):
+    placed = scene.instances[instance]
+    positions = scene.meshes[placed.mesh].positions
+    return positions @ placed.world_from_mesh[:3, :3].T + placed.world_from_mesh[:3, 3]
+
+
+def test_y_up_becomes_z_up(gltf, tmp_path):
+    gltf.node(mesh=gltf.triangle(positions=[[1, 2, 3], [4, 5, 6], [7, 8, 10]]), name="thing")
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    np.testing.assert_allclose(_world(scene), [[1, -3, 2], [4, -6, 5], [7, -10, 8]], atol=1e-6)
+    assert scene.instances[0].name == "thing"
+    assert scene.triangle_count == 1
+
+
+def test_up_axis_can_be_overruled(gltf, tmp_path):
+    gltf.node(mesh=gltf.triangle(positions=[[1, 2, 3], [4, 5, 6], [7, 8, 10]]))
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z")
+    np.testing.assert_allclose(_world(scene), [[1, 2, 3], [4, 5, 6], [7, 8, 10]], atol=1e-6)
+
+
+def test_instances_share_a_mesh_and_nodes_multiply(gltf, tmp_path):
+    mesh = gltf.triangle()
+    gltf.node(mesh=mesh, translation=[10, 0, 0])
+    gltf.node(translation=[0, 5, 0], scale=[2, 2, 2], children=[2])
+    gltf.tree["nodes"].append({"mesh": mesh, "translation": [1, 0, 0], "name": "child"})
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    assert len(scene.meshes) == 1
+    by_x = sorted(_world(scene, i).min(axis=0).tolist() for i in range(2))
+    np.testing.assert_allclose(by_x, [[2, 0, 5], [10, 0, 0]], atol=1e-6)
+
+
+def test_children_of_a_camera_are_not_lost(gltf, tmp_path):
+    gltf.tree["cameras"] = [
+        {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.0}}
+    ]
+    gltf.node(camera=0, translation=[0, 0, 7], children=[1])
+    gltf.tree["nodes"].append({"mesh": gltf.triangle()})
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    np.testing.assert_allclose(_world(scene)[0], [0, -7, 0], atol=1e-6)
+
+
+def test_large_coordinates_keep_their_shape(gltf, tmp_path):
+    """A town in map coordinates: float32 has half a metre there, the mesh keeps micrometres."""
+    corner = np.array([2.6e6, 1.2e6, 400.0])
+    path = tmp_path / "town.obj"
+    points = corner + [[0, 0, 0], [0.001, 0, 0], [0, 0.001, 0]]
+    path.write_text("".join("v {:.6f} {:.6f} {:.6f}\n".format(*p) for p in points) + "f 1 2 3\n")
+    scene = load_scene(path, up_axis="z")
+    mesh = scene.meshes[0].positions
+    assert np.ptp(mesh, axis=0) == pytest.approx([0.001, 0.001, 0.0], abs=1e-7)
+    np.testing.assert_allclose(_world(scene)[0], corner, atol=1e-6)
+
+
+def test_factors_are_exact_and_linear(gltf, tmp_path):
+    factor = [0.0123456, 0.5, 1.0, 0.75]
+    gltf.tree["materials"] = [
+        {
+            "name": "glass",
+            "pbrMetallicRoughness": {"baseColorFactor": factor},
+            "alphaMode": "BLEND",
+            "doubleSided": True,
+            "extensions": {"KHR_materials_unlit": {}},
+        }
+    ]
+    gltf.node(mesh=gltf.triangle(material=0))
+    material = load_scene(gltf.write(tmp_path / "a.gltf")).materials[0]
+    assert material.base_color == tuple(factor)
+    assert material.alpha_mode is AlphaMode.BLEND
+    assert material.double_sided
+    assert material.unlit
+    assert material.name == "glass"
+
+
+@pytest.mark.parametrize(
+    ("values", "normalized"),
+    [
+        (np.array([[0.25, 0.5, 1.0]] * 3, "<f4"), False),
+        (np.array([[64, 128, 255, 255]] * 3, "u1"), True),
+        (np.array([[16384, 32768, 65535, 65535]] * 3, "<u2"), True),
+    ],
+)
+def test_vertex_colours_in_every_type(gltf, tmp_path, values, normalized):
+    color = gltf.accessor(values, f"VEC{values.shape[1]}", normalized)
+    gltf.node(mesh=gltf.triangle(COLOR_0=color))
+    mesh = load_scene(gltf.write(tmp_path / "a.gltf")).meshes[0]
+    np.testing.assert_allclose(mesh.colors, [[0.25, 0.5, 1.0, 1.0]] * 3, atol=2e-3)
+
+
+def test_texture_coordinates_normalized_second_set_and_transformed(gltf, tmp_path):
+    first = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    corners = np.array([[0, 0], [65535, 0], [0, 65535]], "<u2")
+    second = gltf.accessor(corners, "VEC2", normalized=True)
+    texture = gltf.texture(np.full((4, 4, 3), 200))
+    transform = {"offset": [0.1, 0.2], "rotation": math.pi / 2, "scale": [2.0, 3.0]}
+    gltf.tree["materials"] = [
+        {
+            "pbrMetallicRoughness": {
+                "baseColorTexture": {
+                    "index": texture,
+                    "texCoord": 1,
+                    "extensions": {"KHR_texture_transform": transform},
+                }
+            }
+        }
+    ]
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=first, TEXCOORD_1=second))
+    mesh = load_scene(gltf.write(tmp_path / "a.gltf")).meshes[0]
+    # u' = s_u u cos + s_v v sin + o_u, v' = −s_u u sin + s_v v cos + o_v
+    expected = [[0.1, 0.2], [0.1, 0.2 - 2.0], [0.1 + 3.0, 0.2]]
+    np.testing.assert_allclose(mesh.texture_coordinates, expected, atol=1e-6)
+
+
+def test_samplers_and_mirrored_repeat(gltf, tmp_path):
+    coordinates = gltf.accessor(np.array([[0, 0], [1, 0], [0, 1]], "<f4"), "VEC2")
+    pixels = np.zeros((2, 2, 3))
+    pixels[0, 0] = 255
+    texture = gltf.texture(pixels, wrapS=33648, wrapT=33071)
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}}]
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=coordinates))
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    stored = scene.materials[0].texture
+    assert (stored.wrap_u, stored.wrap_v) == (Wrap.REPEAT, Wrap.CLAMP_TO_EDGE)
+    assert stored.pixels[0, :, 0].tolist() == [255, 0, 0, 255]  # its mirror image beside it
+    np.testing.assert_allclose(scene.meshes[0].texture_coordinates[1], [0.5, 0.0])
+
+
+def test_lamps_of_the_file(gltf, tmp_path):
+    gltf.tree["extensionsUsed"] = ["KHR_lights_punctual"]
+    gltf.tree["extensions"] = {
+        "KHR_lights_punctual": {
+            "lights": [
+                {"type": "directional", "color": [1, 0.5, 0.25], "intensity": 3.0},
+                {"type": "spot", "intensity": 40.0, "range": 9.0, "spot": {"outerConeAngle": 0.5}},
+            ]
+        }
+    }
+    quarter = math.sqrt(0.5)
+    gltf.node(mesh=gltf.triangle())
+    gltf.node(extensions={"KHR_lights_punctual": {"light": 0}}, rotation=[-quarter, 0, 0, quarter])
+    gltf.node(extensions={"KHR_lights_punctual": {"light": 1}}, translation=[1, 2, 3])
+    lighting = load_scene(gltf.write(tmp_path / "a.gltf")).lighting
+    sun, spot = sorted(lighting.lights, key=lambda light: light.kind.value)
+    assert sun.kind is LightKind.DIRECTIONAL
+    # −z of the node, turned by −90° about x, is −y of the file: straight down
+    np.testing.assert_allclose(sun.direction, [0, 0, -1], atol=1e-6)
+    assert sun.color == (1.0, 0.5, 0.25)
+    assert spot.kind is LightKind.SPOT
+    np.testing.assert_allclose(spot.position_m, [1, -3, 2], atol=1e-6)
+    assert spot.range_m == 9.0
+    assert spot.cone_cosines[1] == pytest.approx(math.cos(0.5))
+    assert lighting.exposure > 0.0
+
+
+def test_missing_texture_is_said_and_the_factor_drawn(gltf, tmp_path):
+    gltf.tree["images"] = [{"uri": "not%20there.png"}]
+    gltf.tree["textures"] = [{"source": 0}]
+    gltf.tree["materials"] = [
+        {
+            "name": "brick",
+            "pbrMetallicRoughness": {
+                "baseColorTexture": {"index": 0},
+                "baseColorFactor": [0.2, 0.3, 0.4, 1.0],
+            },
+        }
+    ]
+    gltf.node(mesh=gltf.triangle(material=0))
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    assert scene.materials[0].texture is None
+    assert scene.materials[0].base_color[:3] == (0.2, 0.3, 0.4)
+    assert any("not%20there.png is not there" in line for line in scene.notices)
+
+
+def test_texture_file_is_found_by_its_decoded_name(gltf, tmp_path):
+    (tmp_path / "Red Brick.PNG").write_bytes(_png(np.full((2, 2, 3), 9)))
+    coordinates = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    gltf.tree["images"] = [{"uri": "red%20brick.png"}]
+    gltf.tree["textures"] = [{"source": 0}]
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=coordinates))
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    assert scene.materials[0].texture.pixels[0, 0].tolist() == [9, 9, 9, 255]
+    assert scene.notices == ()
+
+
+def test_nan_vertex_is_named(gltf, tmp_path):
+    gltf.node(mesh=gltf.triangle(positions=[[0, 0, 0], [1, float("nan"), 0], [0, 1, 0]]))
+    path = gltf.write(tmp_path / "a.gltf")
+    with pytest.raises(SceneError, match=r"a\.gltf: mesh .*vertex 1 is .*nan.*want finite") as info:
+        load_scene(path)
+    assert "\n" not in str(info.value)
+
+
+def test_index_past_the_vertices_is_named(gltf, tmp_path):
+    gltf.node(mesh=gltf.triangle())
+    gltf.tree["meshes"][0]["primitives"][0]["indices"] = gltf.accessor(
+        np.array([0, 1, 7], "<u4"), "SCALAR"
+    )
+    with pytest.raises(SceneError, match="vertex 7 of 3"):
+        load_scene(gltf.write(tmp_path / "a.gltf"))
+
+
+def test_scene_without_triangles(gltf, tmp_path):
+    gltf.node(name="nothing")
+    with pytest.raises(SceneError, match=r"a\.gltf: has no triangles"):
+        load_scene(gltf.write(tmp_path / "a.gltf"))
+
+
+def test_required_extension_that_nothing_reads(gltf, tmp_path):
+    gltf.node(mesh=gltf.triangle())
+    gltf.tree["extensionsRequired"] = ["EXT_meshopt_compression"]
+    with pytest.raises(SceneError, match="requires the glTF extension EXT_meshopt_compression"):
+        load_scene(gltf.write(tmp_path / "a.gltf"))
+
+
+@pytest.mark.parametrize("cut", [0.001, 0.3, 0.95])
+def test_truncated_glb(warehouse, tmp_path, cut):
+    data = warehouse.read_bytes()
+    path = tmp_path / "cut.glb"
+    path.write_bytes(data[: int(cut * len(data))])
+    with pytest.raises(SceneError, match=r"cut\.glb") as info:
+        load_scene(path)
+    assert "\n" not in str(info.value)
+
+
+def test_warehouse_is_complete(warehouse):
+    scene = load_scene(warehouse)
+    assert scene.triangle_count == 15003
+    assert len(scene.instances) == 54
+    assert len(scene.meshes) == 25
+    low, high = scene.bounds_m()
+    np.testing.assert_allclose(high - low, [14.0, 20.9, 10.2], atol=0.05)
+    assert low[2] == pytest.approx(-0.09, abs=0.005)
+    assert sum(material.texture is not None for material in scene.materials) == 14
+    assert scene.notices == ()
