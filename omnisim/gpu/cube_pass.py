@@ -86,7 +86,7 @@ class CubePass:
         # y of the clip space runs down the picture, so triangles turn the other way round
         context.cull_face = "back"
         for face in self.plan.faces:
-            self._draw_face(face, world_from_rig[:3, :3], here_from_mesh, order)
+            self._draw_face(face, world_from_rig, here_from_mesh, order)
         target.scissor = None
         target.depth_mask = True
         context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
@@ -122,10 +122,10 @@ class CubePass:
     ) -> None:
         context, target = self._context, self._target
         face_from_here = np.eye(4)
-        face_from_here[:3, :3] = FACE_FROM_RIG[face.index] @ world_from_rig.T
+        face_from_here[:3, :3] = FACE_FROM_RIG[face.index] @ world_from_rig[:3, :3].T
         clip_from_face = projection(face, self._near_m, self._far_m)
         clip_from_mesh = (clip_from_face @ face_from_here) @ here_from_mesh
-        centres = here_from_mesh[:, :3, 3] @ face_from_here[:3, :3].T
+        centres = (self._buffers.centres_m - world_from_rig[:3, 3]) @ face_from_here[:3, :3].T
         seen = reaches(face, centres, self._buffers.radii_m, self._near_m, self._far_m)
         tile = (face.left_px, face.top_px, face.tile_px, face.tile_px)
         target.viewport = target.scissor = tile

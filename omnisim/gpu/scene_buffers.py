@@ -143,8 +143,8 @@ class SceneBuffers:
         linear = instance.world_from_mesh[:3, :3]
         mirrored = bool(np.linalg.det(linear) < 0.0)
         cofactors = np.array([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
-        # the mesh is about the middle of its bounding box
-        reach = np.linalg.norm(mesh.positions, axis=1).max() if len(mesh.positions) else 0.0
+        middle = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
+        reach = np.linalg.norm(mesh.positions - middle, axis=1).max()
         return Draw(
             mesh=mesh,
             first=first,
@@ -155,7 +155,7 @@ class SceneBuffers:
             world_from_mesh=instance.world_from_mesh,
             normal_from_mesh=-cofactors if mirrored else cofactors,
             mirrored=mirrored,
-            centre_m=instance.world_from_mesh[:3, 3],
+            centre_m=linear @ middle + instance.world_from_mesh[:3, 3],
             radius_m=float(reach) * float(np.linalg.norm(linear, 2)),
         )
 

@@ -1,0 +1,276 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim import frames
+from omnisim.errors import GraphicsError, OmnisimError
+from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors.renderer import unfolded_cube
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from tests.scenes import NO_LIGHT, room, scene_of
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+
+def quad(z_m, half_m=5.0, **options):
+    """A horizontal square, its front facing up."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+    corners = corners * np.float32(half_m) + np.array([0, 0, z_m], dtype=np.float32)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+    return Mesh(f"quad at {z_m}", corners, triangles, **{"material": 0, **options})
+
+
+def centre_color(scene, viewpoint=(0.0, 0.0, 0.0), **options):
+    """Linear colour straight below the viewpoint."""
+    sensor = OmniCamera(polygons=None).resized(91)
+    with Renderer(scene, sensor, **options) as renderer:
+        frame = renderer.render(sensor.base_pose(viewpoint), linear=True)
+    return frame.linear[45, 45]
+
+
+def material(red, green, blue, alpha=1.0, **options):
+    return Material(base_color=(red, green, blue, alpha), **options)
+
+
+def test_directions_of_the_picture():
+    """+x is up, +y on the right, as in every picture of a camera that looks up at its mirror."""
+    colors = {"+x": (1, 0, 0), "+y": (0, 1, 0), "-x": (0, 0, 1), "-y": (1, 1, 0)}
+    meshes, poses = [], []
+    for index, (axis, sign) in enumerate([(0, 1), (1, 1), (0, -1), (1, -1)]):
+        meshes.append(quad(0.0, half_m=1.0, material=index))
+        pose = np.eye(4)
+        normal = np.zeros(3)
+        normal[axis] = -sign
+        across = np.cross((0.0, 0.0, 1.0), normal)
+        pose[:3, :3] = np.stack((across, np.cross(normal, across), normal), axis=1)
+        pose[axis, 3] = 3.0 * sign
+        poses.append(pose)
+    materials = [material(*color) for color in colors.values()]
+    sensor = OmniCamera(polygons=None)
+    with Renderer(scene_of(meshes, materials, poses), sensor) as renderer:
+        ahead = renderer.render(np.eye(4)).rgb
+        turned = renderer.render(sensor.base_pose((0, 0, 0), yaw_deg=90.0)).rgb
+    middle, near, far = 180, 40, 319
+    at = {"+x": (near, middle), "+y": (middle, far), "-x": (far, middle), "-y": (middle, near)}
+    for name, (row, column) in at.items():
+        assert ahead[row, column].tolist() == [255 * value for value in colors[name]], name
+    # a vehicle that has turned left sees +y ahead, and -x on its left: the right of the picture
+    assert turned[near, middle].tolist() == [0, 255, 0]
+    assert turned[middle, far].tolist() == [0, 0, 255]
+
+
+def test_back_faces_are_culled_unless_double_sided():
+    seen = scene_of([quad(-1.0)], [material(1, 0, 0)])
+    np.testing.assert_allclose(centre_color(seen), (1, 0, 0), atol=1e-3)
+    from_behind = [quad(-1.0, half_m=-5.0)]  # still turns the same way: seen from above
+    np.testing.assert_allclose(centre_color(scene_of(from_behind, [material(1, 0, 0)])), (1, 0, 0))
+    turned = Mesh("t", quad(-1.0).positions, quad(-1.0).triangles[:, ::-1].copy(), 0)
+    np.testing.assert_allclose(centre_color(scene_of([turned], [material(1, 0, 0)])), 0.0)
+    both = scene_of([turned], [material(1, 0, 0, double_sided=True)])
+    np.testing.assert_allclose(centre_color(both), (1, 0, 0), atol=1e-3)
+
+
+def test_mirrored_instances_keep_their_front():
+    pose = np.diag([-1.0, 1.0, 1.0, 1.0])
+    scene = scene_of([quad(-1.0)], [material(0, 1, 0)], [pose])
+    np.testing.assert_allclose(centre_color(scene), (0, 1, 0), atol=1e-3)
+
+
+def test_alpha_mask_and_blend():
+    masks = [
+        material(1, 0, 0, alpha=0.4, alpha_mode=AlphaMode.MASK),
+        material(0, 0, 1),
+    ]
+    scene = scene_of([quad(-1.0), quad(-2.0, material=1)], masks)
+    np.testing.assert_allclose(centre_color(scene), (0, 0, 1), atol=1e-3)
+    masks[0] = dataclasses.replace(masks[0], alpha_cutoff=0.3)
+    scene = scene_of([quad(-1.0), quad(-2.0, material=1)], masks)
+    np.testing.assert_allclose(centre_color(scene), (1, 0, 0), atol=1e-3)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_two_panes_blend_from_far_to_near_whatever_their_order(order):
+    panes = [
+        material(1, 0, 0, alpha=0.25, alpha_mode=AlphaMode.BLEND),
+        material(0, 1, 0, alpha=0.5, alpha_mode=AlphaMode.BLEND),
+        material(0, 0, 1),
+    ]
+    meshes = [quad(-1.0, material=0), quad(-2.0, material=1)]
+    scene = scene_of([*(meshes[i] for i in order), quad(-3.0, material=2)], panes)
+    expected = 0.25 * np.array([1, 0, 0]) + 0.75 * (0.5 * np.array([0, 1, 0]) + [0, 0, 0.5])
+    np.testing.assert_allclose(centre_color(scene), expected, atol=2e-3)
+
+
+def test_triangles_of_one_blended_mesh_are_sorted_for_each_instance():
+    """Two panes in one mesh, seen from both sides: two instances, one upside down."""
+    one, other = quad(1.0), quad(-1.0)
+    mesh = Mesh(
+        "panes",
+        np.concatenate((one.positions, other.positions)),
+        np.concatenate((one.triangles, other.triangles + 4)),
+        0,
+        colors=np.repeat(np.array([[1, 0, 0, 1], [0, 1, 0, 1]], np.float32), 4, axis=0),
+    )
+    half = material(1, 1, 1, alpha=0.5, alpha_mode=AlphaMode.BLEND, double_sided=True)
+    upright, overhead = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
+    upright[2, 3], overhead[2, 3] = -3.0, -3.0
+    upright_color = centre_color(scene_of([mesh], [half], [upright]))
+    np.testing.assert_allclose(upright_color, (0.5, 0.25, 0), atol=2e-3)  # red is nearer
+    overhead_color = centre_color(scene_of([mesh], [half], [overhead]))
+    np.testing.assert_allclose(overhead_color, (0.25, 0.5, 0), atol=2e-3)
+    overhead[2, 3] = -9.0
+    scene = scene_of([mesh, quad(-20.0, half_m=50.0, material=1)], [half, material(0, 0, 1)])
+    both = dataclasses.replace(
+        scene,
+        instances=(
+            *scene_of([mesh], [half], [upright]).instances,
+            *scene_of([mesh], [half], [overhead]).instances,
+            scene.instances[1],
+        ),
+    )
+    behind = 0.5 * np.array([0, 1, 0]) + 0.25 * np.array([1, 0, 0]) + 0.25 * np.array([0, 0, 1])
+    expected = (0.5, 0, 0) + 0.25 * np.array([0, 1, 0]) + 0.25 * behind
+    np.testing.assert_allclose(centre_color(both), expected, atol=2e-3)
+
+
+def test_lambert_with_and_without_normals():
+    down = Light(LightKind.DIRECTIONAL, (1.0, 0.5, 0.0), 0.5, direction=np.array([0.0, 0.0, -1.0]))
+    slanted = np.array([0.6, 0.0, -0.8])
+    lighting = Lighting((0.1, 0.1, 0.1), (down,), exposure=2.0)
+    meshes = [quad(-1.0)]
+    flat = centre_color(scene_of(meshes, [material(0.5, 0.5, 0.5)], lighting=lighting))
+    np.testing.assert_allclose(flat, 0.5 * (0.1 + np.array([1.0, 0.5, 0.0])), atol=1e-3)
+    lighting = Lighting((0.0,) * 3, (dataclasses.replace(down, direction=slanted),), exposure=2.0)
+    normals = np.tile(np.array([[0, 0, 1]], np.float32), (4, 1))
+    smooth = [dataclasses.replace(meshes[0], normals=normals)]
+    color = centre_color(scene_of(smooth, [material(1, 1, 1)], lighting=lighting))
+    np.testing.assert_allclose(color, 0.8 * np.array([1.0, 0.5, 0.0]), atol=1e-3)
+    unlit = centre_color(scene_of(smooth, [material(1, 1, 1)], lighting=lighting), unlit=True)
+    np.testing.assert_allclose(unlit, 1.0, atol=1e-3)
+
+
+def test_point_and_spot_light_fall_off():
+    for kind, cosines in ((LightKind.POINT, (1.0, 0.0)), (LightKind.SPOT, (0.9, 0.8))):
+        lamp = Light(
+            kind, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.0, 0.0, 1.0]), cone_cosines=cosines
+        )
+        lighting = Lighting((0.0, 0.0, 0.0), (lamp,))
+        color = centre_color(scene_of([quad(-1.0)], [material(1, 1, 1)], lighting=lighting))
+        np.testing.assert_allclose(color, 2.0 / 2.0**2, rtol=2e-3)
+
+
+def test_background_where_nothing_is():
+    color = centre_color(scene_of([quad(+9.0)], [material(1, 0, 0)], background=(0.1, 0.2, 0.3)))
+    np.testing.assert_allclose(color, (0.1, 0.2, 0.3), atol=1e-3)
+
+
+def test_near_and_far_are_where_they_are_said_to_be():
+    sensor = OmniCamera.from_table(
+        {"mirror": {"polygons": "exact"}, "virtual_cameras": {"near_m": 0.5, "far_m": 2.0}}
+    ).resized(91)
+    for distance, seen in ((0.49, False), (0.51, True), (1.99, True), (2.01, False)):
+        with Renderer(scene_of([quad(-distance)], [material(1, 0, 0)]), sensor) as renderer:
+            red = renderer.render(np.eye(4)).rgb[45, 45, 0]
+        assert (red > 0) == seen, distance
+
+
+def test_viewpoint_inside_a_wall_is_a_picture():
+    scene = scene_of([room()])
+    sensor = OmniCamera()
+    with Renderer(scene, sensor) as renderer:
+        frame = renderer.render(sensor.base_pose((3.0, 0.0, 0.0)))
+    assert frame.rgb.shape == (360, 360, 3)
+
+
+def test_two_renderers_side_by_side():
+    """Each has its own context; neither disturbs the other, nor does one that is closed."""
+    sensor = OmniCamera(polygons=None).resized(91)
+    one = Renderer(scene_of([quad(-1.0)], [material(1, 0, 0)]), sensor)
+    other = Renderer(scene_of([quad(-1.0)], [material(0, 1, 0)]), sensor)
+    pose = np.eye(4)
+    assert one.render(pose).rgb[45, 45].tolist() == [255, 0, 0]
+    assert other.render(pose).rgb[45, 45].tolist() == [0, 255, 0]
+    assert one.render(pose).rgb[45, 45].tolist() == [255, 0, 0]
+    other.close()
+    assert one.render(pose).rgb[45, 45].tolist() == [255, 0, 0]
+    one.close()
+
+
+def test_frames_of_a_loop_do_not_depend_on_each_other():
+    sensor = OmniCamera()
+    poses = [sensor.base_pose((x, 0.0, 0.0), yaw_deg=40.0 * x) for x in (0.0, 0.5, 1.0)]
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        forth = [renderer.render(pose).rgba for pose in poses]
+        back = [renderer.render(pose).rgba for pose in reversed(poses)]
+    for one, other in zip(forth, reversed(back), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_linear_and_encoded_picture_agree():
+    sensor = OmniCamera()
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        frame = renderer.render(np.eye(4), linear=True)
+        assert renderer.render(np.eye(4)).linear is None
+    expected = 255.0 * srgb_from_linear(frame.linear)
+    # half floats hold 11 bits; the GPU's power function and rounding take the rest
+    assert np.abs(frame.rgb[frame.valid] - expected[frame.valid]).max() <= 0.75
+    assert frame.linear.dtype == np.float32
+
+
+def test_srgb_reference_is_its_own_inverse():
+    values = np.linspace(0.0, 1.0, 1001)
+    np.testing.assert_allclose(linear_from_srgb(srgb_from_linear(values)), values, atol=1e-7)
+
+
+def test_faces_and_their_unfolding():
+    sensor = OmniCamera(face_size_px=64)
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        renderer.render(np.eye(4))
+        faces = renderer.faces()
+    assert list(faces) == ["front", "left", "back", "right", "down"]
+    assert all(face.shape == (64, 64, 3) for face in faces.values())
+    # neighbours meet: the last column of front is the first of right, but for half a pixel
+    step = np.abs(faces["front"][:, -1].astype(int) - faces["right"][:, 0]).max()
+    assert step <= 4
+    unfolded = unfolded_cube(faces)
+    assert unfolded.shape == (128, 192, 3)
+    np.testing.assert_array_equal(unfolded[64:, 64:128], faces["down"])
+    assert not unfolded[64:, 128:].any()  # there is no up face
+
+
+def test_limits_of_the_gpu_are_said():
+    with pytest.raises(GraphicsError, match="a picture of 30000 × 30000 px: this GPU takes at"):
+        Renderer(scene_of([room()]), OmniCamera().resized(30000))
+    with pytest.raises(GraphicsError, match="virtual_cameras.size_px smaller"):
+        Renderer(scene_of([room()]), OmniCamera(face_size_px=20000))
+    with pytest.raises(GraphicsError, match="device 99: there is no such device"):
+        Renderer(scene_of([room()]), device=99)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [np.eye(3), np.full((4, 4), np.nan), np.diag([2.0, 2, 2, 1]), np.diag([1.0, 1, -1, 1])],
+)
+def test_what_is_not_a_pose_is_refused(matrix):
+    with (
+        Renderer(scene_of([room()], lighting=NO_LIGHT)) as renderer,
+        pytest.raises(OmnisimError, match="pose: want"),
+    ):
+        renderer.render(matrix)
+
+
+def test_metadata_describes_camera_and_pose():
+    sensor = OmniCamera()
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        metadata = renderer.render(frames.pose((1.0, 0.5, 0.0), yaw_deg=30.0)).metadata
+    assert metadata["camera"]["k"] == 11.546
+    assert metadata["camera"]["focal_length_px"] == sensor.camera.focal_length_px
+    assert metadata["polygons"] == 1024
+    world_from_optical = np.array(metadata["world_from_optical"])
+    np.testing.assert_allclose(world_from_optical[:3, 3], (1.0, 0.5, 0.0))
+    # the optical axis looks up, and the top of the picture ahead
+    np.testing.assert_allclose(world_from_optical[:3, 2], (0, 0, 1), atol=1e-15)
+    ahead = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0)
+    np.testing.assert_allclose(-world_from_optical[:3, 1], ahead, atol=1e-15)

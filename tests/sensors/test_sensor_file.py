@@ -1,0 +1,137 @@
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.errors import SensorFileError
+from omnisim.sensors import OmniCamera
+from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+
+
+def test_documented_default_file_is_the_default():
+    documented, default = OmniCamera.from_file(DEFAULT_SENSOR_FILE), OmniCamera()
+    assert documented.camera == default.camera
+    np.testing.assert_array_equal(documented.base_from_rig, default.base_from_rig)
+    for name in ("polygons", "face_size_px", "near_m", "far_m", "samples"):
+        assert getattr(documented, name) == getattr(default, name)
+
+
+def test_empty_file_is_the_default(tmp_path):
+    path = tmp_path / "sensor.toml"
+    path.write_text("")
+    assert OmniCamera.from_file(path).camera == OmniCamera().camera
+
+
+def test_every_group_is_heard(tmp_path):
+    path = tmp_path / "sensor.toml"
+    path.write_text(
+        "[mirror]\nk = 5.0\nc = 1.0\nmeters_per_unit = 0.1\nrim_radius_m = 0.03\n"
+        'polygons = "exact"\n[mirror.mounting]\nposition_m = [0.1, 0.0, 0.5]\nyaw_deg = 90\n'
+        "[virtual_cameras]\nsize_px = 512\nnear_m = 0.1\nfar_m = 50\nsamples = 1\n"
+        "[camera]\nwidth_px = 640\nheight_px = 480\nfocal_length_px = 900\n"
+        "principal_point_px = [320.5, 239.5]\n"
+    )
+    sensor = OmniCamera.from_file(path)
+    assert sensor.polygons is None
+    assert sensor.camera.mirror.k == 5.0
+    assert sensor.camera.mirror.rim_radius_m == pytest.approx(0.03)
+    assert (sensor.camera.width_px, sensor.camera.height_px) == (640, 480)
+    assert sensor.camera.focal_length_px == 900.0
+    assert sensor.camera.principal_point_px == (320.5, 239.5)
+    assert (sensor.face_size_px, sensor.near_m, sensor.far_m, sensor.samples) == (512, 0.1, 50, 1)
+    np.testing.assert_allclose(sensor.base_from_rig[:3, 3], (0.1, 0.0, 0.5))
+    np.testing.assert_allclose(sensor.base_from_rig[:3, 0], (0.0, 1.0, 0.0), atol=1e-15)
+
+
+def test_viewpoint_is_where_it_was_asked_for():
+    """Whatever the mounting: the base pose puts the effective viewpoint at the given point."""
+    sensor = OmniCamera.from_table(
+        {"mirror": {"mounting": {"position_m": [0.3, 0.1, 0.8], "pitch_deg": 5.0}}}
+    )
+    world_from_rig = sensor.base_pose((1.0, 2.0, 3.0), yaw_deg=70.0) @ sensor.base_from_rig
+    np.testing.assert_allclose(world_from_rig[:3, 3], (1.0, 2.0, 3.0), atol=1e-15)
+
+
+def test_resizing_keeps_the_view():
+    sensor = OmniCamera()
+    larger = sensor.resized(720)
+    assert (larger.camera.width_px, larger.camera.height_px) == (720, 720)
+    assert larger.camera.rim_radius_px == pytest.approx(360.0)
+    # the same corner of the picture sees the same ray
+    one = sensor.camera.ray_from_pixel((-0.5, 100.5)).directions
+    np.testing.assert_allclose(larger.camera.ray_from_pixel((-0.5, 201.5)).directions, one)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[mirror]\nk = 1.5", r"sensor\.toml: mirror\.k = 1\.5: want greater than or equal to 2"),
+        ("[mirror]\nk = 'big'", r"mirror\.k = 'big': want a valid number"),
+        ("[mirror]\nk = nan", r"mirror\.k = nan: want a finite number"),
+        ("[mirror]\nc = 0", r"mirror\.c = 0: want greater than 0"),
+        ("[mirror]\nc = -2.3", r"mirror\.c = -2\.3: want greater than 0"),
+        ("[mirror]\nthetamax_deg = 3", r"thetamax_deg: unknown key; did you mean 'theta_max_deg'"),
+        ("[mirror]\ntheta_max_deg = 156", r"theta_max_deg = 156\.0: .*asymptote .* 155\.405°"),
+        ("[mirror]\ntheta_max_deg = 0", r"theta_max_deg = 0\.0: .*want more than 0°"),
+        ("[mirror]\nrim_radius_m = 0", r"rim_radius_m = 0: want greater than 0"),
+        ("[mirror]\ntheta_max_deg = 90\nrim_radius_m = 1", r"mirror: theta_max_deg and rim_radius"),
+        ("[mirror]\nshape = 'spherical'", r"mirror\.shape = 'spherical': want 'hyperbolic'"),
+        (
+            "[mirror]\npolygons = 'many'",
+            r"mirror\.polygons = 'many': want a whole number or 'exact'",
+        ),
+        ("[mirror]\npolygons = 1009", r"mirror\.polygons = 1009: .*nearest .* 1008 and 1012"),
+        ("[mirror]\npolygons = 10.5", r"mirror\.polygons = 10\.5: want a whole number"),
+        ("[mirror]\npolygons = true", r"mirror\.polygons = True: want a whole number"),
+        ("[mirror.mounting]\nposition_m = [0, 0]", r"mirror\.mounting\.position_m\.2: missing"),
+        ("[mirror.mounting]\nyaw_deg = inf", r"mounting\.yaw_deg = inf: want a finite number"),
+        (
+            "[virtual_cameras]\nsize_px = 0",
+            r"virtual_cameras\.size_px = 0: want 1 to 32768 or 'auto'",
+        ),
+        ("[virtual_cameras]\nnear_m = 0", r"near_m = 0: want greater than 0"),
+        ("[virtual_cameras]\nfar_m = 0.01", r"far_m = 0\.01: want more than near_m = 0\.05"),
+        ("[virtual_cameras]\nsamples = 3", r"samples = 3: want 1, 2, 4 or 8"),
+        ("[camera]\nwidth_px = 0", r"camera\.width_px = 0: want greater than or equal to 1"),
+        ("[camera]\nheight_px = 1e9", r"camera\.height_px = 1000000000\.0: want a valid integer"),
+        (
+            "[camera]\nfocal_length_px = 'near'",
+            r"focal_length_px = 'near': want a number > 0 or 'fit'",
+        ),
+        ("[camera]\nfocal_length_px = -1", r"focal_length_px = -1: want a number > 0"),
+        ("[camera]\nprincipal_point_px = [1]", r"principal_point_px = \[1\]: want \[u, v\]"),
+        ("[camra]\nwidth_px = 3", r"sensor\.toml: camra: unknown key; did you mean 'camera'"),
+        ("mirror = 3", r"sensor\.toml: mirror = 3: want a table"),
+        ("[mirror", r"sensor\.toml: not TOML: Expected"),
+    ],
+)
+def test_every_fault_names_file_key_and_value(tmp_path, text, words):
+    path = tmp_path / "sensor.toml"
+    path.write_text(text)
+    with pytest.raises(SensorFileError, match=words) as info:
+        OmniCamera.from_file(path)
+    assert "\n" not in str(info.value)
+
+
+def test_two_faults_are_two_lines(tmp_path):
+    path = tmp_path / "sensor.toml"
+    path.write_text("[mirror]\nk = 1\nc = 0\n")
+    with pytest.raises(SensorFileError) as info:
+        OmniCamera.from_file(path)
+    assert len(str(info.value).splitlines()) == 2
+
+
+def test_missing_and_binary_files(tmp_path):
+    with pytest.raises(SensorFileError, match=r"none\.toml: cannot be read: No such file"):
+        OmniCamera.from_file(tmp_path / "none.toml")
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SensorFileError, match=r"x\.toml: not a text file"):
+        OmniCamera.from_file(tmp_path / "x.toml")
+
+
+def test_polygon_count_is_checked_in_the_library_too():
+    from omnisim.errors import OpticsError
+
+    with pytest.raises(OpticsError, match="nearest that do"):
+        OmniCamera(polygons=1009)
+    assert math.isinf(OmniCamera().far_m)
