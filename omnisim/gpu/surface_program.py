@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene_buffers import Draw, SceneBuffers
 from omnisim.gpu.uniforms import columns_first
-from omnisim.scene.model import AlphaMode, LightKind, Material, Scene
+from omnisim.scene.model import MAX_LIGHTS, AlphaMode, LightKind, Material, Scene
 
-MAX_LIGHTS = 32  # as in shaders/scene/lighting.glsl
 _KINDS = {LightKind.DIRECTIONAL: 0, LightKind.POINT: 1, LightKind.SPOT: 2}
 _NO_RANGE_M = 1e9  # squared and squared again it is still a float32
 
@@ -93,7 +92,7 @@ class SurfaceProgram:
     def _set_lights(self) -> None:
         lights = self._lighting.lights
         if len(lights) > MAX_LIGHTS:
-            raise GraphicsError(f"the scene has {len(lights)} lamps: at most {MAX_LIGHTS} shine")
+            raise GraphicsError(f"the scene has {len(lights)} lamps: want at most {MAX_LIGHTS}")
         kinds = np.zeros(MAX_LIGHTS, dtype=np.int32)
         colors, directions, limits = np.zeros((3, MAX_LIGHTS, 3), dtype=np.float32)
         for index, light in enumerate(lights):

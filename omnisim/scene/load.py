@@ -17,7 +17,16 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.builtin import builtin_scene_file, builtin_scenes
 from omnisim.scene.gltf import GltfReader
 from omnisim.scene.gltf_header import check_extensions, marked_file, read_header
-from omnisim.scene.model import Instance, Light, Material, Mesh, Scene, StartPose, bounds_m
+from omnisim.scene.model import (
+    MAX_LIGHTS,
+    Instance,
+    Light,
+    Material,
+    Mesh,
+    Scene,
+    StartPose,
+    bounds_m,
+)
 from omnisim.scene.other_formats import read_meshes
 from omnisim.scene.punctual_lights import default_lighting, lighting_for, read_lights
 from omnisim.scene.scene_file import SceneFile, read_scene_file
@@ -88,6 +97,8 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
         Instance(instance.name, instance.mesh, world_from_file @ instance.world_from_mesh)
         for instance in read.instances
     )
+    if len(lights) > MAX_LIGHTS:
+        read.notices.append(f"has {len(lights)} lamps: the {MAX_LIGHTS} strongest shine")
     missing = [f"{name} is not there: drawn without it" for name in resolver.missing]
     return Scene(
         name=str(source),

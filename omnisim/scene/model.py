@@ -133,6 +133,9 @@ class Light:
     cone_cosines: tuple[float, float] = (1.0, 0.0)
 
 
+MAX_LIGHTS = 32  # that the shader has room for, shaders/scene/lighting.glsl
+
+
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """All the light in a scene.
@@ -142,7 +145,7 @@ class Lighting:
 
     Attributes:
         ambient: linear RGB, the same from everywhere.
-        lights: the lamps.
+        lights: the lamps, at most `MAX_LIGHTS`.
         exposure: brightness of a white surface for one lux.
     """
 

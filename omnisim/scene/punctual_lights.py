@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from omnisim.scene.model import Instance, Light, Lighting, LightKind, Mesh
+from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
 # A white surface with no lamp near it is still seen: what stands in for light from all around.
 AMBIENT_BESIDE_LAMPS = (0.25, 0.25, 0.25)
@@ -86,12 +86,16 @@ def lighting_for(
     Files give lamps in lux and candela, for which no picture has a scale of its own. The
     exposure makes the illuminance that nine tenths of the lit surface stay below equal to what a
     white surface shows as white beside the ambient light. It depends on the scene alone, not on
-    the viewpoint, so that frames of a drive match.
+    the viewpoint, so that frames of a drive match. Of more than `MAX_LIGHTS` lamps those stay that
+    give the scene most light.
     """
     if not lights:
         return default_lighting()
     centres, normals, areas = _surface_samples(meshes, instances)
-    illuminance = sum(_illuminance(light, centres, normals) for light in lights)
+    given = np.array([_illuminance(light, centres, normals) for light in lights])
+    strongest = np.sort(np.argsort(-(given @ areas), kind="stable")[:MAX_LIGHTS])
+    lights = tuple(lights[index] for index in strongest)
+    illuminance = given[strongest].sum(axis=0)
     lit = illuminance > 0.0
     if not lit.any():
         return Lighting(AMBIENT_BESIDE_LAMPS, lights)

@@ -1,0 +1,198 @@
+"""The command line as a person uses it, with wrong arguments too."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from omnisim import __version__
+from omnisim.cli.app import main
+from omnisim.image_files import read_image
+from omnisim.scene import load_scene
+from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+
+
+@pytest.fixture
+def omnisim(monkeypatch, capsys, tmp_path):
+    """Runs the command in an empty folder; returns exit status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["omnisim", *map(str, arguments)])
+        status = 0
+        try:
+            main()
+        except SystemExit as stopped:
+            status = stopped.code or 0
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_render_writes_the_picture_and_says_so(omnisim, tmp_path):
+    status, out, _ = omnisim("render", "courtyard", "-o", "a.png", "--size", 90, "--yaw", -30)
+    assert status == 0
+    assert "a.png: 90 × 90 px, 1024 polygons, from (0, 0, 0.9) m at yaw -30°" in out
+    pixels, metadata = read_image(tmp_path / "a.png")
+    assert pixels.shape == (90, 90, 3)
+    assert metadata["scene"] == "courtyard"
+    assert pixels.std() > 30
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_render_with_everything(omnisim, tmp_path):
+    (tmp_path / "s.toml").write_text("[mirror]\ntheta_max_deg = 130\n[camera]\nwidth_px = 120\n")
+    status, out, _ = omnisim(
+        "render", "courtyard", "-o", "a.exr", "--sensor", "s.toml", "--at", 1, -2, 1.2,
+        "-n", "exact", "--size", 80, "--unlit", "--faces", "faces",
+    )  # fmt: skip
+    assert status == 0, out
+    pixels, metadata = read_image(tmp_path / "a.exr")
+    assert pixels.dtype == np.float32
+    assert metadata["polygons"] == "exact"
+    assert metadata["camera"]["theta_max_deg"] == pytest.approx(130.0)
+    assert not metadata["lit"]
+    assert {path.name for path in (tmp_path / "faces").iterdir()} == {
+        f"{name}.png" for name in ("front", "left", "back", "right", "down", "up", "unfolded")
+    }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.glb", "-o", "a.png"], "none.glb: no such scene file"),
+        (["empty.glb", "-o", "a.png"], "empty.glb: is an empty file"),
+        (["courtyard", "-o", "a.gif"], "a.gif: unknown picture format"),
+        (["courtyard", "-o", "none/a.png"], "the folder none does not exist: create it first"),
+        (
+            ["courtyard", "-o", "a.png", "--faces", "no/faces"],
+            "no/faces: this folder cannot be made",
+        ),
+        (["courtyard", "-o", "a.png", "--faces", "empty.glb"], "empty.glb: this folder cannot be"),
+        (["courtyard", "-o", "a.png", "-n", "1009"], "nearest that do are 1008 and 1012"),
+        (["courtyard", "-o", "a.png", "-n", "few"], "-n few: want a number of polygons or 'exact'"),
+        (["courtyard", "-o", "a.png", "--size", "0"], "size 0: want at least 1"),
+        (["courtyard", "-o", "a.png", "--at", "nan", "0", "0"], "want three finite numbers"),
+        (["courtyard", "-o", "a.png", "--yaw", "inf"], "want finite numbers in degrees"),
+        (["courtyard", "-o", "a.png", "--up", "w"], "up axis 'w': want x, y or z"),
+        (["courtyard", "-o", "a.png", "--sensor", "bad.toml"], "bad.toml: mirror.k = 1: want"),
+        (["courtyard", "-o", "a.png", "--sensor", "none.toml"], "none.toml: cannot be read"),
+    ],
+)
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, words):
+    (tmp_path / "empty.glb").touch()
+    (tmp_path / "bad.toml").write_text("[mirror]\nk = 1\n")
+    status, out, error = omnisim("render", *arguments)
+    assert status == 1
+    assert out == ""
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--size", "99999"], "this GPU takes at most"),
+        (["--device", "77"], "device 77: there is no such device"),
+    ],
+)
+def test_limits_of_the_gpu(omnisim, tmp_path, arguments, words):
+    status, _, error = omnisim("render", "courtyard", "-o", "a.png", *arguments)
+    assert status == 1
+    assert words in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["render"],
+        ["render", "courtyard"],
+        ["render", "courtyard", "-o", "a.png", "--at", "1", "2"],
+        ["render", "courtyard", "-o", "a.png", "--size", "big"],
+        ["paint"],
+    ],
+)
+def test_wrong_usage_is_status_2(omnisim, arguments):
+    status, _, error = omnisim(*arguments)
+    assert status == 2
+    assert "Error" in error
+    assert "Traceback" not in error
+
+
+def test_notices_go_to_standard_error(omnisim, tmp_path, needs_opengl):
+    (tmp_path / "a.obj").write_text("mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    status, out, error = omnisim("render", "a.obj", "-o", "a.png", "--size", 32)
+    assert status == 0
+    assert error == "note: a.obj: gone.mtl is not there: drawn without it\n"
+    assert "note" not in out
+
+
+def test_mirror_writes_a_mesh(omnisim, tmp_path):
+    status, out, _ = omnisim("mirror", "-n", 256, "-o", "m.glb")
+    assert status == 0
+    assert "256 polygons (32 sectors × 8 rings)" in out
+    assert load_scene(tmp_path / "m.glb").instances[0].name == "hyperbolic_mirror"
+    status, _, error = omnisim("mirror", "-n", 0, "-o", "n.glb")
+    assert (status, error) == (1, "error: mirror: 0 polygons: want 8 to 1048576\n")
+    assert not (tmp_path / "n.glb").exists()
+
+
+def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
+    status, out, _ = omnisim("sensor")
+    assert status == 0
+    assert out == DEFAULT_SENSOR_FILE.read_text(encoding="utf-8")
+    (tmp_path / "s.toml").write_text(out)
+    status, out, _ = omnisim("sensor", "--check", "s.toml")
+    assert status == 0
+    assert "s.toml: good" in out
+    assert "ξ = 0.9954942" in out
+    (tmp_path / "s.toml").write_text("[mirror]\nk = 1\nc = 0\n")
+    status, _, error = omnisim("sensor", "--check", "s.toml")
+    assert status == 1
+    assert error.count("error: s.toml: mirror.") == 2  # one line a fault
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_info_names_the_device(omnisim):
+    status, out, _ = omnisim("info")
+    assert status == 0
+    assert f"omnisim {__version__}" in out
+    assert "courtyard" in out
+    assert "OpenGL" in out
+
+
+def test_version_and_help(omnisim):
+    assert omnisim("--version")[:2] == (0, f"omnisim {__version__}\n")
+    status, out, _ = omnisim("render", "--help")
+    assert status == 0
+    assert "--faces" in out
+
+
+def test_missing_opengl_is_one_line(omnisim, monkeypatch):
+    import omnisim.gpu.context as context
+
+    monkeypatch.setattr(context, "_LIBRARIES", ("libNoSuchEGL.so.1", "libGL.so.1"))
+    status, _, error = omnisim("render", "courtyard", "-o", "a.png")
+    assert status == 1
+    assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: sudo apt-get")
+    assert error.count("\n") == 1
+
+
+def test_help_needs_no_graphics_library():
+    """The command starts quickly: nothing heavy is imported before it is needed."""
+    code = (
+        "import sys, omnisim, omnisim.cli.app\n"
+        "heavy = {'moderngl', 'trimesh', 'numpy', 'OpenImageIO', 'PIL'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

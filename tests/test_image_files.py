@@ -1,0 +1,121 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.errors import OutputError
+from omnisim.frame import Frame
+from omnisim.image_files import read_image, write_image
+
+METADATA = {"camera": {"k": 11.546}, "scene": 'käse "quoted" & <odd>', "pose": [[1.0, 0.1], [0, 1]]}
+PICTURE = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".tiff", ".PNG"])
+def test_lossless_formats_keep_every_value(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    write_image(path, PICTURE, METADATA)
+    pixels, metadata = read_image(path)
+    np.testing.assert_array_equal(pixels, PICTURE)
+    assert metadata == METADATA
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".jpeg"])
+def test_jpeg_is_close_and_keeps_the_metadata(tmp_path, suffix):
+    smooth = np.broadcast_to(np.arange(64, dtype=np.uint8)[:, None, None] * 3, (64, 64, 3))
+    path = tmp_path / f"a{suffix}"
+    write_image(path, smooth.copy(), METADATA)
+    pixels, metadata = read_image(path)
+    assert np.abs(pixels.astype(int) - smooth).max() <= 4
+    assert metadata == METADATA
+
+
+def test_exr_holds_linear_floats_past_white(tmp_path):
+    linear = np.linspace(0.0, 7.5, 24 * 32 * 3, dtype=np.float32).reshape(24, 32, 3)
+    path = tmp_path / "a.exr"
+    write_image(path, linear, METADATA)
+    pixels, metadata = read_image(path)
+    assert pixels.dtype == np.float32
+    np.testing.assert_array_equal(pixels, linear)
+    assert metadata == METADATA
+
+
+def test_nothing_but_the_picture_is_left(tmp_path):
+    write_image(tmp_path / "a.png", PICTURE)
+    write_image(tmp_path / "a.png", PICTURE[::-1])
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png")[0], PICTURE[::-1])
+
+
+@pytest.mark.parametrize("step", ["write_image", "close", "open"])
+def test_failure_in_the_middle_leaves_the_old_picture(tmp_path, monkeypatch, step):
+    """A full disk, in effect: whichever call fails, no half-written file has the final name."""
+    import omnisim.image_files as image_files
+
+    path = tmp_path / "a.png"
+    write_image(path, PICTURE)
+    real = image_files.oiio.ImageOutput.create
+
+    class Failing:
+        def __init__(self, name):
+            self._output = real(name)
+
+        def __getattr__(self, name):
+            return (lambda *_: False) if name == step else getattr(self._output, name)
+
+    monkeypatch.setattr(image_files.oiio.ImageOutput, "create", Failing)
+    with pytest.raises(OutputError, match=r"a\.png: cannot be written"):
+        write_image(path, PICTURE[::-1])
+    monkeypatch.undo()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.png"]
+    np.testing.assert_array_equal(read_image(path)[0], PICTURE)
+
+
+def test_unknown_format_missing_folder_folder_as_file(tmp_path):
+    with pytest.raises(OutputError, match=r"a\.gif: unknown picture format '\.gif'.*\.png"):
+        write_image(tmp_path / "a.gif", PICTURE)
+    with pytest.raises(OutputError, match="unknown picture format '\\(no suffix\\)'"):
+        write_image(tmp_path / "a", PICTURE)
+    with pytest.raises(OutputError, match="does not exist: create it first"):
+        write_image(tmp_path / "none" / "a.png", PICTURE)
+    (tmp_path / "b.png").mkdir()
+    with pytest.raises(OutputError, match=r"b\.png: is a folder"):
+        write_image(tmp_path / "b.png", PICTURE)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_folder_without_write_permission(tmp_path):
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(OutputError, match="cannot be written to"):
+            write_image(tmp_path / "a.png", PICTURE)
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_kernel_folder_cannot_be_written_to():
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_image(Path("/proc/a.png"), PICTURE)
+
+
+def test_wrong_pixels_for_the_format(tmp_path):
+    with pytest.raises(OutputError, match="takes linear float32 pixels, not uint8"):
+        write_image(tmp_path / "a.exr", PICTURE)
+    frame = Frame(np.zeros((2, 2, 4), np.uint8), None, {})
+    with pytest.raises(OutputError, match="render with linear=True"):
+        frame.save(tmp_path / "a.exr")
+
+
+def test_other_peoples_pictures_have_no_metadata_of_ours(tmp_path):
+    from PIL import Image
+
+    Image.fromarray(PICTURE).save(tmp_path / "a.png")
+    pixels, metadata = read_image(tmp_path / "a.png")
+    np.testing.assert_array_equal(pixels, PICTURE)
+    assert metadata is None
+    (tmp_path / "empty.png").write_bytes(b"")
+    with pytest.raises(OutputError, match=r"empty\.png: cannot be read"):
+        read_image(tmp_path / "empty.png")
+    with pytest.raises(OutputError, match=r"none\.png: cannot be read"):
+        read_image(tmp_path / "none.png")
