@@ -15,10 +15,10 @@ from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind
 AMBIENT_BESIDE_LAMPS = (0.25, 0.25, 0.25)
 # With no lamps in the file: bright overcast daylight from everywhere, a sun from behind the left
 # shoulder and a weak one from the other side, so that no two walls of a corner look the same.
-DEFAULT_AMBIENT = (0.52, 0.53, 0.55)
+DEFAULT_AMBIENT = (0.38, 0.39, 0.42)
 DEFAULT_LAMPS = (
-    ((0.45, -0.30, -0.85), (1.0, 0.97, 0.90), 0.42),
-    ((-0.60, 0.45, -0.30), (0.85, 0.92, 1.0), 0.16),
+    ((0.45, -0.30, -0.85), (1.0, 0.97, 0.90), 0.56),
+    ((-0.60, 0.45, -0.30), (0.85, 0.92, 1.0), 0.18),
 )
 # So much of the lit surface is no brighter than white; what is nearer to a lamp is overexposed.
 WHITE_SHARE = 0.9
