@@ -1,6 +1,5 @@
 """Pictures in and out (the only importer of OpenImageIO).
 
-A file appears under its name only when it is whole: it is written beside it and moved there.
 The camera's parameters and pose travel inside, as one JSON text in ImageDescription, which every
 format here can hold.
 """
@@ -8,7 +7,6 @@ format here can hold.
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from omnisim import __version__
+from omnisim.atomic_file import check_target, whole_file
 from omnisim.errors import OutputError
 
 EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -41,21 +40,6 @@ def is_float_format(path: Path) -> bool:
     return suffix in FLOAT_SUFFIXES
 
 
-def check_target(path: Path) -> None:
-    """Refuse early what could only fail after the work is done.
-
-    Raises:
-        OutputError: the folder is not there or cannot be written, or `path` is a folder.
-    """
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder: want the name of a file")
-    folder = path.parent
-    if not folder.is_dir():
-        raise OutputError(f"{path}: the folder {folder} does not exist: create it first")
-    if not os.access(folder, os.W_OK):
-        raise OutputError(f"{path}: the folder {folder} cannot be written to")
-
-
 def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | None = None) -> None:
     """Write a picture (height, width, 3): uint8 sRGB, or float32 linear for EXR.
 
@@ -77,27 +61,22 @@ def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | Non
     if path.suffix.lower() in (".jpg", ".jpeg"):
         for key, value in _JPEG.items():
             spec[key] = value
-    # OpenImageIO picks the format by the suffix, which therefore stays at the end
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    try:
-        _write(partial, spec, np.ascontiguousarray(pixels))
-        os.replace(partial, path)
-    except OSError as reason:
-        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
-    except OutputError as reason:
-        raise OutputError(f"{path}: cannot be written: {reason}") from None
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial:
+        _write(path, partial, spec, np.ascontiguousarray(pixels))
 
 
-def _write(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
-    output = oiio.ImageOutput.create(str(path))
+def _write(path: Path, partial: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
+    output = oiio.ImageOutput.create(str(partial))
     if output is None:
-        raise OutputError(oiio.geterror())
-    done = output.open(str(path), spec) and output.write_image(pixels)
+        raise OutputError(f"{path}: cannot be written: {_one_line(oiio.geterror())}")
+    done = output.open(str(partial), spec) and output.write_image(pixels)
     error = output.geterror()
     if not (output.close() and done):
-        raise OutputError(" ".join((error or output.geterror() or "no reason given").split()))
+        raise OutputError(f"{path}: cannot be written: {_one_line(error or output.geterror())}")
+
+
+def _one_line(error: str) -> str:
+    return " ".join(error.split()) or "no reason given"
 
 
 def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
@@ -110,12 +89,12 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
     """
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise OutputError(f"{path}: cannot be read: {' '.join(oiio.geterror().split())}")
+        raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
     try:
         spec = source.spec()
         pixels = source.read_image(spec.format)
         if pixels is None:
-            raise OutputError(f"{path}: cannot be read: {' '.join(source.geterror().split())}")
+            raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
         text = spec.getattribute(METADATA_KEY)
     finally:
         source.close()

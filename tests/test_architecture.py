@@ -16,7 +16,8 @@ LAYERS = (
     {"scene", "cameras"},
     {"mirrors"},
     {"frame"},
-    {"image_files", "frames", "cube", "srgb", "resources", "toml_file"},
+    {"image_files"},
+    {"atomic_file", "frames", "cube", "srgb", "resources", "toml_file"},
     {"errors"},
 )
 HOMES = {

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from rich.console import Console
 
+from omnisim.atomic_file import check_target
 from omnisim.cli.options import parse_polygons, read_sensor
 from omnisim.errors import OutputError
-from omnisim.image_files import check_target, is_float_format, write_image
+from omnisim.image_files import is_float_format, write_image
 from omnisim.scene import load_scene
 from omnisim.sensors import Renderer
 from omnisim.sensors.renderer import unfolded_cube

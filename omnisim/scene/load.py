@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import io
+import logging
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,6 +44,8 @@ _WORLD_FROM_UP_AXIS = {
 }
 # Where the format itself does not fix it: what Blender's importers assume.
 _UP_AXIS_OF_FORMAT = {".glb": "y", ".gltf": "y", ".obj": "y"}
+# What trimesh would write to standard error is said in our own words, as errors and notices.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 _NOT_MESHES = {".dxf", ".svg", ".binvox"}
 
 

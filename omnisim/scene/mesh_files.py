@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from omnisim.atomic_file import check_target, whole_file
 from omnisim.errors import OutputError
 from omnisim.mirrors.mirror_mesh import UnfoldedMirrorMesh
 
@@ -32,10 +32,7 @@ def check_mesh_target(path: Path) -> None:
             f"{path}: unknown mesh format {path.suffix or '(no suffix)'!r}: want one of "
             + " ".join(MIRROR_SUFFIXES)
         )
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder: want the name of a file")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: the folder {path.parent} does not exist: create it first")
+    check_target(path)
 
 
 def write_mirror(path: Path, mesh: UnfoldedMirrorMesh, name: str) -> None:
@@ -69,7 +66,8 @@ def write_mirror(path: Path, mesh: UnfoldedMirrorMesh, name: str) -> None:
         data = "\n".join(lines)
     else:
         data = _ply(exported, coordinates)
-    _write(path, data.encode() if isinstance(data, str) else data)
+    with whole_file(path) as partial:
+        partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 def _mirror_material(suffix: str) -> trimesh.visual.material.Material:
@@ -93,14 +91,3 @@ def _ply(mesh: trimesh.Trimesh, coordinates: NDArray[np.float64]) -> bytes:
         process=False,
     )
     return plain.export(file_type="ply", vertex_normal=True, include_attributes=True)
-
-
-def _write(path: Path, data: bytes) -> None:
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    try:
-        partial.write_bytes(data)
-        os.replace(partial, path)
-    except OSError as reason:
-        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
-    finally:
-        partial.unlink(missing_ok=True)

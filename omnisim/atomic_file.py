@@ -1,0 +1,45 @@
+"""Files that appear under their name only when they are whole."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from omnisim.errors import OutputError
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield a name beside `path` to write to; at the end of the block it becomes `path`.
+
+    When the block fails nothing is left, and what was at `path` before stays as it was.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    # hidden, and with the suffix at the end, by which libraries choose the format
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def check_target(path: Path) -> None:
+    """Refuse early what could only fail after the work is done.
+
+    Raises:
+        OutputError: the folder is not there or cannot be written, or `path` is a folder.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder: want the name of a file")
+    folder = path.parent
+    if not folder.is_dir():
+        raise OutputError(f"{path}: the folder {folder} does not exist: create it first")
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"{path}: the folder {folder} cannot be written to")
