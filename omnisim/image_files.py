@@ -7,6 +7,7 @@ format here can hold.
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -61,18 +62,31 @@ def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | Non
     if path.suffix.lower() in (".jpg", ".jpeg"):
         for key, value in _JPEG.items():
             spec[key] = value
+    data = _encoded(path, spec, np.ascontiguousarray(pixels))
     with whole_file(path) as partial:
-        _write(path, partial, spec, np.ascontiguousarray(pixels))
+        partial.write_bytes(data)
 
 
-def _write(path: Path, partial: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
-    output = oiio.ImageOutput.create(str(partial))
-    if output is None:
-        raise OutputError(f"{path}: cannot be written: {_one_line(oiio.geterror())}")
-    done = output.open(str(partial), spec) and output.write_image(pixels)
-    error = output.geterror()
-    if not (output.close() and done):
-        raise OutputError(f"{path}: cannot be written: {_one_line(error or output.geterror())}")
+def _encoded(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> bytes:
+    """The bytes of the file, encoded into memory.
+
+    Some of OpenImageIO's writers do not notice a full disk, and one ends the process. So none of
+    them ever sees a disk: they write to memory, and the bytes are written by us.
+    """
+    memory = os.memfd_create(path.name)
+    try:
+        output = oiio.ImageOutput.create(path.suffix[1:].lower())
+        if output is None:
+            raise OutputError(f"{path}: cannot be encoded: {_one_line(oiio.geterror())}")
+        done = output.open(f"/proc/self/fd/{memory}", spec) and output.write_image(pixels)
+        error = output.geterror()
+        if not (output.close() and done):
+            raise OutputError(f"{path}: cannot be encoded: {_one_line(error or output.geterror())}")
+        with open(memory, "rb", closefd=False) as file:
+            file.seek(0)
+            return file.read()
+    finally:
+        os.close(memory)
 
 
 def _one_line(error: str) -> str:
