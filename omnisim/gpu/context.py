@@ -8,8 +8,9 @@ from typing import NamedTuple
 import moderngl
 
 from omnisim.errors import GraphicsError
+from omnisim.gpu.reversed_depth import clip_depth_from_zero_to_one
 
-REQUIRED_VERSION = 430
+REQUIRED_VERSION = 450
 INSTALL_HINT = (
     "install OpenGL: sudo apt-get install libegl1 libgl1 libgl1-mesa-dri (software), "
     "or your graphics card's driver"
@@ -53,6 +54,7 @@ def open_context(device: int | None = None) -> moderngl.Context:
         )
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
+    clip_depth_from_zero_to_one()
     return context
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.errors import GraphicsError
 from omnisim.gpu.face_plan import Face, FacePlan
+from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
 from omnisim.gpu.scene_buffers import SceneBuffers, is_blended
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.surface_program import SurfaceProgram, variant_of
@@ -60,7 +61,7 @@ class CubePass:
             if samples > 1
             else self.atlas
         )
-        depth = context.depth_renderbuffer(size, samples=samples if samples > 1 else 0)
+        depth = float_depth(context, size, samples if samples > 1 else 0)
         self._target = context.framebuffer([color], depth)
         self._programs = {
             variant: SurfaceProgram(build_program(context, *variant.files), buffers, scene, variant)
@@ -81,8 +82,9 @@ class CubePass:
         target.scissor = None
         target.viewport = (0, 0, *target.size)
         target.depth_mask = True
-        target.clear(*self._scene.background, 1.0)
+        target.clear(*self._scene.background, 1.0, depth=CLEARED_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = DEPTH_FUNCTION
         # y of the clip space runs down the picture, so triangles turn the other way round
         context.cull_face = "back"
         for face in self.plan.faces:
@@ -148,15 +150,15 @@ class CubePass:
 def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
     """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
 
-    The far plane may be infinite.
+    Its depth runs from 1 at the near plane to 0 at the far one, which may be infinite.
     """
     first, last = face.tangents
     scale, shift = 2.0 / (last - first), -(last + first) / (last - first)
     if math.isinf(far_m):
-        z_scale, z_shift = 1.0, -2.0 * near_m
+        z_scale, z_shift = 0.0, near_m
     else:
-        z_scale = (far_m + near_m) / (far_m - near_m)
-        z_shift = -2.0 * far_m * near_m / (far_m - near_m)
+        z_scale = -near_m / (far_m - near_m)
+        z_shift = far_m * near_m / (far_m - near_m)
     return np.array(
         [[scale, 0, shift, 0], [0, scale, shift, 0], [0, 0, z_scale, z_shift], [0, 0, 1, 0]]
     )

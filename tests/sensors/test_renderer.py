@@ -176,6 +176,20 @@ def test_near_and_far_are_where_they_are_said_to_be():
         assert (red > 0) == seen, distance
 
 
+@pytest.mark.parametrize(("distance_m", "gap_m"), [(50, 0.01), (500, 0.1), (10_000, 1.0)])
+def test_far_surfaces_do_not_shine_through_each_other(distance_m, gap_m):
+    materials = [material(0, 1, 0), material(1, 0, 0)]
+    half_m = 2.0 * distance_m
+    meshes = [quad(0.0, half_m), quad(-gap_m, half_m, material=1)]
+    poses = [np.eye(4), np.eye(4)]
+    tilt = frames.pose((0.0, 0.0, -distance_m), roll_deg=7.0, pitch_deg=11.0)
+    sensor = OmniCamera(polygons=None, samples=1)
+    with Renderer(scene_of(meshes, materials, [tilt @ pose for pose in poses]), sensor) as renderer:
+        rgb = renderer.render(np.eye(4)).rgb
+    assert (rgb[..., 1] > 0).sum() > 10_000
+    assert not rgb[..., 0].any()
+
+
 def test_viewpoint_inside_a_wall_is_a_picture():
     scene = scene_of([room()])
     sensor = OmniCamera()
