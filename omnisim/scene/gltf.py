@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from trimesh.exchange.gltf.extensions import register_handler
 
+import omnisim.scene.gltf_primitives  # noqa: F401 (its handlers complete what trimesh reads)
 from omnisim.errors import SceneError
-from omnisim.scene.gltf_header import MARKER
-from omnisim.scene.mesh_data import colors_rgba, make_mesh
+from omnisim.scene.asset_resolver import AssetResolver
+from omnisim.scene.content import Content, load_with_trimesh
+from omnisim.scene.gltf_header import MARKER, marked_file, read_header
+from omnisim.scene.gltf_skins import skinned
+from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Wrap
+from omnisim.scene.punctual_lights import read_lights
 from omnisim.scene.textures import TextureStore
 
 _REPEAT, _MIRRORED, _CLAMP = 10497, 33648, 33071  # OpenGL's numbers, as samplers state them
@@ -20,23 +25,62 @@ _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
 _NORMALIZED_SCALE = {"u1": 255.0, "u2": 65535.0, "i1": 127.0, "i2": 32767.0}
 
 
-@register_handler(MARKER, scope="primitive")
-def _keep_raw_attributes(context: dict[str, Any]) -> dict[str, Any]:
-    """Keep the accessors' own arrays, before trimesh turns them into its types."""
-    data, accessors = context["data"], context["accessors"]
-    raw = {name: accessors[index] for name, index in data["attributes"].items()}
-    return {
-        "metadata": {
-            MARKER: {"raw": raw, "accessors": data["attributes"], "material": data["material"]}
-        }
-    }
+# What a header of the wrong shapes can raise where `gltf_check` has not looked.
+_HEADER_FAULTS = (
+    LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError,
+)  # fmt: skip
+_POINTS_AND_LINES = (0, 1, 2, 3)
+
+
+def read_gltf(
+    path: Path,
+    data: bytes,
+    textures: TextureStore,
+    resolver: AssetResolver,
+    world_from_file: NDArray[np.float64],
+) -> Content:
+    """Read a glTF or GLB file.
+
+    Raises:
+        SceneError: it is damaged, or requires an extension that nothing here reads.
+    """
+    try:
+        header, rest = read_header(path, data)
+        loaded = load_with_trimesh(path, marked_file(path, header, rest), resolver)
+        reader = GltfReader(header, textures, resolver.missing)
+        meshes, materials, instances = reader.read(loaded)
+        lights = read_lights(loaded, header, world_from_file)
+        notices = [*reader.notices, *_left_out(header)]
+    except _HEADER_FAULTS as reason:
+        raise SceneError(f"its JSON does not hold together: {reason!r}") from None
+    return Content(meshes, materials, instances, notices, lights)
+
+
+def _left_out(header: dict[str, Any]) -> list[str]:
+    """One line for each thing in the file that is not drawn."""
+    meshes = header.get("meshes", [])
+    modes = {primitive.get("mode", 4) for mesh in meshes for primitive in mesh["primitives"]}
+    holders = [*meshes, *header.get("nodes", [])]
+    morphed = any(any(holder.get("weights", ())) for holder in holders)
+    extensions = header.get("extensionsUsed", [])
+    checks = (
+        (modes & set(_POINTS_AND_LINES), "points and lines are not drawn"),
+        (header.get("animations"), "animations are not played"),
+        (morphed, "morph targets are not applied"),
+        (
+            "EXT_mesh_gpu_instancing" in extensions,
+            "EXT_mesh_gpu_instancing is not read: one of each is drawn",
+        ),
+    )
+    return [words for found, words in checks if found]
 
 
 class GltfReader:
     """Turns what trimesh made of a glTF file, and the file's header, into our data."""
 
-    def __init__(self, header: dict[str, Any], textures: TextureStore):
+    def __init__(self, header: dict[str, Any], textures: TextureStore, missing: list[str]):
         self._header = header
+        self._missing = missing  # files that were asked for and are not there
         self._textures = textures
         self._images: dict[int, Any] = {}
         self.notices: list[str] = []
@@ -54,14 +98,11 @@ class GltfReader:
         default_material = len(self._header.get("materials", []))
         for name, geometry in loaded.geometry.items():
             if not isinstance(geometry, trimesh.Trimesh):
-                self.notices.append(f"mesh {name!r}: points and lines are not drawn")
-                continue
+                continue  # points and lines, of which `_left_out` speaks
             marker = geometry.metadata.get(MARKER)
             if marker is None:
                 raise SceneError(f"mesh {name!r}: its attributes cannot be read")
             material = default_material if marker["material"] is None else marker["material"]
-            if not 0 <= material <= default_material:
-                raise SceneError(f"mesh {name!r}: there is no material {material}")
             image = getattr(geometry.visual, "material", None)
             self._images.setdefault(material, getattr(image, "baseColorTexture", None))
             made = self._mesh(name, geometry, marker, material)
@@ -72,7 +113,8 @@ class GltfReader:
             self._material(index, data)
             for index, data in enumerate([*self._header.get("materials", []), {}])
         )
-        return tuple(meshes), materials, _instances(loaded, index_of)
+        instances = self._instances(loaded, index_of, meshes)
+        return tuple(meshes), materials, instances
 
     def _mesh(
         self, name: str, geometry: trimesh.Trimesh, marker: dict[str, Any], material: int
@@ -99,6 +141,58 @@ class GltfReader:
             texture_coordinates=coordinates,
             colors=None if colors is None else colors_rgba(colors, 1.0),
         )
+
+    def _instances(
+        self,
+        loaded: trimesh.Scene,
+        index_of: dict[str, tuple[int, NDArray[np.float64]]],
+        meshes: list[Mesh],
+    ) -> tuple[Instance, ...]:
+        """All instances; skinned ones get a mesh of their own, which is added to `meshes`."""
+        instances = []
+        for name in loaded.graph.nodes_geometry:
+            file_from_mesh, geometry = loaded.graph[name]
+            if geometry not in index_of:
+                continue
+            # Nodes are named by their indices. trimesh puts the primitives of a mesh below its
+            # node, under names of its own.
+            several = loaded.geometry[geometry].metadata.get("from_gltf_primitive")
+            index = int(loaded.graph.transforms.parents[name] if several else name)
+            node = self._header["nodes"][index]
+            mesh, middle = index_of[geometry]
+            if "skin" in node and "JOINTS_0" in loaded.geometry[geometry].metadata[MARKER]["raw"]:
+                made = self._skinned(loaded, geometry, node["skin"], meshes[mesh])
+                mesh, middle, file_from_mesh = len(meshes), made[1], np.eye(4)
+                meshes.append(made[0])
+            label = str(node.get("name", f"node {index}"))
+            instances.append(Instance(label, mesh, moved(file_from_mesh, middle)))
+        return tuple(instances)
+
+    def _skinned(
+        self, loaded: trimesh.Scene, geometry: str, skin: int, mesh: Mesh
+    ) -> tuple[Mesh, NDArray[np.float64]]:
+        marker = loaded.geometry[geometry].metadata[MARKER]
+        accessor = marker["accessors"]["WEIGHTS_0"]
+        weights = np.asarray(self._floats(marker["raw"]["WEIGHTS_0"], accessor), dtype=np.float64)
+        positions, normals = skinned(
+            loaded,
+            self._header["skins"][skin],
+            marker["raw"],
+            marker["binds"].get(str(skin)),
+            weights,
+        )
+        made = make_mesh(
+            mesh.name,
+            positions,
+            mesh.triangles,
+            mesh.material,
+            normals,
+            mesh.texture_coordinates,
+            mesh.colors,
+        )
+        if made is None:
+            raise SceneError(f"mesh {mesh.name!r}: has a skin and no triangles")
+        return made
 
     def _floats(self, values: NDArray[Any], accessor: int) -> NDArray[Any]:
         """Integers to the fractions that they stand for, where the accessor says `normalized`."""
@@ -141,10 +235,12 @@ class GltfReader:
         texture, info = None, self._texture_info(index)
         if "index" in info and index in self._images:
             if self._images[index] is None:
-                self.notices.append(
-                    f"texture of {name} is not there, or in a format that cannot be read: "
-                    "its plain colour is drawn"
-                )
+                source = self._header["textures"][info["index"]].get("source")
+                image = {} if source is None else self._header["images"][source]
+                if image.get("uri") not in self._missing:
+                    self.notices.append(
+                        f"texture of {name!r} cannot be decoded: its plain colour is drawn"
+                    )
             else:
                 wraps = self._wraps(index)
                 texture = self._textures.texture(
@@ -171,26 +267,3 @@ class GltfReader:
         data = self._header["textures"][info["index"]] if "index" in info else {}
         sampler = self._header["samplers"][data["sampler"]] if "sampler" in data else {}
         return sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)
-
-
-def _instances(
-    loaded: trimesh.Scene, index_of: dict[str, tuple[int, NDArray[np.float64]]]
-) -> tuple[Instance, ...]:
-    instances = []
-    for node in loaded.graph.nodes_geometry:
-        file_from_mesh, geometry = loaded.graph[node]
-        if geometry not in index_of:
-            continue
-        mesh, middle = index_of[geometry]
-        # trimesh puts the primitives of a mesh below its node, under names of its own
-        if loaded.geometry[geometry].metadata.get("from_gltf_primitive"):
-            node = loaded.graph.transforms.parents.get(node, node)
-        instances.append(Instance(str(node), mesh, moved(file_from_mesh, middle)))
-    return tuple(instances)
-
-
-def moved(matrix: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pose (4, 4) of a mesh whose origin was moved to `middle` (3,)."""
-    result = np.array(matrix, dtype=np.float64)
-    result[:3, 3] += result[:3, :3] @ middle
-    return result

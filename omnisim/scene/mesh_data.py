@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import SceneError
 from omnisim.scene.model import Mesh
 
+# Beyond, products of coordinates overflow a float32.
+_LARGEST = 1e15
+
 
 def make_mesh(
     name: str,
@@ -67,3 +70,10 @@ def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32
     if values.shape[1] == 3:
         values = np.concatenate((values, np.ones((len(values), 1), dtype=np.float32)), axis=1)
     return np.ascontiguousarray(values[:, :4])
+
+
+def moved(matrix: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose (4, 4) of a mesh whose origin was moved to `middle` (3,)."""
+    result = np.array(matrix, dtype=np.float64)
+    result[:3, 3] += result[:3, :3] @ middle
+    return result

@@ -6,112 +6,120 @@ None of them says which side of a triangle is its front reliably, so both are dr
 
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.gltf import moved
-from omnisim.scene.mesh_data import colors_rgba, make_mesh
+from omnisim.scene.content import Content, load_with_trimesh
+from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
-from omnisim.scene.textures import TextureStore, has_holes, rgba8
+from omnisim.scene.obj_text import plain_obj
+from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 from omnisim.srgb import linear_from_srgb
 
 # What a surface without any colour looks like: a light grey of 80 % on the screen.
 PLAIN_GREY = float(linear_from_srgb(0.8))
-_TRANSPARENT_BELOW = 0.999
+_OPAQUE_FROM = 0.999
 
 
-def read_meshes(
-    loaded: trimesh.Scene, textures: TextureStore, resolver: AssetResolver
-) -> tuple[tuple[Mesh, ...], tuple[Material, ...], tuple[Instance, ...], list[str]]:
-    """Return meshes, materials, instances (world_from_mesh is file_from_mesh) and notices.
+def read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver) -> Content:
+    """Read a file of any format but glTF.
 
     Raises:
-        SceneError: damaged vertices or indices.
+        SceneError: damaged vertices or indices, or nothing that trimesh can make sense of.
     """
+    if path.suffix.lower() == ".obj":
+        data, resolver.material_files = plain_obj(data)
+    loaded = load_with_trimesh(path, data, resolver)
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
     index_of: dict[str, tuple[int, NDArray[np.float64]]] = {}
     for name, geometry in loaded.geometry.items():
         if not isinstance(geometry, trimesh.Trimesh):
-            notices.append(f"{name!r}: points and lines are not drawn")
-            continue
-        for part in _parts(geometry):
-            material, coordinates, colors = _looks(name, part, textures, resolver)
-            positions, triangles = part.vertices, part.faces
-            normals = part._cache.cache.get("vertex_normals")  # present where the file has them
-            if colors is not None and len(colors) == len(triangles) != len(positions):
-                # one colour a triangle: each gets vertices of its own
-                positions, normals = positions[triangles].reshape(-1, 3), None
-                colors = np.repeat(colors, 3, axis=0)
-                triangles = np.arange(len(positions)).reshape(-1, 3)
-                coordinates = None
-            made = make_mesh(
-                name, positions, triangles, len(materials), normals, coordinates, colors
-            )
-            if made is not None:
-                index_of[name] = (len(meshes), made[1])
-                meshes.append(made[0])
-                materials.append(material)
+            notices.append("points and lines are not drawn")
+        elif (made := _mesh(name, geometry, len(materials))) is not None:
+            index_of[name] = (len(meshes), made[1])
+            meshes.append(made[0])
+            materials.append(_material(name, geometry.visual, textures, resolver))
     instances = []
     for node in loaded.graph.nodes_geometry:
         file_from_mesh, geometry_name = loaded.graph[node]
         if geometry_name in index_of:
             mesh, middle = index_of[geometry_name]
             instances.append(Instance(str(node), mesh, moved(file_from_mesh, middle)))
-    return tuple(meshes), tuple(materials), tuple(instances), notices
+    return Content(tuple(meshes), tuple(materials), tuple(instances), notices)
 
 
-def _parts(geometry: trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    return [geometry] if len(geometry.faces) else []
+def _mesh(
+    name: str, geometry: trimesh.Trimesh, material: int
+) -> tuple[Mesh, NDArray[np.float64]] | None:
+    positions, triangles, visual = geometry.vertices, geometry.faces, geometry.visual
+    normals = geometry._cache.cache.get("vertex_normals")  # present where the file has them
+    coordinates = colors = None
+    if isinstance(visual, trimesh.visual.TextureVisuals):
+        if visual.uv is not None and len(visual.uv) == len(positions):
+            coordinates = _texture_coordinates(visual)
+    elif visual.kind == "vertex":
+        colors = _linear_colors(visual.vertex_colors)
+    elif visual.kind == "face" and len(triangles):
+        # one colour a triangle: each gets vertices of its own
+        colors = np.repeat(_linear_colors(visual.face_colors), 3, axis=0)
+        positions, normals = positions[triangles].reshape(-1, 3), None
+        triangles = np.arange(len(positions)).reshape(-1, 3)
+    return make_mesh(name, positions, triangles, material, normals, coordinates, colors)
 
 
-def _looks(
-    name: str, mesh: trimesh.Trimesh, textures: TextureStore, resolver: AssetResolver
-) -> tuple[Material, NDArray[np.float64] | None, NDArray[np.float32] | None]:
-    """Material, texture coordinates (n, 2) with v down, and colours (vertices or triangles, 4)."""
-    visual = mesh.visual
-    if not isinstance(visual, trimesh.visual.TextureVisuals):
-        colors = None
-        if visual.kind == "vertex":
-            colors = _linear_colors(visual.vertex_colors)
-        elif visual.kind == "face":
-            colors = _linear_colors(visual.face_colors)
-        grey = (PLAIN_GREY,) * 3 if colors is None else (1.0,) * 3
-        return Material(name, (*grey, 1.0), double_sided=True), None, colors
-    coordinates = None
-    if visual.uv is not None and len(visual.uv) == len(mesh.vertices):
-        coordinates = np.array(visual.uv, dtype=np.float64)
-        coordinates[:, 1] = 1.0 - coordinates[:, 1]
-    return _material(name, visual.material, textures, resolver), coordinates, None
+def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.float64]:
+    """Texture coordinates (n, 2), v down; MTL's scale and offset of the map applied."""
+    extra = getattr(visual.material, "kwargs", {})
+    coordinates = np.array(visual.uv, dtype=np.float64)[:, :2]
+    coordinates *= _pair(extra.get("map_kd-s"), 1.0)
+    coordinates += _pair(extra.get("map_kd-o"), 0.0)
+    coordinates[:, 1] = 1.0 - coordinates[:, 1]
+    return coordinates
+
+
+def _pair(words: Sequence[str] | None, default: float) -> list[float]:
+    """The first two numbers of a texture map's option."""
+    return ([float(word) for word in words or ()] + [default, default])[:2]
 
 
 def _material(
-    mesh_name: str, source: Any, textures: TextureStore, resolver: AssetResolver
+    mesh_name: str, visual: Any, textures: TextureStore, resolver: AssetResolver
 ) -> Material:
+    if not isinstance(visual, trimesh.visual.TextureVisuals):
+        grey = 1.0 if visual.kind in ("vertex", "face") else PLAIN_GREY
+        return Material(mesh_name, (grey, grey, grey, 1.0), double_sided=True)
+    source = visual.material
     name = str(getattr(source, "name", None) or mesh_name)
-    image = getattr(source, "image", None)
-    factor = getattr(source, "diffuse", None)
+    image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
+    extra = getattr(source, "kwargs", {})
     if isinstance(source, trimesh.visual.material.PBRMaterial):
         image, factor = source.baseColorTexture, source.baseColorFactor
+    elif "kd" not in extra:
+        factor = None  # trimesh's stand-in for a missing Kd
+    if getattr(image, "format", None) is None:
+        image = None  # trimesh's stand-in for a missing material, not a picture from a file
     texture = None if image is None else textures.texture(image, name)
-    extra = getattr(source, "kwargs", {})
     hole_map = _hole_map(extra, resolver)
-    if texture is not None and hole_map is not None:
-        texture = _with_alpha(texture, hole_map)
-    rgba = np.array([204, 204, 204, 255] if factor is None else factor, dtype=np.float64) / 255.0
+    if hole_map is not None:
+        white = Texture(np.full((*hole_map.shape, 4), 255, dtype=np.uint8))
+        texture = _with_alpha(texture or white, hole_map)
+    if factor is None:
+        factor = [255] * 4 if texture is not None else [204, 204, 204, 255]
+    rgba = np.resize(np.array(factor, dtype=np.float64) / 255.0, 4)
     if image is not None and not rgba[:3].any():
         rgba[:3] = 1.0  # exporters write a black Kd beside map_Kd, and mean the map
     alpha = _opacity(extra, float(rgba[3]))
-    mode = AlphaMode.OPAQUE
-    if has_holes(texture):
-        mode = AlphaMode.MASK
-    if alpha < _TRANSPARENT_BELOW:
-        mode = AlphaMode.BLEND
+    mode = alpha_mode_of(texture) if alpha >= _OPAQUE_FROM else AlphaMode.BLEND
     red, green, blue = (float(value) for value in linear_from_srgb(rgba[:3]))
     return Material(name, (red, green, blue, alpha), texture, mode, double_sided=True)
 
@@ -124,22 +132,20 @@ def _linear_colors(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def _opacity(extra: dict[str, Any], default: float) -> float:
     """MTL's `d`, or its opposite `Tr`."""
+    stated = default
     try:
         if "d" in extra:
-            return float(extra["d"][-1])
-        if "tr" in extra:
-            return 1.0 - float(extra["tr"][-1])
+            stated = float(extra["d"][-1])
+        elif "tr" in extra:
+            stated = 1.0 - float(extra["tr"][-1])
     except (TypeError, ValueError, IndexError):
         pass  # a word where a number belongs: as if it were not written
-    return default
+    # nobody models what cannot be seen: 0 comes from exporters that mean its opposite
+    return stated if 0.0 < stated <= 1.0 else 1.0
 
 
 def _hole_map(extra: dict[str, Any], resolver: AssetResolver) -> NDArray[np.uint8] | None:
     """MTL's `map_d` as levels (height, width) uint8."""
-    import io
-
-    from PIL import Image
-
     if not extra.get("map_d"):
         return None
     try:

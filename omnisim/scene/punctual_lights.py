@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from omnisim.errors import SceneError
 from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
 # A white surface with no lamp near it is still seen: what stands in for light from all around.
@@ -49,18 +50,22 @@ def read_lights(
     entries = header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
     kinds = {kind.value for kind in LightKind}
     lights = []
-    for (_, node), edge in loaded.graph.transforms.edge_data.items():
-        extensions = (edge.get("metadata") or {}).get("gltf_extensions", {})
-        index = extensions.get("KHR_lights_punctual", {}).get("light")
-        if not isinstance(index, int) or not 0 <= index < len(entries):
+    in_scene = set(loaded.graph.nodes)
+    for number, node in enumerate(header.get("nodes", [])):
+        index = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
+        if type(index) is not int or not 0 <= index < len(entries) or str(number) not in in_scene:
             continue
         data = entries[index]
-        if data.get("type") not in kinds:
-            continue
-        world_from_light = world_from_file @ loaded.graph[node][0]
+        world_from_light = world_from_file @ loaded.graph.get(str(number))[0]
         axis = -world_from_light[:3, 2]
+        if data.get("type") not in kinds or not axis.any():
+            continue
         spot = data.get("spot", {})
         red, green, blue = data.get("color", (1.0, 1.0, 1.0))
+        reach = float(data.get("range", math.inf))
+        numbers = (red, green, blue, data.get("intensity", 1.0), *spot.values())
+        if not (np.isfinite(numbers).all() and np.isfinite(world_from_light).all()):
+            raise SceneError(f"nodes[{number}]: its lamp has a number that is not finite")
         lights.append(
             Light(
                 LightKind(data["type"]),
@@ -68,7 +73,7 @@ def read_lights(
                 float(data.get("intensity", 1.0)),
                 position_m=world_from_light[:3, 3],
                 direction=axis / np.linalg.norm(axis),
-                range_m=float(data.get("range", math.inf)),
+                range_m=reach if reach > 0.0 else math.inf,
                 cone_cosines=(
                     math.cos(spot.get("innerConeAngle", 0.0)),
                     math.cos(spot.get("outerConeAngle", math.pi / 4.0)),

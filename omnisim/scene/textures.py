@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.model import Texture, Wrap
+from omnisim.scene.model import AlphaMode, Texture, Wrap
 
 
 class TextureStore:
@@ -71,6 +71,16 @@ def rgba8(image: Any) -> NDArray[np.uint8]:
     return np.array(image.convert("RGBA"), dtype=np.uint8)
 
 
-def has_holes(texture: Texture | None) -> bool:
-    """Whether any texel is not opaque."""
-    return texture is not None and bool((texture.pixels[..., 3] < 255).any())
+def alpha_mode_of(texture: Texture | None) -> AlphaMode:
+    """How the alpha of a texture is meant, in formats that do not say.
+
+    All or nothing is a mask, as leaves and fences have it; anything between is glass.
+    """
+    if texture is None:
+        return AlphaMode.OPAQUE
+    alpha = texture.pixels[..., 3]
+    if not (alpha < 255).any():
+        return AlphaMode.OPAQUE
+    between = (alpha > 7) & (alpha < 248)
+    # the soft rims of leaves are between, too: a texel in ten still makes a mask
+    return AlphaMode.MASK if between.mean() < 0.1 else AlphaMode.BLEND

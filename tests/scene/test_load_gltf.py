@@ -241,6 +241,115 @@ def test_lamps_of_the_file(gltf, tmp_path):
     assert lighting.exposure > 0.0
 
 
+def test_lamp_on_a_node_with_several_primitives_shines_once(gltf, tmp_path):
+    gltf.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    mesh, other = gltf.triangle(), gltf.triangle()
+    gltf.tree["meshes"][mesh]["primitives"] += gltf.tree["meshes"][other]["primitives"]
+    gltf.node(mesh=mesh, name="lamp", extensions={"KHR_lights_punctual": {"light": 0}})
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    assert len(scene.lighting.lights) == 1
+    assert [instance.name for instance in scene.instances] == ["lamp", "lamp"]
+
+
+def test_only_the_strongest_lamps_shine(gltf, tmp_path):
+    lamps = [{"type": "point", "intensity": 1.0 + i} for i in range(40)]
+    gltf.tree["extensions"] = {"KHR_lights_punctual": {"lights": lamps}}
+    gltf.node(mesh=gltf.triangle())
+    for i in range(40):
+        gltf.node(extensions={"KHR_lights_punctual": {"light": i}}, translation=[0, 0, 2])
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"))
+    assert sorted(light.intensity for light in scene.lighting.lights) == [
+        9.0 + i for i in range(32)
+    ]
+    assert scene.notices == ("a.gltf: has 40 lamps: the 32 strongest shine",)
+
+
+def test_sparse_positions_and_triangle_fan(gltf, tmp_path):
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    mesh = gltf.triangle(positions=square)
+    primitive = gltf.tree["meshes"][mesh]["primitives"][0]
+    primitive["mode"] = 6
+    places, moved = gltf.accessor(np.array([2], "<u2"), "SCALAR"), [[5, 5, 0]]
+    values = gltf.accessor(np.array(moved, "<f4"), "VEC3")
+    views = [gltf.tree["accessors"][index]["bufferView"] for index in (places, values)]
+    gltf.tree["accessors"][primitive["attributes"]["POSITION"]]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": views[0], "componentType": 5123},
+        "values": {"bufferView": views[1]},
+    }
+    gltf.node(mesh=mesh)
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z")
+    assert scene.meshes[0].triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    np.testing.assert_allclose(_world(scene), [[0, 0, 0], [1, 0, 0], [5, 5, 0], [0, 1, 0]])
+
+
+def test_specular_glossiness_keeps_its_texture(gltf, tmp_path):
+    coordinates = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    texture = gltf.texture(np.full((2, 2, 3), 77))
+    glossy = {"diffuseFactor": [0.5, 0.6, 0.7, 1.0], "diffuseTexture": {"index": texture}}
+    gltf.tree["materials"] = [{"extensions": {"KHR_materials_pbrSpecularGlossiness": glossy}}]
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=coordinates))
+    material = load_scene(gltf.write(tmp_path / "a.gltf")).materials[0]
+    assert material.base_color == (0.5, 0.6, 0.7, 1.0)
+    assert material.texture.pixels[0, 0].tolist() == [77, 77, 77, 255]
+
+
+def test_skin_is_drawn_where_its_joints_are(gltf, tmp_path):
+    """The usual export: the mesh in centimetres, the armature scaled by 0.01, a joint moved."""
+    joints = gltf.accessor(np.zeros((3, 4), "u1"), "VEC4")
+    weights = gltf.accessor(np.array([[1, 0, 0, 0]] * 3, "<f4"), "VEC4")
+    bind = np.eye(4, dtype="<f4")
+    bind[0, 3] = -100.0
+    binds = gltf.accessor(bind.T.reshape(1, 16).copy(), "MAT4")
+    mesh = gltf.triangle(positions=np.eye(3) * 100.0, JOINTS_0=joints, WEIGHTS_0=weights)
+    gltf.tree["skins"] = [{"joints": [2], "inverseBindMatrices": binds}]
+    gltf.node(scale=[0.01, 0.01, 0.01], children=[1, 2])
+    gltf.tree["nodes"].append({"mesh": mesh, "skin": 0, "name": "body", "translation": [9, 9, 9]})
+    gltf.tree["nodes"].append({"name": "joint", "translation": [300, 0, 0]})
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z")
+    # (p − 100 x + 300 x) · 0.01; the translation of the mesh's own node does not count
+    np.testing.assert_allclose(_world(scene), [[3, 0, 0], [2, 1, 0], [2, 0, 1]], atol=1e-5)
+    assert scene.instances[0].name == "body"
+
+
+def test_file_without_scenes_shows_its_roots(gltf, tmp_path):
+    gltf.node(mesh=gltf.triangle(), translation=[1, 0, 0])
+    del gltf.tree["scenes"], gltf.tree["scene"]
+    assert load_scene(gltf.write(tmp_path / "a.gltf")).triangle_count == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        (("asset", "version"), "1.0", "asset.version = '1.0': want glTF 2.0"),
+        (("nodes", 0, "mesh"), 5, r"nodes\[0\].mesh = 5: want an index into meshes, which has 1"),
+        (("nodes", 0, "mesh"), -1, r"nodes\[0\].mesh = -1: want an index"),
+        (("nodes", 0, "children"), [0], r"nodes\[0\]: is its own ancestor"),
+        (("nodes", 0, "scale"), [1, float("inf"), 1], "its pose has numbers that are not finite"),
+        (("nodes", 0, "scale"), "big", "does not hold together"),
+        (("accessors", 0, "count"), 10**12, r"accessors\[0\]: 1000000000000 values do not fit"),
+        (("accessors", 0, "type"), "VEC2", r"POSITION: want VEC3"),
+        (("bufferViews", 0, "byteLength"), 10**6, r"bufferViews\[0\]: ends at byte 1000000 of"),
+        (("meshes", 0, "primitives", 0, "attributes"), {}, r"primitives\[0\]: has no POSITION"),
+        (("meshes", 0, "primitives", 0, "material"), 3, "want an index into materials"),
+        (("extensionsUsed",), 7, "extensionsUsed: want a list"),
+        (("materials",), [{"alphaCutoff": float("nan")}], "its colour is not finite"),
+    ],
+)
+def test_header_faults_are_named(gltf, tmp_path, place, value, words):
+    gltf.node(mesh=gltf.triangle())
+    path = gltf.write(tmp_path / "a.gltf")
+    holder = gltf.tree
+    for key in place[:-1]:
+        holder = holder[key]
+    holder[place[-1]] = value
+    path.write_text(json.dumps(gltf.tree))
+    with pytest.raises(SceneError, match=words) as info:
+        load_scene(path)
+    assert "\n" not in str(info.value)
+    assert str(info.value).startswith(f"{path}: ")
+
+
 def test_missing_texture_is_said_and_the_factor_drawn(gltf, tmp_path):
     gltf.tree["images"] = [{"uri": "not%20there.png"}]
     gltf.tree["textures"] = [{"source": 0}]

@@ -1,5 +1,8 @@
 """OBJ, PLY, STL, COLLADA, and files that are none of them."""
 
+import os
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -41,6 +44,96 @@ def test_obj_colours_are_display_values(tmp_path):
     np.testing.assert_allclose(material.base_color[:3], expected, atol=0.004)  # 8 bits
     assert material.base_color[3] == pytest.approx(0.5)
     assert material.alpha_mode is AlphaMode.BLEND
+
+
+def test_obj_without_materials_is_light_grey_with_or_without_coordinates(tmp_path):
+    """trimesh puts a dark grey picture where there is no material; it must not be seen."""
+    path = tmp_path / "a.obj"
+    for text in (TRIANGLE_OBJ, TRIANGLE_OBJ.replace("mtllib a.mtl\n", "")):
+        path.write_text(text)
+        material = load_scene(path).materials[0]
+        assert material.texture is None
+        np.testing.assert_allclose(material.base_color[:3], linear_from_srgb(0.8), atol=1e-3)
+
+
+def test_obj_texture_without_kd_is_not_darkened(tmp_path):
+    Image.new("RGB", (2, 2), (250, 120, 60)).save(tmp_path / "wood.png")
+    material = load_scene(_obj(tmp_path, "newmtl m\nmap_Kd wood.png\n")).materials[0]
+    assert material.base_color == (1.0, 1.0, 1.0, 1.0)
+    assert material.texture.pixels[0, 0].tolist() == [250, 120, 60, 255]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "map_Kd -s 2 3 1 -o 0.5 0.25 my wood.png",
+        'map_Kd -clamp on -s 2 3 1 -o 0.5 0.25 "my wood.png"   # a comment',
+        "\tMap_KD  -o 0.5 0.25 0 -s 2 3 my wood.png",
+    ],
+)
+def test_mtl_options_of_a_map(tmp_path, line):
+    Image.new("RGB", (2, 2), (250, 120, 60)).save(tmp_path / "my wood.png")
+    scene = load_scene(_obj(tmp_path, f"# made by hand\nnewmtl m\n{line}\n"))
+    assert scene.notices == ()
+    assert scene.materials[0].texture is not None
+    # vt (0, 1): u = 0 · 2 + 0.5, and v = 1 · 3 + 0.25 from the bottom
+    np.testing.assert_allclose(scene.meshes[0].texture_coordinates[2], [0.5, 1.0 - 3.25])
+
+
+def test_several_material_files_in_every_encoding(tmp_path):
+    (tmp_path / "a.mtl").write_bytes("\ufeffnewmtl rot\nKd 1 0 0\n".encode())
+    (tmp_path / "b c.mtl").write_bytes("newmtl grün\nKd 0 1 0\n".encode("latin-1"))
+    text = (
+        "# mtllib never.mtl\nmtllib a.mtl\nmtllib b c.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n"
+        "usemtl rot\nf 1 2 3\nusemtl grün\nf 3 2 1\n"
+    )
+    (tmp_path / "a.obj").write_bytes(text.replace("\n", "\r").encode("latin-1"))
+    scene = load_scene(tmp_path / "a.obj")
+    assert scene.notices == ()
+    assert {material.name: material.base_color[:3] for material in scene.materials} == {
+        "rot": (1.0, 0.0, 0.0),
+        "grün": (0.0, 1.0, 0.0),
+    }
+
+
+def test_obj_indices_that_count_back(tmp_path):
+    blocks = "".join(f"v {x} 0 0\nv {x} 1 0\nv {x} 0 1\nf -3 -2 -1\n" for x in (0, 5))
+    (tmp_path / "a.obj").write_text(blocks)
+    scene = load_scene(tmp_path / "a.obj", up_axis="z")
+    assert scene.triangle_count == 2
+    low, high = scene.bounds_m()
+    np.testing.assert_allclose([low, high], [[0, 0, 0], [5, 1, 1]], atol=1e-6)
+
+
+def test_obj_corners_without_coordinates_do_not_cost_the_others_theirs(tmp_path):
+    Image.new("RGB", (2, 2), (250, 120, 60)).save(tmp_path / "wood.png")
+    path = _obj(tmp_path, "newmtl m\nmap_Kd wood.png\n")
+    path.write_text(TRIANGLE_OBJ + "v 1 1 0\nf 2 4 3\n")
+    scene = load_scene(path)
+    assert scene.triangle_count == 2
+    coordinates = scene.meshes[0].texture_coordinates
+    assert coordinates is not None
+    assert any(np.allclose(pair, (1.0, 1.0)) for pair in coordinates)  # vt 1 0 of the first face
+
+
+def test_alpha_of_a_texture_decides_between_mask_and_blend(tmp_path):
+    pixels = np.full((8, 8, 4), 200, dtype=np.uint8)
+    path = _obj(tmp_path, "newmtl m\nmap_Kd leaf.png\n")
+    for alpha, mode in (
+        (np.where(np.arange(8) < 4, 0, 255), AlphaMode.MASK),
+        (np.full(8, 100), AlphaMode.BLEND),
+        (np.full(8, 255), AlphaMode.OPAQUE),
+    ):
+        pixels[..., 3] = alpha
+        Image.fromarray(pixels).save(tmp_path / "leaf.png")
+        assert load_scene(path).materials[0].alpha_mode is mode
+
+
+def test_hole_map_without_a_colour_map(tmp_path):
+    Image.fromarray(np.array([[0, 255]], dtype=np.uint8)).save(tmp_path / "holes.png")
+    material = load_scene(_obj(tmp_path, "newmtl m\nKd 1 0 0\nmap_d holes.png\n")).materials[0]
+    assert material.alpha_mode is AlphaMode.MASK
+    assert material.texture.pixels[0].tolist() == [[255, 255, 255, 0], [255, 255, 255, 255]]
 
 
 def test_obj_with_missing_texture_says_so(tmp_path):
@@ -88,14 +181,12 @@ def test_ply_vertex_and_face_colours(tmp_path):
 COLLADA_AXES = '<up_axis>{axis}_UP</up_axis><unit name="centimeter" meter="0.01"/>'
 
 
-@pytest.mark.parametrize(("axis", "size"), [("X", (3, 2, 1)), ("Y", (1, 3, 2)), ("Z", (1, 2, 3))])
+@pytest.mark.parametrize(("axis", "size"), [("X", (2, 3, 1)), ("Y", (1, 3, 2)), ("Z", (1, 2, 3))])
 def test_collada_says_its_axis_and_unit(tmp_path, axis, size):
     path = tmp_path / "box.dae"
     trimesh.creation.box(extents=(100.0, 200.0, 300.0)).export(path)
     text = path.read_text()
     assert "<up_axis>" in text or "</asset>" in text
-    import re
-
     text = re.sub(r"<up_axis>.*?</up_axis>|<unit[^>]*/>", "", text)
     path.write_text(text.replace("</asset>", COLLADA_AXES.format(axis=axis) + "</asset>"))
     low, high = load_scene(path).bounds_m()
@@ -116,7 +207,7 @@ def test_collada_says_its_axis_and_unit(tmp_path, axis, size):
         ("a.glb", b"glTF but not quite", "not glTF"),
         ("a.gltf", b"{}", "not glTF"),
         ("a.gltf", b"[1, 2", "not glTF"),
-        ("a.gltf", b'{"asset": {"version": "2.0"}, "meshes": 3}', "cannot be read|hold together"),
+        ("a.gltf", b'{"asset": {"version": "2.0"}, "meshes": 3}', "meshes: want a list of objects"),
         ("a.jpg", b"\xff\xd8", "unknown scene format '.jpg'"),
         ("noending", b"x", "unknown scene format"),
     ],
@@ -128,6 +219,43 @@ def test_bad_files_get_one_line(tmp_path, name, content, words):
         load_scene(path)
     assert str(path) in str(info.value)
     assert "\n" not in str(info.value)
+
+
+def test_face_colours_of_as_many_triangles_as_vertices(tmp_path):
+    """A tetrahedron: four of each, and still one colour a triangle."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    tetrahedron = trimesh.Trimesh(corners, faces, process=False)
+    tetrahedron.visual.face_colors = np.array(
+        [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 255, 255]]
+    )
+    tetrahedron.export(tmp_path / "a.ply")
+    mesh = load_scene(tmp_path / "a.ply").meshes[0]
+    assert len(mesh.positions) == 12
+    colors = mesh.colors.reshape(4, 3, 4)
+    np.testing.assert_array_equal(colors[:, 0], colors[:, 2])
+    assert colors[0, 0].tolist() == [1, 0, 0, 1]
+
+
+@pytest.mark.parametrize("unit", ["e", "0", "-1", "1e999", "0,01"])
+def test_collada_unit_that_is_none(tmp_path, unit):
+    path = tmp_path / "box.dae"
+    trimesh.creation.box().export(path)
+    text = path.read_text().replace("</asset>", f'<unit meter="{unit}"/></asset>')
+    path.write_text(text)
+    with pytest.raises(SceneError, match=rf"box\.dae: <unit meter='{unit}'>: want a number"):
+        load_scene(path)
+
+
+def test_what_is_no_regular_file(tmp_path):
+    os.mkfifo(tmp_path / "a.glb")
+    with pytest.raises(SceneError, match=r"a\.glb: is not a regular file"):
+        load_scene(tmp_path / "a.glb")
+    with pytest.raises(SceneError, match="cannot be read: File name too long"):
+        load_scene("x" * 5000 + ".glb")
+    with pytest.raises(SceneError, match=r"unknown scene format '\.zip'"):
+        (tmp_path / "a.zip").write_bytes(b"PK")
+        load_scene(tmp_path / "a.zip")
 
 
 def test_point_cloud_has_nothing_to_draw(tmp_path):

@@ -1,0 +1,60 @@
+"""Which way is up in a mesh file, and how long its unit is."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import SceneError
+from omnisim.scene.scene_file import SceneFile
+
+_WORLD_FROM_UP_AXIS = {
+    "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # COLLADA: right −y, up x, in z
+    "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "z": np.eye(3),
+}
+# Where the format itself does not fix it: what Blender's importers assume. All others: z.
+_UP_AXIS_OF_FORMAT = {".glb": "y", ".gltf": "y", ".obj": "y"}
+_METERS_OF_FORMAT = {".3mf": 0.001}  # its default; all others: 1
+
+
+def world_from_file(
+    suffix: str, data: bytes, settings: SceneFile, up_axis: str | None
+) -> NDArray[np.float64]:
+    """Matrix (4, 4) from a file's axes and unit to our world.
+
+    `up_axis` overrules `settings`, which overrules the file, which overrules its format.
+
+    Raises:
+        SceneError: an axis that is none, or a unit that is not a length.
+    """
+    axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
+    unit = _METERS_OF_FORMAT.get(suffix, 1.0)
+    if suffix == ".dae":
+        axis, unit = _collada(data)
+    axis = up_axis or settings.up_axis or axis
+    if axis not in _WORLD_FROM_UP_AXIS:
+        raise SceneError(f"up axis {axis!r}: want x, y or z")
+    matrix = np.eye(4)
+    matrix[:3, :3] = _WORLD_FROM_UP_AXIS[axis] * (settings.meters_per_unit or unit)
+    return matrix
+
+
+def _collada(data: bytes) -> tuple[str, float]:
+    """COLLADA's <asset> says both; trimesh leaves them to us."""
+    found = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
+    axis = found[1].decode().lower() if found else "y"
+    stated = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", data)
+    if stated is None:
+        return axis, 1.0
+    text = stated[1].decode("utf-8", "replace")
+    try:
+        unit = float(text)
+    except ValueError:
+        unit = math.nan
+    if not (math.isfinite(unit) and unit > 0.0):
+        raise SceneError(f"<unit meter={text!r}>: want a number above 0")
+    return axis, unit
