@@ -253,8 +253,8 @@ def test_what_is_no_regular_file(tmp_path):
         load_scene(tmp_path / "a.glb")
     with pytest.raises(SceneError, match="cannot be read: File name too long"):
         load_scene("x" * 5000 + ".glb")
+    (tmp_path / "a.zip").write_bytes(b"PK")
     with pytest.raises(SceneError, match=r"unknown scene format '\.zip'"):
-        (tmp_path / "a.zip").write_bytes(b"PK")
         load_scene(tmp_path / "a.zip")
 
 
