@@ -30,8 +30,12 @@ def whole_file(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def check_target(path: Path) -> None:
+def check_target(path: Path, may_make_folder: bool = False) -> None:
     """Refuse early what could only fail after the work is done.
+
+    Args:
+        path: file that is going to be written.
+        may_make_folder: its folder is going to be made where it is not there yet.
 
     Raises:
         OutputError: the folder is not there or cannot be written, or `path` is a folder.
@@ -39,6 +43,8 @@ def check_target(path: Path) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: want the name of a file")
     folder = path.parent
+    if may_make_folder and not folder.exists():
+        path, folder = folder, folder.parent
     if not folder.is_dir():
         raise OutputError(f"{path}: the folder {folder} does not exist: create it first")
     if not os.access(folder, os.W_OK):

@@ -42,7 +42,7 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     is_float = is_float_format(request.output)
     check_target(request.output)
     if request.faces is not None:
-        _make_folder(request.faces)
+        check_target(request.faces / "front.png", may_make_folder=True)
     camera = read_sensor(request.sensor)
     if request.size_px is not None:
         camera = camera.resized(request.size_px)
@@ -66,6 +66,7 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         markup=False,
     )
     if request.faces is not None:
+        _make_folder(request.faces)
         for name, pixels in faces.items():
             write_image(request.faces / f"{name}.png", pixels)
         write_image(request.faces / "unfolded.png", unfolded_cube(faces))

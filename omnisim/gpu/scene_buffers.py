@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.scene.model import AlphaMode, Material, Mesh, Scene, Texture, Wrap
+from omnisim.gpu.masked_mipmaps import masked_mipmaps
+from omnisim.scene.model import AlphaMode, Material, Mesh, Scene, Wrap
 
 _VERTEX = np.dtype(
     [
@@ -65,7 +66,7 @@ class SceneBuffers:
 
     def __init__(self, context: moderngl.Context, scene: Scene):
         self._context = context
-        self._textures: dict[int, moderngl.Texture] = {}
+        self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
         self._white = self._upload_pixels(np.full((1, 1, 4), 255, dtype=np.uint8))
         firsts, bases = self._upload_meshes(scene)
         draws = [
@@ -151,7 +152,7 @@ class SceneBuffers:
             base=base,
             count=mesh.triangles.size,
             material=material,
-            texture=self._texture(material.texture, mesh),
+            texture=self._texture(material, mesh),
             world_from_mesh=instance.world_from_mesh,
             normal_from_mesh=-cofactors if mirrored else cofactors,
             mirrored=mirrored,
@@ -159,27 +160,35 @@ class SceneBuffers:
             radius_m=float(reach) * float(np.linalg.norm(linear, 2)),
         )
 
-    def _texture(self, texture: Texture | None, mesh: Mesh) -> moderngl.Texture:
+    def _texture(self, material: Material, mesh: Mesh) -> moderngl.Texture:
+        texture = material.texture
         if texture is None or mesh.texture_coordinates is None:
             return self._white
-        if id(texture) not in self._textures:
-            uploaded = self._upload_pixels(texture.pixels)
+        cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
+        key = (id(texture), cutoff)
+        if key not in self._textures:
+            uploaded = self._upload_pixels(texture.pixels, cutoff, f" of {material.name!r}")
             uploaded.repeat_x = texture.wrap_u is not Wrap.CLAMP_TO_EDGE
             uploaded.repeat_y = texture.wrap_v is not Wrap.CLAMP_TO_EDGE
-            self._textures[id(texture)] = uploaded
-        return self._textures[id(texture)]
+            self._textures[key] = uploaded
+        return self._textures[key]
 
-    def _upload_pixels(self, pixels: NDArray[np.uint8]) -> moderngl.Texture:
+    def _upload_pixels(
+        self, pixels: NDArray[np.uint8], cutoff: float | None = None, used_by: str = ""
+    ) -> moderngl.Texture:
         height, width = pixels.shape[:2]
         limit = int(self._context.info["GL_MAX_TEXTURE_SIZE"])
         if max(height, width) > limit:
             raise GraphicsError(
-                f"a texture of {width} × {height} texels: this GPU takes at most {limit}"
+                f"a texture{used_by} has {width} × {height} texels: this GPU takes at most {limit}"
             )
         texture = self._context.texture(
             (width, height), 4, np.ascontiguousarray(pixels), internal_format=_SRGB8_ALPHA8
         )
         texture.build_mipmaps()
+        if cutoff is not None:
+            for level, level_pixels in enumerate(masked_mipmaps(pixels, cutoff), start=1):
+                texture.write(level_pixels.tobytes(), level=level)
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
 

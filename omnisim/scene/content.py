@@ -36,11 +36,8 @@ def load_with_trimesh(path: Path, data: bytes, resolver: AssetResolver) -> trime
             io.BytesIO(data), file_type=kind, resolver=resolver, process=False
         )
     except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
-        words = " ".join(str(reason).split())[:200]
-        if isinstance(reason, ImportError) and "charset_normalizer" in words:
-            words = "it is not text"
+        words = f"{' '.join(str(reason).split())[:200]} ({type(reason).__name__})"
+        if isinstance(reason, ImportError):  # trimesh guesses encodings with a library of its own
+            words = "it is not text, and not its binary form either"
         missing = f"{resolver.missing[-1]} is not there; " if resolver.missing else ""
-        raise SceneError(
-            f"cannot be read as {kind}: {missing}{words or 'no reason given'} "
-            f"({type(reason).__name__})"
-        ) from None
+        raise SceneError(f"cannot be read as {kind}: {missing}{words}") from None

@@ -156,8 +156,7 @@ class GltfReader:
                 continue
             # Nodes are named by their indices. trimesh puts the primitives of a mesh below its
             # node, under names of its own.
-            several = loaded.geometry[geometry].metadata.get("from_gltf_primitive")
-            index = int(loaded.graph.transforms.parents[name] if several else name)
+            index = int(name if name.isdigit() else loaded.graph.transforms.parents[name])
             node = self._header["nodes"][index]
             mesh, middle = index_of[geometry]
             if "skin" in node and "JOINTS_0" in loaded.geometry[geometry].metadata[MARKER]["raw"]:
@@ -231,7 +230,7 @@ class GltfReader:
             factor = data.get("pbrMetallicRoughness", {}).get("baseColorFactor", (1.0,) * 4)
         else:
             factor = glossy.get("diffuseFactor", (1.0,) * 4)
-        name = data.get("name", f"material {index}")
+        name = str(data.get("name", f"material {index}"))
         texture, info = None, self._texture_info(index)
         if "index" in info and index in self._images:
             if self._images[index] is None:

@@ -101,6 +101,7 @@ def marked_file(path: Path, header: dict[str, Any], rest: bytes) -> bytes:
         if "inverseBindMatrices" in skin
     }
     for mesh_index, mesh in enumerate(marked.get("meshes", [])):
+        mesh["name"] = str(mesh.get("name", f"mesh {mesh_index}"))
         for primitive in mesh["primitives"]:
             attributes = primitive["attributes"]
             used = {*attributes.values(), primitive.get("indices")}

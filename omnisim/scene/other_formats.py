@@ -7,6 +7,7 @@ None of them says which side of a triangle is its front reliably, so both are dr
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -131,17 +132,20 @@ def _linear_colors(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def _opacity(extra: dict[str, Any], default: float) -> float:
-    """MTL's `d`, or its opposite `Tr`."""
-    stated = default
+    """MTL's `d`, or its opposite `Tr`; a word where a number belongs is as if not written."""
     try:
         if "d" in extra:
-            stated = float(extra["d"][-1])
-        elif "tr" in extra:
-            stated = 1.0 - float(extra["tr"][-1])
+            return _share(float(extra["d"][-1]))
+        if "tr" in extra:
+            return _share(1.0 - float(extra["tr"][-1]))
     except (TypeError, ValueError, IndexError):
-        pass  # a word where a number belongs: as if it were not written
-    # nobody models what cannot be seen: 0 comes from exporters that mean its opposite
-    return stated if 0.0 < stated <= 1.0 else 1.0
+        return default
+    # COLLADA's ways to say transparent contradict each other; nobody models the invisible
+    return default if default > 0.0 else 1.0
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0) if math.isfinite(value) else 1.0
 
 
 def _hole_map(extra: dict[str, Any], resolver: AssetResolver) -> NDArray[np.uint8] | None:

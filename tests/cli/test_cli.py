@@ -70,9 +70,12 @@ def test_render_with_everything(omnisim, tmp_path):
         (["courtyard", "-o", "none/a.png"], "the folder none does not exist: create it first"),
         (
             ["courtyard", "-o", "a.png", "--faces", "no/faces"],
-            "no/faces: this folder cannot be made",
+            "no/faces: the folder no does not exist: create it first",
         ),
-        (["courtyard", "-o", "a.png", "--faces", "empty.glb"], "empty.glb: this folder cannot be"),
+        (
+            ["courtyard", "-o", "a.png", "--faces", "empty.glb"],
+            "the folder empty.glb does not exist",
+        ),
         (["courtyard", "-o", "a.png", "-n", "1009"], "nearest that do are 1008 and 1012"),
         (["courtyard", "-o", "a.png", "-n", "few"], "-n few: want a number of polygons or 'exact'"),
         (["courtyard", "-o", "a.png", "--size", "0"], "size 0: want at least 1"),

@@ -1,0 +1,56 @@
+"""Mip levels of textures with holes: what was half leaf and half air stays so from afar."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+
+_TABLE = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+_SEARCH_STEPS = 12  # halvings of an interval of 16: to 4/1000, one step of 8 bits
+
+
+def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.uint8]]:
+    """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB.
+
+    Averaging alpha lets a fence vanish once no average reaches the cutoff, or a hedge close. Each
+    level's alpha is therefore scaled until as much of it passes the cutoff as of the first level.
+    Colours are averaged in linear light, holes do not count.
+
+    Source: Castaño, "Computing alpha mipmaps", 2010.
+    """
+    alpha = pixels[..., 3].astype(np.float32) / 255.0
+    color = _TABLE[pixels[..., :3]] * alpha[..., None]
+    plain = _TABLE[pixels[..., :3]]  # where a block is all hole
+    covered = float((alpha >= cutoff).mean())
+    levels = []
+    while max(alpha.shape) > 1:
+        alpha, color, plain = _halved(alpha), _halved(color), _halved(plain)
+        weight = alpha[..., None]
+        seen = np.where(weight > 1e-4, color / np.maximum(weight, 1e-4), plain)
+        scaled = np.clip(alpha * _alpha_scale(alpha, cutoff, covered), 0.0, 1.0)
+        level = np.concatenate((srgb_from_linear(seen), scaled[..., None]), axis=-1)
+        levels.append(np.rint(255.0 * level).astype(np.uint8))
+    return levels
+
+
+def _halved(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Averages of 2 × 2 blocks; of a side of one texel the texels themselves, an odd last one
+    is left out, as OpenGL's sizes of levels have it."""  # fmt: skip
+    for axis in (0, 1):
+        if values.shape[axis] > 1:
+            even = np.take(values, range(0, values.shape[axis] - 1, 2), axis)
+            values = 0.5 * (even + np.take(values, range(1, values.shape[axis], 2), axis))
+    return values
+
+
+def _alpha_scale(alpha: NDArray[np.float32], cutoff: float, covered: float) -> float:
+    low, high = 0.0, 16.0
+    for _ in range(_SEARCH_STEPS):
+        middle = 0.5 * (low + high)
+        if float((alpha * middle >= cutoff).mean()) < covered:
+            low = middle
+        else:
+            high = middle
+    return high
