@@ -25,7 +25,9 @@ FACE_FROM_RIG: NDArray[np.float64] = np.array(
     dtype=np.float64,
 )
 
-# The unfolded cube as one picture: column and row of each face in a 3 × 2 grid.
+# The unfolded cube as one picture: column and row of each face in a 3 × 2 grid. A cell shows a
+# little more than its face, so that filters at the face's edge do not reach into the next cell.
+CELL_TANGENT = 1.0 + 1.0 / 32.0  # at the cell's edge; the face's edge is at 1
 LAYOUT_COLUMNS, LAYOUT_ROWS = 3, 2
 LAYOUT_CELLS = ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1))
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cube import (
+    CELL_TANGENT,
     FACE_FROM_RIG,
     FACE_NAMES,
     LAYOUT_CELLS,
@@ -62,7 +63,7 @@ def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
 def _texture_coordinates(positions: NDArray[np.float64], face: int) -> NDArray[np.float64]:
     """Coordinates (n, 2) on the unfolded cube, origin at the top left."""
     tangents = face_tangents(positions @ RIG_FROM_MIRROR.T, face)
-    inside = np.clip(0.5 + 0.5 * tangents, 0.0, 1.0)  # clip: rounding only
+    inside = 0.5 + 0.5 * np.clip(tangents, -1.0, 1.0) / CELL_TANGENT  # clip: rounding only
     return (inside + LAYOUT_CELLS[face]) / (LAYOUT_COLUMNS, LAYOUT_ROWS)
 
 

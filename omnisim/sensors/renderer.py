@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import TracebackType
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim import __version__
-from omnisim.cube import LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
+from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.errors import GraphicsError
 from omnisim.frame import Frame
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP, check_pose
@@ -52,6 +53,7 @@ class Renderer:
         self.camera = OmniCamera() if camera is None else camera
         self._unlit = unlit
         self._context = open_context(device)
+        self._closed = False
         try:
             with self._context:
                 self._build()
@@ -90,8 +92,9 @@ class Renderer:
             linear: also read back linear floats, which EXR needs.
 
         Raises:
-            OmnisimError: a matrix that is not a pose.
+            OmnisimError: a matrix that is not a pose, or the renderer is closed.
         """
+        self._check_open()
         base = check_pose(world_from_base)
         world_from_rig = base @ self.camera.base_from_rig
         with self._context:  # another renderer's may be current
@@ -99,7 +102,12 @@ class Renderer:
         return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
-        """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name."""
+        """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
+
+        Raises:
+            GraphicsError: the renderer is closed.
+        """
+        self._check_open()
         with self._context:
             linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
         return {
@@ -109,7 +117,13 @@ class Renderer:
 
     def close(self) -> None:
         """Give the OpenGL context back; the renderer is of no use afterwards."""
-        self._context.release()
+        if not self._closed:
+            self._closed = True
+            self._context.release()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise GraphicsError("this renderer is closed: open a new one")
 
     def __enter__(self) -> Renderer:
         """Enter a `with` block."""
@@ -142,22 +156,25 @@ class Renderer:
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """The faces side by side, as the texture coordinates of an exported mirror expect them.
+    """The faces (size, size, 3) side by side in one picture, two rows of three, as the texture
+    coordinates of an exported mirror expect them.
 
-    Cells of faces that were not drawn are black; smaller faces are enlarged to the largest.
+    Cells of faces that were not drawn are black; smaller faces are enlarged to the largest. The
+    border of a cell repeats the edge of its face.
 
     Raises:
         GraphicsError: no faces.
     """
-    from omnisim.cube import FACE_NAMES
-
     if not faces:
         raise GraphicsError("there are no faces to unfold")
-    size = max(face.shape[0] for face in faces.values())
-    picture = np.zeros((LAYOUT_ROWS * size, LAYOUT_COLUMNS * size, 3), dtype=np.uint8)
+    largest = max(face.shape[0] for face in faces.values())
+    border = math.ceil(0.5 * (CELL_TANGENT - 1.0) * largest)
+    size = round(2.0 * border / (CELL_TANGENT - 1.0))  # so that the border is whole pixels
+    cell = size + 2 * border
+    picture = np.zeros((LAYOUT_ROWS * cell, LAYOUT_COLUMNS * cell, 3), dtype=np.uint8)
     for name, face in faces.items():
         column, row = LAYOUT_CELLS[FACE_NAMES.index(name)]
-        nearest = np.arange(size) * face.shape[0] // size
-        cell = face[nearest[:, None], nearest]
-        picture[row * size : (row + 1) * size, column * size : (column + 1) * size] = cell
+        nearest = np.clip(np.arange(-border, size + border), 0, size - 1) * face.shape[0] // size
+        place = picture[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell]
+        place[:] = face[nearest[:, None], nearest]
     return picture

@@ -38,5 +38,6 @@ void main() {
 #ifndef ALPHA_BLEND
     color.a = 1.0;
 #endif
-    out_color = color;
+    // the largest half float: beside a lamp light has no bound, and infinity spoils mip levels
+    out_color = vec4(min(color.rgb, vec3(65504.0)), color.a);
 }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, face_index
+from omnisim.cube import CELL_TANGENT, FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, face_index
 from omnisim.errors import OutputError
 from omnisim.mirrors import HyperbolicMirror, tessellate
 from omnisim.mirrors.unfolding import RIG_FROM_MIRROR, unfold
@@ -57,7 +57,8 @@ def test_each_triangle_lies_in_one_face_and_its_texture_there(mirror, mesh):
     faces = face_index(corners.mean(axis=1) @ RIG_FROM_MIRROR.T)
     cells = np.array(LAYOUT_CELLS)[faces][:, None]
     # from the picture back to the direction: tangents in the face, then the face's own frame
-    tangents = 2.0 * (unfolded.texture_coordinates[unfolded.triangles] * (3, 2) - cells) - 1.0
+    inside = unfolded.texture_coordinates[unfolded.triangles] * (3, 2) - cells
+    tangents = (2.0 * inside - 1.0) * CELL_TANGENT
     assert np.abs(tangents).max() <= 1.0 + 1e-12
     local = np.concatenate((tangents, np.ones((*tangents.shape[:2], 1))), axis=-1)
     rig = np.einsum("nij,nki->nkj", FACE_FROM_RIG[faces], local)

@@ -212,6 +212,16 @@ def test_two_renderers_side_by_side():
     one.close()
 
 
+def test_closed_renderer_says_so():
+    renderer = Renderer(scene_of([room()]))
+    renderer.close()
+    renderer.close()
+    with pytest.raises(GraphicsError, match="this renderer is closed"):
+        renderer.render(np.eye(4))
+    with pytest.raises(GraphicsError, match="this renderer is closed"):
+        renderer.faces()
+
+
 def test_frames_of_a_loop_do_not_depend_on_each_other():
     sensor = OmniCamera()
     poses = [sensor.base_pose((x, 0.0, 0.0), yaw_deg=40.0 * x) for x in (0.0, 0.5, 1.0)]
@@ -249,9 +259,11 @@ def test_faces_and_their_unfolding():
     step = np.abs(faces["front"][:, -1].astype(int) - faces["right"][:, 0]).max()
     assert step <= 4
     unfolded = unfolded_cube(faces)
-    assert unfolded.shape == (128, 192, 3)
-    np.testing.assert_array_equal(unfolded[64:, 64:128], faces["down"])
-    assert not unfolded[64:, 128:].any()  # there is no up face
+    cell = 66  # with a border of one pixel, a 32nd of the face's half
+    assert unfolded.shape == (2 * cell, 3 * cell, 3)
+    np.testing.assert_array_equal(unfolded[67:131, 67:131], faces["down"])
+    np.testing.assert_array_equal(unfolded[66, 67:131], faces["down"][0])
+    assert not unfolded[cell:, 2 * cell :].any()  # there is no up face
 
 
 def test_limits_of_the_gpu_are_said():
