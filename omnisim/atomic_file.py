@@ -20,10 +20,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         OutputError: the file cannot be written.
     """
     # hidden, and with the suffix at the end, by which libraries choose the format
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    target = path.resolve()  # a link stays a link
+    partial = target.with_name(f".{target.stem[:100]}.{os.getpid()}.partial{target.suffix}")
     try:
         yield partial
-        os.replace(partial, path)
+        os.replace(partial, target)
     except OSError as reason:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
     finally:
@@ -40,9 +41,18 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
     Raises:
         OutputError: the folder is not there or cannot be written, or `path` is a folder.
     """
+    try:
+        _check_target(path, may_make_folder)
+    except OSError as reason:  # a name too long, a folder without permission
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+
+
+def _check_target(path: Path, may_make_folder: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: want the name of a file")
     folder = path.parent
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: is a file: want a folder")
     if may_make_folder and not folder.exists():
         path, folder = folder, folder.parent
     if not folder.is_dir():

@@ -22,6 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import OmnisimError
 
+# Beyond, products of coordinates overflow the GPU's floats.
+LARGEST_M = 1e15
 # The camera looks up at the mirror with the rig's front at the top of the picture. Seen from
 # below, the left of the rig is then on the right of the picture: not a flip, a look from below.
 RIG_FROM_OPTICAL_LOOKING_UP: NDArray[np.float64] = np.array(
@@ -67,7 +69,7 @@ def pose(
     """
     position = np.asarray(position_m, dtype=np.float64)
     angles_deg = (roll_deg, pitch_deg, yaw_deg)
-    if position.shape != (3,) or not np.all(np.isfinite(position)):
+    if position.shape != (3,) or not np.all(np.abs(position) < LARGEST_M):  # false for NaN, too
         raise OmnisimError(f"position {position_m}: want three finite numbers in metres")
     if not all(math.isfinite(angle) for angle in angles_deg):
         raise OmnisimError(f"roll, pitch, yaw {angles_deg}: want finite numbers in degrees")
@@ -84,12 +86,12 @@ def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
         OmnisimError: not (4, 4), not finite, or not a rotation and a translation.
     """
     checked = np.asarray(matrix, dtype=np.float64)
-    if checked.shape != (4, 4) or not np.all(np.isfinite(checked)):
+    if checked.shape != (4, 4) or not np.all(np.abs(checked) < LARGEST_M):
         raise OmnisimError("pose: want a finite 4 × 4 matrix")
     rotation = checked[:3, :3]
     # 1e-6: looser than float32 rounding of a rotation, far below a tenth of a pixel
     if (
-        not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+        not np.allclose(rotation @ rotation.T, np.eye(3), rtol=0.0, atol=1e-6)
         or np.linalg.det(rotation) < 0.0
         or not np.array_equal(checked[3], (0.0, 0.0, 0.0, 1.0))
     ):

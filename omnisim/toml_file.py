@@ -68,6 +68,7 @@ def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
     if fault["type"] == "model_type":
         return f"{key} = {fault['input']!r}: want a table, [{key}]"
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be", "want")
+    message = message.replace("a valid tuple", "a list of numbers, [x, y, z]")
     if message.startswith("want"):
         return f"{key} = {fault['input']!r}: {message}"
     return f"{key}: {message}"

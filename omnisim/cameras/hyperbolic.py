@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,20 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.cameras.camera import Pixels, Rays
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
+
+
+class ImageRadii(NamedTuple):
+    """Distances from the principal point; where not valid, those of the domain's nearest edge."""
+
+    radii_px: NDArray[np.float64]  # (...,)
+    valid: NDArray[np.bool_]  # (...,)
+
+
+class Incidences(NamedTuple):
+    """Angles of incidence at the effective viewpoint."""
+
+    theta_rad: NDArray[np.float64]  # (...,)
+    valid: NDArray[np.bool_]  # (...,)
 
 
 @dataclass(frozen=True)
@@ -74,16 +89,21 @@ class HyperbolicCamera:
     @property
     def rim_radius_px(self) -> float:
         """Radius of the rim in the picture."""
-        return float(self.image_radius_px(self.mirror.theta_max_rad))
+        tangent = self.mirror.tangent_from_theta(self.mirror.theta_max_rad)
+        return self.focal_length_px * float(tangent)
 
-    def image_radius_px(self, theta_rad: ArrayLike) -> NDArray[np.float64]:
-        """Exact image radius (...,) of incidence θ (...,), f tan β."""
-        return self.focal_length_px * self.mirror.tangent_from_theta(theta_rad)
+    def image_radius(self, theta_rad: ArrayLike) -> ImageRadii:
+        """Exact image radius of incidence θ (...,), f tan β; valid where 0 ≤ θ ≤ θ_max."""
+        theta = np.asarray(theta_rad, dtype=np.float64)
+        valid = (theta >= 0.0) & (theta <= self.mirror.theta_max_rad)
+        inside = np.clip(theta, 0.0, self.mirror.theta_max_rad)
+        return ImageRadii(self.focal_length_px * self.mirror.tangent_from_theta(inside), valid)
 
-    def theta_from_image_radius_rad(self, radius_px: ArrayLike) -> NDArray[np.float64]:
-        """Exact incidence θ (...,) of image radius (...,)."""
+    def incidence(self, radius_px: ArrayLike) -> Incidences:
+        """Exact incidence θ of image radius (...,); valid from 0 to the rim's radius."""
         radius = np.asarray(radius_px, dtype=np.float64)
-        return self.mirror.theta_from_tangent(radius / self.focal_length_px)
+        theta = self.mirror.theta_from_tangent(np.abs(radius) / self.focal_length_px)
+        return Incidences(theta, (radius >= 0.0) & (theta <= self.mirror.theta_max_rad))
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2): unit directions in the optical frame; valid where θ ≤ θ_max.
@@ -106,8 +126,7 @@ class HyperbolicCamera:
         across = np.hypot(rays[..., 0], rays[..., 1])
         theta = np.arctan2(across, -rays[..., 2])
         valid = theta <= self.mirror.theta_max_rad
-        inside = np.minimum(theta, self.mirror.theta_max_rad)
-        radius = self.image_radius_px(inside)
+        radius = self.image_radius(theta).radii_px
         scale = np.divide(radius, across, out=np.zeros_like(radius), where=across > 0.0)
         positions = rays[..., :2] * scale[..., None] + self.principal_point_px
         return Pixels(positions, valid)

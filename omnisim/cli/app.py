@@ -12,8 +12,8 @@ from rich.console import Console
 from omnisim import __version__
 from omnisim.errors import OmnisimError
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, soft_wrap=True, emoji=False)
+err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 app = typer.Typer(
     name="omnisim",

@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""From the words of options to what they mean."""
 
 from __future__ import annotations
 

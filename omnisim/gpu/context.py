@@ -15,6 +15,9 @@ INSTALL_HINT = (
     "install OpenGL: sudo apt-get install libegl1 libgl1 libgl1-mesa-dri (software), "
     "or your graphics card's driver"
 )
+_NO_DRIVER = "there is no OpenGL driver"
+_NO_SUCH_DEVICE = "there is no such device"
+_MOST_DEVICES = 64  # more than a machine has; ends a driver's endless list
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 
 
@@ -32,7 +35,8 @@ def open_context(device: int | None = None) -> moderngl.Context:
     """Open an offscreen OpenGL context.
 
     Args:
-        device: EGL's number of the device, as `omnisim info` lists them; None takes EGL's first.
+        device: EGL's number of the device, as `omnisim info` lists them; None takes the default,
+            or else the first that works: software, on most machines, is the last.
 
     Raises:
         GraphicsError: no EGL, no driver, no such device, or an OpenGL that is too old.
@@ -42,6 +46,17 @@ def open_context(device: int | None = None) -> moderngl.Context:
             ctypes.CDLL(library)
         except OSError:
             raise GraphicsError(f"{library} is not there: {INSTALL_HINT}") from None
+    try:
+        return _open(device)
+    except GraphicsError as reason:
+        if device is None:
+            for number, found in list_devices():
+                if isinstance(found, GraphicsInfo):
+                    return _open(number)
+        raise reason from None
+
+
+def _open(device: int | None) -> moderngl.Context:
     options = {} if device is None else {"device_index": device}
     try:
         context = moderngl.create_context(
@@ -70,25 +85,29 @@ def graphics_info(context: moderngl.Context) -> GraphicsInfo:
     )
 
 
-def list_devices() -> list[GraphicsInfo]:
-    """What each EGL device offers, in the order of their numbers."""
-    devices: list[GraphicsInfo] = []
-    while len(devices) < 64:  # far more than a machine has; ends any driver's endless list
+def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
+    """EGL's devices by number: what each offers, or why it cannot be used."""
+    devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
+    for number in range(_MOST_DEVICES):
         try:
-            context = open_context(len(devices))
-        except GraphicsError:
-            break
-        devices.append(graphics_info(context))
-        context.release()
+            context = _open(number)
+        except GraphicsError as reason:
+            if _NO_SUCH_DEVICE in str(reason) or _NO_DRIVER in str(reason):
+                break
+            devices.append((number, reason))
+        else:
+            devices.append((number, graphics_info(context)))
+            context.release()
     return devices
 
 
 def _reason(message: str, device: int | None) -> str:
+    """Our words for glcontext's: it says "found N devices", and EGL's error numbers."""
+    if "found 0 devices" in message:
+        return f"{_NO_DRIVER}: {INSTALL_HINT}"
     if "requested device index" in message:
-        return f"device {device}: there is no such device ({message}): see `omnisim info`"
-    if "version" in message.lower():
-        return (
-            f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10} or newer is needed "
-            f"({message}): {INSTALL_HINT}"
-        )
+        return f"device {device}: {_NO_SUCH_DEVICE} ({message}): see `omnisim info`"
+    wanted = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
+    if "version" in message.lower() or "eglCreateContext" in message:
+        return f"{wanted} or newer is needed and not there ({message}): {INSTALL_HINT}"
     return f"OpenGL could not be opened ({message}): {INSTALL_HINT}"

@@ -50,19 +50,26 @@ class CubePass:
                 f"of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
                 "make the picture or virtual_cameras.size_px smaller"
             )
-        self.atlas = context.texture(size, 4, dtype="f2")
+        self.atlas = _texture(context, size)
         self.atlas.repeat_x = self.atlas.repeat_y = False
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
         samples = min(samples, int(context.max_samples))
-        self._resolved = context.framebuffer([self.atlas]) if samples > 1 else None
-        color = (
-            context.renderbuffer(size, 4, samples=samples, dtype="f2")
-            if samples > 1
-            else self.atlas
-        )
-        depth = float_depth(context, size, samples if samples > 1 else 0)
-        self._target = context.framebuffer([color], depth)
+        try:
+            self._resolved = context.framebuffer([self.atlas]) if samples > 1 else None
+            color = (
+                context.renderbuffer(size, 4, samples=samples, dtype="f2")
+                if samples > 1
+                else self.atlas
+            )
+            depth = float_depth(context, size, samples if samples > 1 else 0)
+            self._target = context.framebuffer([color], depth)
+        except moderngl.Error as reason:
+            raise GraphicsError(
+                f"virtual cameras of {max(face.size_px for face in plan.faces)} px with {samples} "
+                f"samples do not fit on this GPU ({reason}): make the picture, "
+                "virtual_cameras.size_px or virtual_cameras.samples smaller"
+            ) from None
         self._programs = {
             variant: SurfaceProgram(build_program(context, *variant.files), buffers, scene, variant)
             for variant in {variant_of(draw.material, unlit) for draw in buffers.draws}
@@ -87,6 +94,9 @@ class CubePass:
         context.depth_func = DEPTH_FUNCTION
         # y of the clip space runs down the picture, so triangles turn the other way round
         context.cull_face = "back"
+        context.blend_func = (
+            moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
+        )  # fmt: skip
         for face in self.plan.faces:
             self._draw_face(face, world_from_rig, here_from_mesh, order)
         target.scissor = None
@@ -102,8 +112,10 @@ class CubePass:
         """The 90° of a face as last drawn, linear RGB (size, size, 3), first row at the top."""
         framebuffer = self._resolved or self._target
         corner = (face.left_px + face.margin_px, face.top_px + face.margin_px)
-        data = framebuffer.read((*corner, face.size_px, face.size_px), components=3, dtype="f4")
-        return np.frombuffer(data, dtype=np.float32).reshape(face.size_px, face.size_px, 3)
+        pixels = np.empty((face.size_px, face.size_px, 3), dtype=np.float32)
+        region = (*corner, face.size_px, face.size_px)
+        framebuffer.read_into(pixels, region, components=3, dtype="f4")
+        return pixels
 
     def _order(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.intp]:
         """Draws in the order to draw them: opaque ones as they stand, blended from far to near."""
@@ -140,11 +152,18 @@ class CubePass:
             target.depth_mask = not is_blended(material)
             toggle = context.enable if is_blended(material) else context.disable
             toggle(moderngl.BLEND)
-            context.blend_func = (
-                moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
-            )  # fmt: skip
             program = self._programs[variant_of(material, self._unlit)]
             program.draw(draw, clip_from_mesh[index], here_from_mesh[index])
+
+
+def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
+    try:
+        return context.texture(size, 4, dtype="f2")
+    except moderngl.Error as reason:
+        raise GraphicsError(
+            f"an atlas of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
+            "make the picture or virtual_cameras.size_px smaller"
+        ) from None
 
 
 def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
+from omnisim.cube import (
+    FACE_FROM_RIG,
+    FACE_NAMES,
+    LAYOUT_CELLS,
+    LAYOUT_COLUMNS,
+    LAYOUT_ROWS,
+    face_index,
+    face_tangents,
+)
 from omnisim.errors import GraphicsError
 
 # Samples along a face's edge, corners included: a rim reaches a face first at the middle of an
 # edge or at a corner.
 GRID = 65
-# Density is sampled between the samples of the grid too coarsely to be exact: 3 % to spare.
-SPARE = 1.03
+# The finest place lies between two samples at worst: 1 % to spare.
+SPARE = 1.01
 MIN_FACE_PX = 16
 _STEP = 1e-5  # of a tangent, for derivatives: far above rounding, far below a texel
 
@@ -80,15 +88,21 @@ def plan_faces(
     Raises:
         GraphicsError: the camera sees nothing at all.
     """
-    densities = {
-        index: density
-        for index in range(len(FACE_NAMES))
-        if (density := _pixels_per_tangent(camera, FACE_FROM_RIG[index] @ rig_from_optical))
-    }
+    directions_rig = _picture_rays(camera) @ rig_from_optical.T
+    face_of_ray = face_index(directions_rig)
+    densities = {}
+    for index in range(len(FACE_NAMES)):
+        tangents = face_tangents(directions_rig[face_of_ray == index], index)
+        tangents = np.concatenate((_grid(), tangents))
+        density = _pixels_per_tangent(camera, FACE_FROM_RIG[index] @ rig_from_optical, tangents)
+        if density is not None:
+            densities[index] = density
     if not densities:
         raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
     sizes = {
-        index: face_size_px or max(MIN_FACE_PX, math.ceil(2.0 * SPARE * finest))
+        index: max(MIN_FACE_PX, math.ceil(2.0 * SPARE * finest))
+        if face_size_px is None
+        else face_size_px
         for index, (_, finest) in densities.items()
     }
     coarsest = max(0.5 * sizes[index] / least for index, (least, _) in densities.items())
@@ -113,29 +127,36 @@ def _placed(tiles: dict[int, Face], level: int) -> FacePlan:
     faces = []
     for index, face in tiles.items():
         column, row = LAYOUT_CELLS[index]
-        faces.append(
-            Face(
-                index,
-                face.size_px,
-                face.margin_px,
-                face.tile_px,
-                left_px=sum(columns[:column]),
-                top_px=sum(rows[:row]),
-            )
-        )
+        left_px, top_px = sum(columns[:column]), sum(rows[:row])
+        faces.append(replace(face, left_px=left_px, top_px=top_px))
     return FacePlan(tuple(faces), level, sum(columns), sum(rows))
 
 
-def _pixels_per_tangent(
-    camera: CentralCamera, face_from_optical: NDArray[np.float64]
-) -> tuple[float, float] | None:
-    """Least and most pixels to a tangent of 1 over the part of a face that the picture shows."""
+def _picture_rays(camera: CentralCamera) -> NDArray[np.float64]:
+    """Directions (n, 3), optical frame, that the picture sees, its edges and corners included.
+
+    A small picture by a long lens falls between the samples of a face's grid.
+    """
+    u = np.linspace(-0.5, camera.width_px - 0.5, min(GRID, camera.width_px + 2))
+    v = np.linspace(-0.5, camera.height_px - 0.5, min(GRID, camera.height_px + 2))
+    rays = camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+    return rays.directions[rays.valid]
+
+
+def _grid() -> NDArray[np.float64]:
+    """Tangents (n, 2) all over a face, its edges and corners included."""
     line = np.linspace(-1.0, 1.0, GRID)
-    tangents = np.stack(np.meshgrid(line, line), axis=-1)
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+
+
+def _pixels_per_tangent(
+    camera: CentralCamera, face_from_optical: NDArray[np.float64], tangents: NDArray[np.float64]
+) -> tuple[float, float] | None:
+    """Least and most pixels to a tangent of 1 over those samples (n, 2) that the picture shows."""
 
     def pixels(right: float, down: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        shifted = tangents + np.array([right, down])
-        local = np.concatenate((shifted, np.ones((GRID, GRID, 1))), axis=-1)
+        local = np.ones((len(tangents), 3))
+        local[:, :2] = tangents + np.array([right, down])
         return camera.pixel_from_ray(local @ face_from_optical)
 
     here, seen = pixels(0.0, 0.0)

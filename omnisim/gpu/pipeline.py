@@ -59,12 +59,13 @@ class Pipeline:
         self._linear.use(0)
         self._encode.render(moderngl.TRIANGLES, vertices=3)
         width, height = self._size
-        encoded = self._encoded_target.read(components=4)
-        rgba = np.frombuffer(encoded, dtype=np.uint8).reshape(height, width, 4)
+        rgba = np.empty((height, width, 4), dtype=np.uint8)
+        self._encoded_target.read_into(rgba, components=4)
         if not linear:
             return Picture(rgba, None)
-        floats = self._linear_target.read(components=3, dtype="f4")
-        return Picture(rgba, np.frombuffer(floats, dtype=np.float32).reshape(height, width, 3))
+        floats = np.empty((height, width, 3), dtype=np.float32)
+        self._linear_target.read_into(floats, components=3, dtype="f4")
+        return Picture(rgba, floats)
 
 
 def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
@@ -96,6 +97,6 @@ def capture_rays(
     target.use()
     target.clear()
     capture.draw()
-    values = np.frombuffer(target.read(components=4, dtype="f4"), dtype=np.float32)
-    values = values.reshape(camera.height_px, camera.width_px, 4)
+    values = np.empty((camera.height_px, camera.width_px, 4), dtype=np.float32)
+    target.read_into(values, components=4, dtype="f4")
     return values[..., :3], values[..., 3] > 0.5

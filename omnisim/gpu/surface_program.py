@@ -14,7 +14,7 @@ from omnisim.gpu.uniforms import columns_first
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, LightKind, Material, Scene
 
 _KINDS = {LightKind.DIRECTIONAL: 0, LightKind.POINT: 1, LightKind.SPOT: 2}
-_NO_RANGE_M = 1e9  # squared and squared again it is still a float32
+_NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
 
 
 class SurfaceVariant(NamedTuple):
@@ -78,7 +78,6 @@ class SurfaceProgram:
         here_from_mesh: NDArray[np.float64],
     ) -> None:
         """Draw one instance; matrices (4, 4)."""
-        # OpenGL wants columns first
         self._clip_from_mesh.write(columns_first(clip_from_mesh))
         self._base_color.value = draw.material.base_color
         if self._variant.alpha_mode is AlphaMode.MASK:

@@ -25,6 +25,10 @@ PAPER_METERS_PER_UNIT = 0.04  # an assumption: the paper names no unit
 DEFAULT_RIM_RAD = math.radians(105.0)  # an assumption: the paper names no rim
 
 
+LARGEST_K = 1e6  # from there on a paraboloid, to a millionth, and rounding begins to show
+SMALLEST_C_M, LARGEST_C_M = 1e-6, 1e6
+
+
 class SurfacePoints(NamedTuple):
     """Points of the mirror, and which of them exist on this side of the asymptote and the rim."""
 
@@ -58,12 +62,17 @@ class HyperbolicMirror:
         for name in ("k", "c", "meters_per_unit", "theta_max_rad"):
             if not math.isfinite(getattr(self, name)):
                 raise OpticsError(f"mirror: {name} = {getattr(self, name)}: want a finite number")
-        if self.k < 2.0:
-            raise OpticsError(f"mirror: k = {self.k:g}: want k ≥ 2 (Eq. 1)")
+        if not 2.0 <= self.k <= LARGEST_K:
+            raise OpticsError(f"mirror: k = {self.k:g}: want k ≥ 2 (Eq. 1), at most {LARGEST_K:g}")
         if self.c <= 0.0:
             raise OpticsError(f"mirror: c = {self.c:g}: want c > 0, the pinhole's distance")
         if self.meters_per_unit <= 0.0:
             raise OpticsError(f"mirror: meters_per_unit = {self.meters_per_unit:g}: want > 0")
+        if not SMALLEST_C_M <= self.c_m <= LARGEST_C_M:
+            raise OpticsError(
+                f"mirror: c · meters_per_unit = {self.c_m:g} m: "
+                f"want {SMALLEST_C_M:g} to {LARGEST_C_M:g} m"
+            )
         if not 0.0 < self.theta_max_rad < self.theta_limit_rad:
             raise OpticsError(
                 f"mirror: rim at {math.degrees(self.theta_max_rad):.6g}°: want more than 0° and "
@@ -84,8 +93,10 @@ class HyperbolicMirror:
         Raises:
             OpticsError: a radius ≤ 0, or anything that the constructor refuses.
         """
-        if not (math.isfinite(rim_radius_m) and rim_radius_m > 0.0):
-            raise OpticsError(f"mirror: rim_radius_m = {rim_radius_m:g}: want > 0")
+        if not 0.0 < rim_radius_m <= LARGEST_C_M:
+            raise OpticsError(
+                f"mirror: rim_radius_m = {rim_radius_m:g}: want > 0, at most {LARGEST_C_M:g}"
+            )
         unbounded = cls(k, c, meters_per_unit, 1e-3)  # checks k, c and the scale first
         height_m = float(unbounded.height_from_radius_m(rim_radius_m))
         return cls(k, c, meters_per_unit, math.atan2(rim_radius_m, height_m))

@@ -39,7 +39,8 @@ class OmniCamera:
         samples: samples a texel of the virtual cameras, against jagged edges.
 
     Raises:
-        OpticsError: a polygon count that makes no mesh.
+        OmnisimError: a polygon count that makes no mesh, near and far that leave nothing between
+            them, a size or number of samples that cannot be, or a mounting that is no pose.
     """
 
     camera: HyperbolicCamera = field(default_factory=_paper_camera)
@@ -52,7 +53,18 @@ class OmniCamera:
 
     def __post_init__(self) -> None:
         if self.polygons is not None:
+            if type(self.polygons) is not int:
+                raise OpticsError(f"polygons = {self.polygons!r}: want a whole number, or None")
             sectors_and_rings(self.polygons)
+        if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
+            raise OpticsError(
+                f"near_m = {self.near_m:g}, far_m = {self.far_m:g}: want 0 < near < far"
+            )
+        if self.face_size_px is not None and self.face_size_px < 1:
+            raise OpticsError(f"face_size_px = {self.face_size_px}: want at least 1, or None")
+        if self.samples not in (1, 2, 4, 8):
+            raise OpticsError(f"samples = {self.samples}: want 1, 2, 4 or 8")
+        frames.check_pose(self.base_from_rig)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:

@@ -53,7 +53,7 @@ class Renderer:
         self.camera = OmniCamera() if camera is None else camera
         self._unlit = unlit
         self._context = open_context(device)
-        self._closed = False
+        self._closed = self._rendered = False
         try:
             with self._context:
                 self._build()
@@ -99,15 +99,18 @@ class Renderer:
         world_from_rig = base @ self.camera.base_from_rig
         with self._context:  # another renderer's may be current
             picture = self._pipeline.render(world_from_rig, linear)
+        self._rendered = True
         return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
         Raises:
-            GraphicsError: the renderer is closed.
+            GraphicsError: there was no frame yet, or the renderer is closed.
         """
         self._check_open()
+        if not self._rendered:
+            raise GraphicsError("there are no faces yet: render a frame first")
         with self._context:
             linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
         return {

@@ -61,26 +61,27 @@ FaceSize = Annotated[Any, _word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
 FocalLength = Annotated[Any, _word_or("fit", "a number > 0", _is_positive)]
 PrincipalPoint = Annotated[Any, _word_or("centre", "[u, v] in pixels", _is_point)]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
-Positive = Annotated[float, Field(gt=0.0)]
+Number = Annotated[float, Field(strict=True)]
+Positive = Annotated[Number, Field(gt=0.0)]
 
 
 class Mounting(Table):
     """Where the effective viewpoint sits on the vehicle, and how the sensor is turned."""
 
-    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    roll_deg: float = 0.0
-    pitch_deg: float = 0.0
-    yaw_deg: float = 0.0
+    position_m: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    roll_deg: Number = 0.0
+    pitch_deg: Number = 0.0
+    yaw_deg: Number = 0.0
 
 
 class Mirror(Table):
     """First group: the static mesh."""
 
     shape: Literal["hyperbolic"] = "hyperbolic"
-    k: Annotated[float, Field(ge=2.0)] = PAPER_K
+    k: Annotated[Number, Field(ge=2.0)] = PAPER_K
     c: Positive = PAPER_C
     meters_per_unit: Positive = PAPER_METERS_PER_UNIT
-    theta_max_deg: float | None = None
+    theta_max_deg: Number | None = None
     rim_radius_m: Positive | None = None
     polygons: PolygonCount = 1024
     mounting: Mounting = Mounting()
@@ -102,7 +103,7 @@ class VirtualCameras(Table):
 
     size_px: FaceSize = "auto"
     near_m: Positive = 0.05
-    far_m: Annotated[float, Field(gt=0.0, allow_inf_nan=True)] = math.inf
+    far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     samples: Literal[1, 2, 4, 8] = 4
 
     @model_validator(mode="after")

@@ -29,10 +29,18 @@ def test_exact_image_radius_is_the_unified_model():
     theta = np.radians(np.arange(0.0, 105.0, 5.0))
     psi = 1.0 / (mirror.k - 1.0)
     unified = camera.focal_length_px * psi * np.sin(theta) / (mirror.xi + np.cos(theta))
-    np.testing.assert_allclose(camera.image_radius_px(theta), unified, rtol=1e-12)
-    np.testing.assert_allclose(camera.theta_from_image_radius_rad(unified), theta, atol=1e-12)
+    np.testing.assert_allclose(camera.image_radius(theta).radii_px, unified, rtol=1e-12)
+    np.testing.assert_allclose(camera.incidence(unified).theta_rad, theta, atol=1e-12)
     assert camera.horizon_radius_px == pytest.approx(camera.focal_length_px / 10.49848, rel=1e-6)
-    assert camera.image_radius_px(math.pi / 2) == pytest.approx(camera.horizon_radius_px)
+    assert camera.image_radius(math.pi / 2).radii_px == pytest.approx(camera.horizon_radius_px)
+
+
+def test_outside_the_rim_is_not_valid():
+    camera = _camera()
+    assert camera.image_radius(np.radians([-1, 0, 105, 106, 175])).valid.tolist() == [
+        False, True, True, False, False,
+    ]  # fmt: skip
+    assert camera.incidence([-1.0, 0.0, 179.9, 180.1]).valid.tolist() == [False, True, True, False]
 
 
 @pytest.mark.parametrize(
@@ -43,7 +51,7 @@ def test_equation_2_is_off_by_what_the_derivation_says(theta_deg, difference_per
     camera = _camera(theta_max_deg=135.0)
     theta = math.radians(theta_deg)
     approximate = image_radius_eq2_px(theta, camera.horizon_radius_px)
-    percent = 100.0 * (approximate / camera.image_radius_px(theta) - 1.0)
+    percent = 100.0 * (approximate / camera.image_radius(theta).radii_px - 1.0)
     assert percent == pytest.approx(difference_percent, abs=0.006)  # given to two digits
     back = theta_from_image_radius_eq2_rad(approximate, camera.horizon_radius_px)
     assert back == pytest.approx(theta, abs=1e-12)

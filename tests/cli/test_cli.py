@@ -74,8 +74,10 @@ def test_render_with_everything(omnisim, tmp_path):
         ),
         (
             ["courtyard", "-o", "a.png", "--faces", "empty.glb"],
-            "the folder empty.glb does not exist",
+            "empty.glb: is a file: want a folder",
         ),
+        (["courtyard", "-o", "a" * 300 + ".png"], "cannot be written: File name too long"),
+        (["courtyard", "-o", "a.png", "--at", "1e39", "0", "0"], "want three finite numbers"),
         (["courtyard", "-o", "a.png", "-n", "1009"], "nearest that do are 1008 and 1012"),
         (["courtyard", "-o", "a.png", "-n", "few"], "-n few: want a number of polygons or 'exact'"),
         (["courtyard", "-o", "a.png", "--size", "0"], "size 0: want at least 1"),

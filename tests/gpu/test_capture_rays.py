@@ -41,7 +41,7 @@ def _mesh_error_px(context, polygons):
     # the mesh may see a little past the rim: between two vertices it is nearer to the axis
     theta = np.arccos(np.clip(-rays[seen][:, 2].astype(np.float64), -1.0, 1.0))
     azimuth = np.arctan2(rays[seen][:, 1], rays[seen][:, 0])
-    radius = camera.image_radius_px(theta)
+    radius = camera.focal_length_px * camera.mirror.tangent_from_theta(theta)
     positions = np.stack((np.cos(azimuth), np.sin(azimuth)), axis=-1) * radius[:, None]
     pixels = pixel_grid(360, 360)[seen] - camera.principal_point_px
     return np.linalg.norm(positions - pixels, axis=-1)

@@ -195,7 +195,7 @@ def test_viewpoint_inside_a_wall_is_a_picture():
     sensor = OmniCamera()
     with Renderer(scene, sensor) as renderer:
         frame = renderer.render(sensor.base_pose((3.0, 0.0, 0.0)))
-    assert frame.rgb.shape == (360, 360, 3)
+    assert frame.rgb[frame.valid].std() > 1.0
 
 
 def test_two_renderers_side_by_side():
