@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,9 +20,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         OutputError: the file cannot be written.
     """
-    # hidden, and with the suffix at the end, by which libraries choose the format
     target = path.resolve()  # a link stays a link
-    partial = target.with_name(f".{target.stem[:100]}.{os.getpid()}.partial{target.suffix}")
+    partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
     try:
         yield partial
         os.replace(partial, target)

@@ -73,7 +73,7 @@ def _encoded(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> bytes:
     Some of OpenImageIO's writers do not notice a full disk, and one ends the process. So none of
     them ever sees a disk: they write to memory, and the bytes are written by us.
     """
-    memory = os.memfd_create(path.name)
+    memory = os.memfd_create("omnisim picture")
     try:
         output = oiio.ImageOutput.create(path.suffix[1:].lower())
         if output is None:

@@ -116,3 +116,17 @@ def test_other_peoples_pictures_have_no_metadata_of_ours(tmp_path):
         read_image(tmp_path / "empty.png")
     with pytest.raises(OutputError, match=r"none\.png: cannot be read"):
         read_image(tmp_path / "none.png")
+
+
+def test_link_stays_a_link(tmp_path):
+    (tmp_path / "a.png").symlink_to("real.png")
+    write_image(tmp_path / "a.png", PICTURE)
+    assert (tmp_path / "a.png").is_symlink()
+    np.testing.assert_array_equal(read_image(tmp_path / "real.png")[0], PICTURE)
+
+
+def test_name_at_the_limit_of_the_file_system(tmp_path):
+    write_image(tmp_path / ("a" * 251 + ".png"), PICTURE)
+    assert len(list(tmp_path.iterdir())) == 1
+    with pytest.raises(OutputError, match="File name too long"):
+        write_image(tmp_path / ("a" * 252 + ".png"), PICTURE)

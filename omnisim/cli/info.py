@@ -10,7 +10,7 @@ from rich.table import Table
 
 from omnisim import __version__
 from omnisim.errors import GraphicsError
-from omnisim.gpu.context import list_devices, open_context
+from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
 from omnisim.scene import builtin_scenes
 
 PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "pydantic")
@@ -25,17 +25,16 @@ def run(out: Console) -> None:
     out.print(f"omnisim {__version__}, Python {platform.python_version()}")
     out.print(", ".join(f"{name} {version(name)}" for name in PACKAGES))
     out.print("built-in scenes: " + (", ".join(builtin_scenes()) or "none"))
-    table = Table("device", "renderer", "vendor", "OpenGL", "largest picture", "samples")
     devices = list_devices()
-    if not devices:
+    usable = [(number, found) for number, found in devices if isinstance(found, GraphicsInfo)]
+    for number, found in devices:
+        if isinstance(found, GraphicsError):
+            out.print(f"device {number} cannot be used: {found}", markup=False)
+    if not usable:
         open_context().release()  # raises, and says why
-    for number, device in devices:
-        if isinstance(device, GraphicsError):
-            table.add_row(str(number), f"cannot be used: {device}", "", "", "", "")
-            continue
-        limit = f"{device.max_texture_size_px} px"
-        table.add_row(
-            str(number), device.renderer, device.vendor, device.version, limit,
-            str(device.max_samples),
-        )  # fmt: skip
+    table = Table("device", "renderer", "vendor", "OpenGL", "largest picture", "samples")
+    for number, device in usable:
+        largest = f"{device.max_texture_size_px} px"
+        samples = str(device.max_samples)
+        table.add_row(str(number), device.renderer, device.vendor, device.version, largest, samples)
     out.print(table)

@@ -58,7 +58,7 @@ class OmniCamera:
             sectors_and_rings(self.polygons)
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(
-                f"near_m = {self.near_m:g}, far_m = {self.far_m:g}: want 0 < near < far"
+                f"near_m = {self.near_m:g}, far_m = {self.far_m:g}: want 0 < near_m < far_m"
             )
         if self.face_size_px is not None and self.face_size_px < 1:
             raise OpticsError(f"face_size_px = {self.face_size_px}: want at least 1, or None")

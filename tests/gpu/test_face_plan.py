@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cube import face_index
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.gpu.face_plan import plan_faces
 from omnisim.mirrors import HyperbolicMirror
@@ -57,3 +58,21 @@ def test_tiles_do_not_overlap_and_keep_to_mip_texels(face_size_px):
     assert used.max() == 1
     if face_size_px:
         assert {face.size_px for face in plan.faces} == {face_size_px}
+
+
+@pytest.mark.parametrize(
+    ("width_px", "height_px", "focal_length_px"),
+    [(8, 8, 5000.0), (32, 32, 14000.0), (64, 2, 5000.0), (360, 1, 3000.0), (1, 1, 1447.0)],
+)
+def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_px, focal_length_px):
+    mirror = HyperbolicMirror()
+    reach_px = 0.9 * focal_length_px * float(mirror.tangent_from_theta(mirror.theta_max_rad))
+    generator = np.random.default_rng(3)
+    for _ in range(30):
+        angle, radius = generator.uniform(0.0, 2.0 * np.pi), reach_px * generator.uniform() ** 0.5
+        centre = (radius * np.cos(angle), radius * np.sin(angle))
+        camera = HyperbolicCamera(mirror, width_px, height_px, focal_length_px, centre)
+        rays = camera.ray_from_pixel(pixel_grid(width_px, height_px))
+        seen = face_index(rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T)
+        planned = {face.index for face in plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP).faces}
+        assert set(seen.tolist()) <= planned

@@ -5,7 +5,17 @@ import pytest
 
 from omnisim import frames
 from omnisim.errors import GraphicsError, OmnisimError
-from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.scene.model import (
+    AlphaMode,
+    Light,
+    Lighting,
+    LightKind,
+    Material,
+    Mesh,
+    Texture,
+    Wrap,
+)
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.renderer import unfolded_cube
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
@@ -212,8 +222,83 @@ def test_two_renderers_side_by_side():
     one.close()
 
 
+def test_unlit_material_is_its_colour_in_any_light():
+    dark = Lighting((0.0, 0.0, 0.0), ())
+    plain = dataclasses.replace(material(0.25, 0.5, 1.0), unlit=True)
+    color = centre_color(scene_of([quad(-1.0)], [plain], lighting=dark))
+    np.testing.assert_allclose(color, (0.25, 0.5, 1.0), atol=1e-3)
+
+
+@pytest.mark.parametrize("wrap", [Wrap.REPEAT, Wrap.CLAMP_TO_EDGE])
+def test_texture_stands_upright_and_ends_as_it_says(wrap):
+    """Four colours, the first row of the picture at v = 0; beyond the edges as `wrap` says."""
+    pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
+    pixels = np.concatenate((pixels, np.full((2, 2, 1), 255, np.uint8)), axis=-1)
+    pixels = pixels.repeat(64, axis=0).repeat(64, axis=1)
+    # u runs along +x and v along −y, a texture in 4 m, from the viewpoint's foot
+    coordinates = quad(0.0).positions[:, :2] * np.array([0.25, -0.25], np.float32)
+    mesh = quad(-1.0, texture_coordinates=coordinates)
+    textured = Material(texture=Texture(pixels, wrap, wrap))
+    sensor = OmniCamera(polygons=None, samples=1).resized(361)
+    with Renderer(scene_of([mesh], [textured]), sensor) as renderer:
+        rgb = renderer.render(np.eye(4)).rgb.astype(int)
+
+    def at(x, y):  # a point of the floor
+        direction = RIG_FROM_OPTICAL_LOOKING_UP.T @ (x, y, -1.0)
+        u, v = np.rint(sensor.camera.pixel_from_ray(direction).positions_px).astype(int)
+        return tuple(np.rint(rgb[v, u] / 255.0).astype(int).tolist())
+
+    assert at(1.0, -1.0) == (1, 0, 0)  # u = v = 0.25
+    assert at(3.0, -1.0) == (0, 1, 0)  # u = 0.75
+    assert at(1.0, -3.0) == (0, 0, 1)  # v = 0.75
+    assert at(3.0, -3.0) == (1, 1, 1)
+    assert at(-1.0, -1.0) == ((0, 1, 0) if wrap is Wrap.REPEAT else (1, 0, 0))  # u = −0.25
+
+
+def test_blended_surfaces_do_not_hide_what_is_drawn_after_them():
+    """The middle of the large pane is farther away, so it is drawn first, in front as it is."""
+    pane = material(1, 0, 0, alpha=0.5, alpha_mode=AlphaMode.BLEND)
+    large = quad(-1.0, half_m=3.0)
+    aside = Mesh("aside", large.positions + np.array([2.5, 0, 0], np.float32), large.triangles, 0)
+    color = centre_color(scene_of([aside, quad(-1.5, half_m=0.5)], [pane]))
+    np.testing.assert_allclose(color, (0.75, 0, 0), atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"near_m": 0.0}, "want 0 < near_m < far_m"),
+        ({"near_m": float("nan")}, "want 0 < near_m < far_m"),
+        ({"near_m": 2.0, "far_m": 1.0}, "want 0 < near_m < far_m"),
+        ({"face_size_px": 0}, "face_size_px = 0: want at least 1"),
+        ({"samples": 3}, "samples = 3: want 1, 2, 4 or 8"),
+        ({"polygons": "exact"}, "polygons = 'exact': want a whole number, or None"),
+        ({"base_from_rig": np.diag([2.0, 2, 2, 1])}, "no scale"),
+        ({"base_from_rig": np.eye(3)}, "want a finite 4 × 4 matrix"),
+    ],
+)
+def test_impossible_sensors_are_refused(options, words):
+    with pytest.raises(OmnisimError, match=words):
+        OmniCamera(**options)
+
+
+def test_picture_is_the_users_to_write_on():
+    with Renderer(scene_of([room()])) as renderer:
+        frame = renderer.render(np.eye(4), linear=True)
+        frame.rgb[0, 0] = 1
+        frame.linear[0, 0] = 1.0
+        renderer.faces()["front"][0, 0] = 1
+
+
+def test_more_than_fits_is_said():
+    with pytest.raises(GraphicsError, match=r"smaller$"):
+        Renderer(scene_of([room()]), OmniCamera(face_size_px=5400))
+
+
 def test_closed_renderer_says_so():
     renderer = Renderer(scene_of([room()]))
+    with pytest.raises(GraphicsError, match="render a frame first"):
+        renderer.faces()
     renderer.close()
     renderer.close()
     with pytest.raises(GraphicsError, match="this renderer is closed"):

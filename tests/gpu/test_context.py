@@ -1,0 +1,58 @@
+"""What a user is told where OpenGL is not as it should be, in processes of their own."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import omnisim.gpu.context as context_module
+from omnisim.errors import GraphicsError
+from omnisim.gpu.context import graphics_info, list_devices, open_context
+
+
+def _info(**environment):
+    code = "from omnisim.cli.app import main; import sys; sys.argv = ['omnisim', 'info']; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
+
+
+def test_no_driver_says_what_to_install(needs_opengl):
+    done = _info(__EGL_VENDOR_LIBRARY_DIRS="/nonexistent")
+    assert done.returncode == 1
+    assert "there is no OpenGL driver: install OpenGL: sudo apt-get install" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_too_old_an_opengl_says_so(context):
+    if "llvmpipe" not in graphics_info(context).renderer:
+        pytest.skip("only Mesa can be told to be old")
+    done = _info(MESA_GL_VERSION_OVERRIDE="3.3")
+    assert done.returncode == 1
+    assert "error: OpenGL 4.5 or newer is needed and not there" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
+    real = context_module._open
+
+    def first_is_broken(device):
+        if device in (None, 0):
+            raise GraphicsError("no permission")
+        if device == 1:
+            return real(0)
+        raise GraphicsError(f"device {device}: {context_module._NO_SUCH_DEVICE}")
+
+    monkeypatch.setattr(context_module, "_open", first_is_broken)
+    broken, working = list_devices()
+    assert isinstance(broken[1], GraphicsError)
+    assert working[0] == 1
+    assert working[1].renderer
+    open_context().release()  # the first that works
+    with pytest.raises(GraphicsError, match="no permission"):
+        open_context(0)  # but not instead of one that was asked for
