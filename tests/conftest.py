@@ -2,7 +2,9 @@
 
 import os
 
-os.environ.setdefault("PYOPENGL_PLATFORM", "egl")  # before pyrender, an oracle, is imported
+# Before pyrender, an oracle, is imported: no display, and none of X11's libraries either.
+os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+os.environ.setdefault("PYGLET_HEADLESS", "1")
 
 from pathlib import Path
 
