@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import pydantic
 
 from omnisim.errors import OmnisimError
 
 Model = TypeVar("Model", bound=pydantic.BaseModel)
+Number = Annotated[float, pydantic.Field(strict=True)]  # no "11", no true; whole numbers are fine
 
 
 class Table(pydantic.BaseModel):

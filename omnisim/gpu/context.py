@@ -41,11 +41,7 @@ def open_context(device: int | None = None) -> moderngl.Context:
     Raises:
         GraphicsError: no EGL, no driver, no such device, or an OpenGL that is too old.
     """
-    for library in _LIBRARIES:
-        try:
-            ctypes.CDLL(library)
-        except OSError:
-            raise GraphicsError(f"{library} is not there: {INSTALL_HINT}") from None
+    _check_libraries()
     try:
         return _open(device)
     except GraphicsError as reason:
@@ -54,6 +50,14 @@ def open_context(device: int | None = None) -> moderngl.Context:
                 if isinstance(found, GraphicsInfo):
                     return _open(number)
         raise reason from None
+
+
+def _check_libraries() -> None:
+    for library in _LIBRARIES:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            raise GraphicsError(f"{library} is not there: {INSTALL_HINT}") from None
 
 
 def _open(device: int | None) -> moderngl.Context:
@@ -86,7 +90,12 @@ def graphics_info(context: moderngl.Context) -> GraphicsInfo:
 
 
 def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
-    """EGL's devices by number: what each offers, or why it cannot be used."""
+    """EGL's devices by number: what each offers, or why it cannot be used.
+
+    Raises:
+        GraphicsError: EGL or OpenGL itself is not installed.
+    """
+    _check_libraries()
     devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
     for number in range(_MOST_DEVICES):
         try:

@@ -41,9 +41,16 @@ class Pipeline:
         self._size = (camera.width_px, camera.height_px)
         check_picture_size(context, *self._size)
         connect_cube(capture.program, cube.plan, rig_from_optical)
-        self._linear = context.texture(self._size, 4, dtype="f2")
-        self._linear_target = context.framebuffer([self._linear])
-        self._encoded_target = context.framebuffer([context.renderbuffer(self._size, 4)])
+        try:
+            self._linear = context.texture(self._size, 4, dtype="f2")
+            self._linear_target = context.framebuffer([self._linear])
+            self._encoded_target = context.framebuffer([context.renderbuffer(self._size, 4)])
+        except moderngl.Error as reason:
+            width, height = self._size
+            raise GraphicsError(
+                f"a picture of {width} × {height} px does not fit on this GPU ({reason}): "
+                "make it smaller"
+            ) from None
         encode = build_program(context, "common/full_screen.vert", "capture/encode.frag")
         encode["u_linear"] = 0
         self._encode = context.vertex_array(encode, [])

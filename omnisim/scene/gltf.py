@@ -14,7 +14,7 @@ from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.content import Content, load_with_trimesh
 from omnisim.scene.gltf_header import MARKER, marked_file, read_header
-from omnisim.scene.gltf_skins import skinned
+from omnisim.scene.gltf_skins import SKINNED_ATTRIBUTES, skinned
 from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Wrap
 from omnisim.scene.punctual_lights import read_lights
@@ -23,13 +23,11 @@ from omnisim.scene.textures import TextureStore
 _REPEAT, _MIRRORED, _CLAMP = 10497, 33648, 33071  # OpenGL's numbers, as samplers state them
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
 _NORMALIZED_SCALE = {"u1": 255.0, "u2": 65535.0, "i1": 127.0, "i2": 32767.0}
-
-
 # What a header of the wrong shapes can raise where `gltf_check` has not looked.
 _HEADER_FAULTS = (
     LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError,
 )  # fmt: skip
-_POINTS_AND_LINES = (0, 1, 2, 3)
+_POINTS_AND_LINES = {0, 1, 2, 3}  # OpenGL's numbers of such primitives
 
 
 def read_gltf(
@@ -64,7 +62,7 @@ def _left_out(header: dict[str, Any]) -> list[str]:
     morphed = any(any(holder.get("weights", ())) for holder in holders)
     extensions = header.get("extensionsUsed", [])
     checks = (
-        (modes & set(_POINTS_AND_LINES), "points and lines are not drawn"),
+        (modes & _POINTS_AND_LINES, "points and lines are not drawn"),
         (header.get("animations"), "animations are not played"),
         (morphed, "morph targets are not applied"),
         (
@@ -171,14 +169,13 @@ class GltfReader:
         self, loaded: trimesh.Scene, geometry: str, skin: int, mesh: Mesh
     ) -> tuple[Mesh, NDArray[np.float64]]:
         marker = loaded.geometry[geometry].metadata[MARKER]
-        accessor = marker["accessors"]["WEIGHTS_0"]
-        weights = np.asarray(self._floats(marker["raw"]["WEIGHTS_0"], accessor), dtype=np.float64)
+        attributes = {
+            key: self._floats(values, marker["accessors"][key])
+            for key, values in marker["raw"].items()
+            if key in SKINNED_ATTRIBUTES
+        }
         positions, normals = skinned(
-            loaded,
-            self._header["skins"][skin],
-            marker["raw"],
-            marker["binds"].get(str(skin)),
-            weights,
+            loaded, self._header["skins"][skin], attributes, marker["binds"].get(str(skin))
         )
         made = make_mesh(
             mesh.name,

@@ -10,22 +10,23 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 
+SKINNED_ATTRIBUTES = ("POSITION", "NORMAL", "JOINTS_0", "WEIGHTS_0")
+
 
 def skinned(
     loaded: trimesh.Scene,
     skin: dict[str, Any],
-    raw: dict[str, NDArray[Any]],
+    attributes: dict[str, NDArray[Any]],
     inverse_binds: NDArray[np.float64] | None,
-    weights: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Positions (n, 3) and normals (n, 3) of a primitive in the file's frame.
 
     Args:
         loaded: the file, its nodes named by their indices.
         skin: the skin's entry in the header.
-        raw: the primitive's attributes, POSITION, JOINTS_0 and NORMAL where it has them.
+        attributes: those of `SKINNED_ATTRIBUTES` that the primitive has, normalised integers as
+            floats: POSITION and NORMAL (n, 3), JOINTS_0 and WEIGHTS_0 (n, 4).
         inverse_binds: (joints, 4, 4), or None: identities.
-        weights: (n, 4) WEIGHTS_0 as floats.
 
     Raises:
         SceneError: a joint that is not there.
@@ -34,7 +35,8 @@ def skinned(
     bind matrix; the node of the mesh does not count.
     """
     joints = skin.get("joints", [])
-    corners = np.asarray(raw["JOINTS_0"], dtype=np.int64)
+    corners = np.asarray(attributes["JOINTS_0"], dtype=np.int64)
+    weights = np.asarray(attributes["WEIGHTS_0"], dtype=np.float64)
     if not joints or corners.max() >= len(joints):
         raise SceneError(f"skin: joint {corners.max()} of {len(joints)}")
     known = set(loaded.graph.nodes)
@@ -45,8 +47,8 @@ def skinned(
     total = weights.sum(axis=1, keepdims=True)
     shares = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0.0)
     blended = np.einsum("nj,njab->nab", shares, matrices[corners])
-    positions = np.asarray(raw["POSITION"], dtype=np.float64)
+    positions = np.asarray(attributes["POSITION"], dtype=np.float64)
     moved = np.einsum("nab,nb->na", blended[:, :3, :3], positions) + blended[:, :3, 3]
-    if "NORMAL" not in raw:
+    if "NORMAL" not in attributes:
         return moved, None
-    return moved, np.einsum("nab,nb->na", blended[:, :3, :3], raw["NORMAL"])
+    return moved, np.einsum("nab,nb->na", blended[:, :3, :3], attributes["NORMAL"])

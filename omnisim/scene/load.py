@@ -15,6 +15,7 @@ from omnisim.scene.content import Content
 from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf import read_gltf
 from omnisim.scene.locate import locate, read_bytes
+from omnisim.scene.mesh_data import LARGEST_COORDINATE
 from omnisim.scene.model import MAX_LIGHTS, Instance, Scene, StartPose, bounds_m
 from omnisim.scene.other_formats import read_other
 from omnisim.scene.punctual_lights import lighting_for
@@ -94,7 +95,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
 def _check_finite(read: Content, instances: tuple[Instance, ...]) -> None:
     """Refuse numbers that a float32 cannot hold: they would be drawn somewhere, or nowhere."""
     for instance in instances:
-        if not np.abs(instance.world_from_mesh).max() < 1e15:  # also false for NaN
+        if not np.abs(instance.world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
             raise SceneError(f"node {instance.name!r}: its pose has numbers that are not finite")
     for material in read.materials:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():

@@ -9,7 +9,7 @@ from omnisim.errors import SceneError
 from omnisim.scene.model import Mesh
 
 # Beyond, products of coordinates overflow a float32.
-_LARGEST = 1e15
+LARGEST_COORDINATE = 1e15
 
 
 def make_mesh(
@@ -28,19 +28,21 @@ def make_mesh(
     another count than the positions, are dropped: the mesh is then flat, or in its plain colour.
 
     Raises:
-        SceneError: a position that is not finite, or a triangle without its vertex.
+        SceneError: a position that is not finite or too large, or a triangle without its vertex.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
     if len(corners) == 0:
         return None
     if corners.min() < 0 or corners.max() >= len(points):
-        raise SceneError(f"mesh {name!r}: a triangle names vertex {corners.max()} of {len(points)}")
-    bad = ~np.isfinite(points).all(axis=1)
+        worst = corners.min() if corners.min() < 0 else corners.max()
+        raise SceneError(f"mesh {name!r}: a triangle names vertex {worst} of {len(points)}")
+    bad = ~(np.abs(points) < LARGEST_COORDINATE).all(axis=1)  # also true for NaN
     if bad.any():
         raise SceneError(
             f"mesh {name!r}: vertex {int(np.argmax(bad))} is {points[np.argmax(bad)].tolist()}: "
-            f"want finite numbers ({int(bad.sum())} of {len(points)} vertices are not)"
+            f"want finite numbers below {LARGEST_COORDINATE:g} "
+            f"({int(bad.sum())} of {len(points)} vertices are not)"
         )
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     mesh = Mesh(

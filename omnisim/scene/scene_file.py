@@ -8,16 +8,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.errors import SceneError
-from omnisim.toml_file import Table, read_toml
+from omnisim.toml_file import Number, Table, read_toml
 
-Level = Annotated[float, Field(ge=0.0)]
+Level = Annotated[Number, Field(ge=0.0)]
 
 
 class Start(Table):
     """Where to look from when nobody says."""
 
-    position_m: tuple[float, float, float]
-    yaw_deg: float = 0.0
+    position_m: tuple[Number, Number, Number]
+    yaw_deg: Number = 0.0
 
 
 class SceneFile(Table):
@@ -33,7 +33,7 @@ class SceneFile(Table):
 
     file: str
     up_axis: Literal["x", "y", "z"] | None = None
-    meters_per_unit: Annotated[float, Field(gt=0.0)] | None = None
+    meters_per_unit: Annotated[Number, Field(gt=0.0)] | None = None
     background: tuple[Level, Level, Level] | None = None
     start: Start | None = None
 

@@ -48,7 +48,8 @@ class TextureStore:
                 pixels = rgba8(image)
             except (OSError, ValueError, SyntaxError, EOFError) as reason:  # what Pillow raises
                 self.notices.append(
-                    f"texture of {used_by} cannot be decoded ({reason}): its plain colour is drawn"
+                    f"texture of {used_by!r} cannot be decoded ({reason}): "
+                    "its plain colour is drawn"
                 )
                 pixels = None
             # the picture is kept so that its id is not used again

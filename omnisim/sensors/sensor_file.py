@@ -23,7 +23,7 @@ from omnisim.mirrors.hyperbolic import (
     PAPER_METERS_PER_UNIT,
 )
 from omnisim.mirrors.tessellation import sectors_and_rings
-from omnisim.toml_file import Table, parse_table, read_toml
+from omnisim.toml_file import Number, Table, parse_table, read_toml
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
@@ -61,7 +61,6 @@ FaceSize = Annotated[Any, _word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
 FocalLength = Annotated[Any, _word_or("fit", "a number > 0", _is_positive)]
 PrincipalPoint = Annotated[Any, _word_or("centre", "[u, v] in pixels", _is_point)]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
-Number = Annotated[float, Field(strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 
 

@@ -186,10 +186,12 @@ def test_missing_opengl_is_one_line(omnisim, monkeypatch):
     import omnisim.gpu.context as context
 
     monkeypatch.setattr(context, "_LIBRARIES", ("libNoSuchEGL.so.1", "libGL.so.1"))
-    status, _, error = omnisim("render", "courtyard", "-o", "a.png")
-    assert status == 1
-    assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: sudo apt-get")
-    assert error.count("\n") == 1
+    for arguments in (("render", "courtyard", "-o", "a.png"), ("info",)):
+        status, out, error = omnisim(*arguments)
+        assert status == 1
+        assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: sudo apt")
+        assert error.count("\n") == 1
+        assert "cannot be used" not in out
 
 
 def test_help_needs_no_graphics_library():

@@ -312,6 +312,20 @@ def test_skin_is_drawn_where_its_joints_are(gltf, tmp_path):
     assert scene.instances[0].name == "body"
 
 
+def test_skin_of_normalised_integers(gltf, tmp_path):
+    joints = gltf.accessor(np.zeros((3, 4), "u1"), "VEC4")
+    weights = gltf.accessor(np.array([[255, 0, 0, 0]] * 3, "u1"), "VEC4", normalized=True)
+    mesh = gltf.triangle(JOINTS_0=joints, WEIGHTS_0=weights)
+    corners = np.array([[0, 0, 0], [32767, 0, 0], [0, 32767, 0]], "<i2")
+    quantised = gltf.accessor(corners, "VEC3", normalized=True)
+    gltf.tree["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = quantised
+    gltf.tree["skins"] = [{"joints": [1]}]
+    gltf.node(mesh=mesh, skin=0)
+    gltf.node(scale=[2, 2, 2])
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z")
+    np.testing.assert_allclose(_world(scene), [[0, 0, 0], [2, 0, 0], [0, 2, 0]], atol=1e-5)
+
+
 def test_file_without_scenes_shows_its_roots(gltf, tmp_path):
     gltf.node(mesh=gltf.triangle(), translation=[1, 0, 0])
     del gltf.tree["scenes"], gltf.tree["scene"]

@@ -200,6 +200,7 @@ def test_collada_says_its_axis_and_unit(tmp_path, axis, size):
         ("a.obj", b"", "is an empty file"),
         ("a.obj", b"nothing of use\n", "has no triangles|cannot be read"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "vertex 2 is"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 3e38 0\nf 1 2 3\n", r"vertex 2 is .*below 1e\+15"),
         ("a.stl", b"solid x\nendsolid x\n", "has no triangles|cannot be read"),
         ("a.stl", b"\0" * 300, "has no triangles|cannot be read"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 9\n", "cannot be read|no triangles"),

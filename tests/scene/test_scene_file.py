@@ -33,6 +33,7 @@ def test_scene_file_says_what_the_mesh_cannot(folder):
         ('file = "gone.stl"', r"scene\.toml: file = 'gone\.stl': no such file"),
         ('file = "box.stl"\nup = "y"', r"up: unknown key; did you mean 'up_axis'"),
         ('file = "box.stl"\nup_axis = "w"', r"up_axis = 'w': want"),
+        ('file = "box.stl"\nmeters_per_unit = "1"', r"meters_per_unit = '1': want a valid number"),
         ('file = "box.stl"\nmeters_per_unit = 0', r"meters_per_unit = 0: want greater than 0"),
         ('file = "box.stl"\n[start]\nposition_m = [1, 2]', r"start\.position_m"),
         ('file = "box.stl"\nbackground = [-1, 0, 0]', r"background\.0 = -1: want"),
