@@ -7,9 +7,10 @@ the court, y outward, y = 0 the arcade's middle plane.  The other sides are turn
 from __future__ import annotations
 
 import numpy as np
-from geometry import Patch, bar, box, join, lathe, polygon, pose, ring, sheet, tile
-from materials import in_material
-from stage import Model
+
+from scenes.courtyard.materials import in_material
+from scenes.modelling.geometry import Patch, bar, box, join, lathe, polygon, pose, ring, sheet, tile
+from scenes.modelling.stage import Model
 
 BAY = 2.2
 WALK = 2.2  # from the arcade's middle plane to the wall behind it

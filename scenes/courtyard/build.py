@@ -1,4 +1,4 @@
-"""Build courtyard.glb: python scenes/courtyard/build.py.
+"""Build courtyard.glb: python -m scenes.courtyard.build.
 
 World axes: x east, y north, z up, metres; the origin is the middle of the compass rose.
 The same code always writes the same bytes.
@@ -10,14 +10,13 @@ import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
-import architecture as arch
-import furniture
-import landscape
 import numpy as np
-import plants
-from geometry import Patch, bar, box, join, polygon, pose, tile
-from materials import make_materials
-from stage import Model, Stage
+
+from scenes.courtyard import architecture as arch
+from scenes.courtyard import furniture, landscape, plants
+from scenes.courtyard.materials import make_materials
+from scenes.modelling.geometry import Patch, bar, box, join, polygon, pose, tile
+from scenes.modelling.stage import Model, Stage
 
 SEED = 20
 OUTPUT = Path(__file__).with_name("courtyard.glb")
@@ -56,7 +55,7 @@ SIDES = (
 def main() -> None:
     """Build the scene and say how big it became."""
     rng = np.random.default_rng(SEED)
-    stage = Stage(make_materials(rng))
+    stage = Stage("courtyard", make_materials(rng))
     lay_floor(stage)
     build_arcades(stage)
     build_roofs(stage)

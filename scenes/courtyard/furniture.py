@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from geometry import (
+
+from scenes.courtyard.materials import in_material
+from scenes.modelling.geometry import (
     Patch,
     ball,
     bar,
@@ -16,8 +18,7 @@ from geometry import (
     ring,
     tube,
 )
-from materials import in_material
-from stage import Model
+from scenes.modelling.stage import Model
 
 
 def fountain() -> Model:

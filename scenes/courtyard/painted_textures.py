@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import surface_textures as surface
-from lettering import draw_word
-from noise import fractal_noise
 from PIL import Image, ImageDraw
+
+from scenes.modelling import surface_textures as surface
+from scenes.modelling.lettering import draw_word
+from scenes.modelling.noise import fractal_noise
 
 Colour = tuple[float, float, float]
 OVERSAMPLING = 3

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from geometry import Patch, ball, bar, join, lathe, pose, sheet, tube
-from materials import in_material
-from stage import Model
+
+from scenes.courtyard.materials import in_material
+from scenes.modelling.geometry import Patch, ball, bar, join, lathe, pose, sheet, tube
+from scenes.modelling.stage import Model
 
 # Parts of the foliage texture: left, bottom, width, height as fractions of the picture.
 # The margins keep the opaque strips at the foot from showing along the cards' edges.

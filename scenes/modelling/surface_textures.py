@@ -6,7 +6,8 @@ Every function returns a float image (rows, columns, 3) of sRGB values in 0..1.
 from __future__ import annotations
 
 import numpy as np
-from noise import blend, fractal_noise, smooth_step
+
+from scenes.modelling.noise import blend, fractal_noise, smooth_step
 
 Colour = tuple[float, float, float]
 

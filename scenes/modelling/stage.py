@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from geometry import Patch, pose
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
+
+from scenes.modelling.geometry import Patch, pose
 
 # glTF is Y up: world (x, y, z) is stored as (x, z, -y).
 TO_GLTF = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -28,6 +29,7 @@ class Model:
 class Stage:
     """Collects nodes; each node is one object, and its name says which."""
 
+    name: str
     materials: dict[str, PBRMaterial]
     models: dict[str, Model] = field(default_factory=dict)
     nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
@@ -57,7 +59,7 @@ class Stage:
             scene.graph.update(frame_to=node, matrix=stored, geometry=name)
         return path.write_bytes(
             trimesh.exchange.gltf.export_glb(
-                scene, include_normals=True, tree_postprocessor=_finish_tree
+                scene, include_normals=True, tree_postprocessor=self._finish_tree
             )
         )
 
@@ -73,23 +75,29 @@ class Stage:
             process=False,
         )
 
-
-def _finish_tree(tree: dict) -> None:
-    """State what the exporter leaves to chance: texture filtering, buffer use, origin."""
-    tree["asset"] = {"version": "2.0", "generator": "omnisim scenes/courtyard/build.py"}
-    linear, linear_mipmap_linear, repeat = 9729, 9987, 10497
-    tree["samplers"] = [
-        {"magFilter": linear, "minFilter": linear_mipmap_linear, "wrapS": repeat, "wrapT": repeat}
-    ]
-    for texture in tree["textures"]:
-        texture["sampler"] = 0
-    vertex_data, index_data = 34962, 34963
-    for mesh in tree["meshes"]:
-        mesh.pop("extras", None)
-        for primitive in mesh["primitives"]:
-            uses = [(accessor, vertex_data) for accessor in primitive["attributes"].values()]
-            for accessor, target in [*uses, (primitive["indices"], index_data)]:
-                tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
-    for scene in tree["scenes"]:
-        scene["name"] = "courtyard"
-        scene.pop("extras", None)
+    def _finish_tree(self, tree: dict) -> None:
+        """State what the exporter leaves to chance: texture filtering, buffer use, origin."""
+        tree["asset"] = {"version": "2.0", "generator": f"omnisim scenes/{self.name}/build.py"}
+        linear, linear_mipmap_linear, repeat = 9729, 9987, 10497
+        tree["samplers"] = [
+            {
+                "magFilter": linear,
+                "minFilter": linear_mipmap_linear,
+                "wrapS": repeat,
+                "wrapT": repeat,
+            }
+        ]
+        for texture in tree.get("textures", []):
+            texture["sampler"] = 0
+        vertex_data, index_data = 34962, 34963
+        for mesh in tree["meshes"]:
+            mesh.pop("extras", None)
+            for primitive in mesh["primitives"]:
+                uses = [(accessor, vertex_data) for accessor in primitive["attributes"].values()]
+                for accessor, target in [*uses, (primitive["indices"], index_data)]:
+                    tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = (
+                        target
+                    )
+        for scene in tree["scenes"]:
+            scene["name"] = self.name
+            scene.pop("extras", None)

@@ -1,0 +1,1 @@
+"""Shared modelling kit of the scenes: shapes, materials, noise, lettering, the stage."""

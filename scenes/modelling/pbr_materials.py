@@ -1,0 +1,70 @@
+"""glTF materials from arrays: textured, masked, plain, see-through."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+
+Colour = tuple[float, float, float]
+
+
+def textured(
+    name: str, image: np.ndarray, roughness: float = 0.9, factor: Colour = (1.0, 1.0, 1.0)
+) -> PBRMaterial:
+    """Opaque, from a picture (height, width, 3) of sRGB values in [0, 1], stored as JPEG."""
+    pixels = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+    # The exporter stores an image as JPEG only where it was read from one.
+    encoded = io.BytesIO()
+    Image.fromarray(pixels).save(encoded, format="JPEG", quality=92, subsampling=0)
+    encoded.seek(0)
+    return PBRMaterial(
+        name=name,
+        baseColorTexture=Image.open(encoded),
+        baseColorFactor=_bytes((*factor, 1.0)),
+        metallicFactor=0.0,
+        roughnessFactor=roughness,
+    )
+
+
+def masked(name: str, image: np.ndarray) -> PBRMaterial:
+    """With holes, seen from both sides, from a picture (height, width, 4), stored as PNG."""
+    pixels = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return PBRMaterial(
+        name=name,
+        baseColorTexture=Image.fromarray(pixels),
+        metallicFactor=0.0,
+        roughnessFactor=0.9,
+        alphaMode="MASK",
+        alphaCutoff=0.5,
+        doubleSided=True,
+    )
+
+
+def plain(name: str, colour: Colour, roughness: float = 0.9) -> PBRMaterial:
+    """One opaque colour, linear RGB."""
+    return PBRMaterial(
+        name=name,
+        baseColorFactor=_bytes((*colour, 1.0)),
+        metallicFactor=0.0,
+        roughnessFactor=roughness,
+    )
+
+
+def see_through(
+    name: str, colour: tuple[float, float, float, float], roughness: float
+) -> PBRMaterial:
+    """One blended colour, linear RGBA."""
+    return PBRMaterial(
+        name=name,
+        baseColorFactor=_bytes(colour),
+        metallicFactor=0.0,
+        roughnessFactor=roughness,
+        alphaMode="BLEND",
+    )
+
+
+def _bytes(colour: tuple[float, ...]) -> np.ndarray:
+    return np.round(np.array(colour) * 255).astype(np.uint8)
