@@ -2,7 +2,7 @@
 
 import math
 
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import CylindricalCamera, HyperbolicCamera, PerspectiveCamera
 from omnisim.mirrors import HyperbolicMirror
 
 
@@ -20,4 +20,9 @@ CAMERA_EXAMPLES = {
     "hyperbolic-off-centre": HyperbolicCamera(
         HyperbolicMirror(), 480, 360, focal_length_px=1300.0, principal_point_px=(200.25, 150.75)
     ),
+    "perspective": PerspectiveCamera.with_field_of_view(320, 240, math.radians(90.0)),
+    "perspective-wide": PerspectiveCamera.with_field_of_view(300, 300, math.radians(150.0)),
+    "perspective-off-centre": PerspectiveCamera(200, 300, 150.0, (20.5, 310.25)),
+    "cylindrical": CylindricalCamera(630, 200, 100.0, (314.5, 99.5)),
+    "cylindrical-more-than-a-turn": CylindricalCamera(700, 160, 100.0, (340.25, 20.0)),
 }

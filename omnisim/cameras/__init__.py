@@ -2,7 +2,8 @@
 
 A model is three files with one stem: `cameras/<model>.py` (NumPy, float64, the reference),
 `shaders/camera/<model>.glsl` (the same function for the GPU) and an entry in
-`tests/camera_examples.py`, over which one contract test runs. Conventions, for all models:
+`tests/camera_examples.py`, over which one contract test runs; and its name in `cameras/models.py`.
+Conventions, for all models:
 
 - Pixels are (u, v), u right and v down, (0, 0) at the centre of the top left one.
 - Rays are unit directions in the optical frame (x right, y down, z forward), from the effective
@@ -12,6 +13,19 @@ A model is three files with one stem: `cameras/<model>.py` (NumPy, float64, the 
 """
 
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
+from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
+from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras.perspective import PerspectiveCamera
 
-__all__ = ["CentralCamera", "HyperbolicCamera", "Pixels", "Rays", "pixel_grid"]
+__all__ = [
+    "CAMERA_MODELS",
+    "CentralCamera",
+    "CylindricalCamera",
+    "HyperbolicCamera",
+    "PerspectiveCamera",
+    "Pixels",
+    "Rays",
+    "camera_from_parameters",
+    "pixel_grid",
+]

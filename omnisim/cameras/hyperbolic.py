@@ -6,14 +6,15 @@ GLSL twin: `shaders/camera/hyperbolic.glsl`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import Pixels, Rays
-from omnisim.errors import OpticsError
+from omnisim.cameras.parameters import check_picture, number, point, whole_number
 from omnisim.mirrors import HyperbolicMirror
 
 
@@ -53,14 +54,7 @@ class HyperbolicCamera:
     model = "hyperbolic"
 
     def __post_init__(self) -> None:
-        if self.width_px < 1 or self.height_px < 1:
-            raise OpticsError(f"camera: size {self.width_px} × {self.height_px}: want at least 1")
-        if not (math.isfinite(self.focal_length_px) and self.focal_length_px > 0.0):
-            raise OpticsError(f"camera: focal_length_px = {self.focal_length_px:g}: want > 0")
-        if not all(math.isfinite(value) for value in self.principal_point_px):
-            raise OpticsError(
-                f"camera: principal_point_px = {self.principal_point_px}: want finite numbers"
-            )
+        check_picture(self)
 
     @classmethod
     def framed_on_rim(
@@ -79,6 +73,36 @@ class HyperbolicCamera:
             focal_length_px=0.5 * min(width_px, height_px) / rim_tangent,
             principal_point_px=(0.5 * (width_px - 1), 0.5 * (height_px - 1)),
         )
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, Any]) -> HyperbolicCamera:
+        """Make the camera that `parameters()` describes.
+
+        Raises:
+            OpticsError: naming the key and what was wanted.
+        """
+        mirror = HyperbolicMirror(
+            number(parameters, "k"),
+            number(parameters, "c"),
+            number(parameters, "meters_per_unit"),
+            math.radians(number(parameters, "theta_max_deg")),
+        )
+        return cls(
+            mirror,
+            whole_number(parameters, "width_px"),
+            whole_number(parameters, "height_px"),
+            number(parameters, "focal_length_px"),
+            point(parameters, "principal_point_px"),
+        )
+
+    @property
+    def unified_focal_length_px(self) -> float:
+        """γ of the unified (Geyer, Mei) model with the mirror's ξ: f ψ = f/(k − 1).
+
+        That model wants its z axis along the mirror's: (x, y, −z) of the optical frame. It is a
+        mirrored frame, as the picture of a mirror is a mirrored picture.
+        """
+        return self.focal_length_px / (self.mirror.k - 1.0)
 
     @property
     def horizon_radius_px(self) -> float:
@@ -153,6 +177,7 @@ class HyperbolicCamera:
             "meters_per_unit": self.mirror.meters_per_unit,
             "theta_max_deg": math.degrees(self.mirror.theta_max_rad),
             "xi": self.mirror.xi,
+            "unified_focal_length_px": self.unified_focal_length_px,
         }
 
 

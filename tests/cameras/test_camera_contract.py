@@ -1,9 +1,12 @@
 """One body of tests over every camera model."""
 
+import json
+
 import numpy as np
 import pytest
 
-from omnisim.cameras import pixel_grid
+from omnisim.cameras import camera_from_parameters, pixel_grid
+from omnisim.errors import OpticsError
 from tests.camera_examples import CAMERA_EXAMPLES
 
 examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
@@ -23,7 +26,8 @@ def test_pixel_to_ray_to_pixel(camera):
 
 @examples
 def test_unseen_directions_are_not_valid_and_finite(camera):
-    directions = np.random.default_rng(1).normal(size=(5000, 3))
+    axes = np.concatenate((np.eye(3), -np.eye(3)))
+    directions = np.concatenate((axes, np.random.default_rng(1).normal(size=(5000, 3))))
     pixels = camera.pixel_from_ray(directions)
     assert 0 < pixels.valid.sum() < len(directions)
     assert np.isfinite(pixels.positions_px).all()
@@ -37,3 +41,33 @@ def test_leading_axes_broadcast(camera):
     assert one.valid.shape == ()
     assert many.directions.shape == (2, 3, 3)
     np.testing.assert_array_equal(many.directions[1, 2], one.directions)
+
+
+@examples
+def test_camera_comes_back_from_its_parameters(camera):
+    as_json = json.loads(json.dumps(camera.parameters()))
+    again = camera_from_parameters(as_json)
+    assert type(again) is type(camera)
+    pixels = pixel_grid(camera.width_px, camera.height_px)[::7, ::7]
+    one, other = again.ray_from_pixel(pixels), camera.ray_from_pixel(pixels)
+    np.testing.assert_allclose(one.directions, other.directions, rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(one.valid, other.valid)
+    assert (again.width_px, again.height_px) == (camera.width_px, camera.height_px)
+
+
+@examples
+@pytest.mark.parametrize("bad", ["missing", "word", "nan"])
+def test_bad_parameters_are_named(camera, bad):
+    for key in ("width_px", "focal_length_px", "principal_point_px"):
+        parameters = camera.parameters()
+        if bad == "missing":
+            del parameters[key]
+        else:
+            parameters[key] = "11" if bad == "word" else float("nan")
+        with pytest.raises(OpticsError, match=key):
+            camera_from_parameters(parameters)
+
+
+def test_unknown_model_is_named():
+    with pytest.raises(OpticsError, match="model = 'pinhole': want one of hyperbolic"):
+        camera_from_parameters({"model": "pinhole"})

@@ -1,0 +1,53 @@
+"""The cylindrical panorama: upright lines stay straight, and a turn of the camera is a shift.
+
+GLSL twin: `shaders/camera/cylindrical.glsl`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.focal_camera import FocalCamera
+
+
+@dataclass(frozen=True)
+class CylindricalCamera(FocalCamera):
+    """A picture on a cylinder around the y axis of the optical frame.
+
+    A column is an azimuth from the z axis towards x, (u − u0)/f in radians; a row is the tangent
+    of an elevation, (v − v0)/f downwards. Azimuths run from −180° to 180°.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_length_px: pixels in a radian of azimuth, and in a tangent of 1.
+        principal_point_px: (u, v) of the z axis in the picture.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+    """
+
+    model = "cylindrical"
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2); valid where the azimuth is within ±180°."""
+        pixels = np.asarray(pixels_px, dtype=np.float64)
+        scaled = (pixels - self.principal_point_px) / self.focal_length_px
+        azimuth, tangent = scaled[..., 0], scaled[..., 1]
+        directions = np.stack((np.sin(azimuth), tangent, np.cos(azimuth)), axis=-1)
+        directions /= np.sqrt(1.0 + tangent * tangent)[..., None]
+        return Rays(directions, np.abs(azimuth) <= math.pi)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid off the cylinder's axis."""
+        rays = np.asarray(directions, dtype=np.float64)
+        across = np.hypot(rays[..., 0], rays[..., 2])
+        valid = across > 1e-12 * np.abs(rays[..., 1])
+        tangent = rays[..., 1] / np.where(valid, across, 1.0)
+        azimuth = np.arctan2(rays[..., 0], rays[..., 2])
+        scaled = np.stack((azimuth, tangent), axis=-1)
+        return Pixels(self.focal_length_px * scaled + self.principal_point_px, valid)

@@ -1,0 +1,28 @@
+"""All camera models, and the way back from a picture's metadata to its camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.hyperbolic import HyperbolicCamera
+from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.errors import OpticsError
+
+CAMERA_MODELS = {
+    kind.model: kind for kind in (HyperbolicCamera, PerspectiveCamera, CylindricalCamera)
+}
+
+
+def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
+    """Make the camera that a camera's `parameters()` describes.
+
+    Raises:
+        OpticsError: an unknown model, or naming the key and what was wanted.
+    """
+    model = parameters.get("model")
+    if model not in CAMERA_MODELS:
+        raise OpticsError(f"camera: model = {model!r}: want one of " + ", ".join(CAMERA_MODELS))
+    return CAMERA_MODELS[model].from_parameters(parameters)

@@ -1,0 +1,74 @@
+"""A camera's parameters as they come from outside: checks, with errors that name the key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from omnisim.errors import OpticsError
+
+
+class _Picture(Protocol):
+    width_px: int
+    height_px: int
+    focal_length_px: float
+    principal_point_px: tuple[float, float]
+
+
+def check_picture(camera: _Picture) -> None:
+    """Refuse a size, focal length or principal point that no picture has.
+
+    Raises:
+        OpticsError: naming what is wrong, and what was wanted.
+    """
+    if camera.width_px < 1 or camera.height_px < 1:
+        raise OpticsError(f"camera: size {camera.width_px} × {camera.height_px}: want at least 1")
+    if not (math.isfinite(camera.focal_length_px) and camera.focal_length_px > 0.0):
+        raise OpticsError(f"camera: focal_length_px = {camera.focal_length_px:g}: want > 0")
+    if not all(math.isfinite(value) for value in camera.principal_point_px):
+        raise OpticsError(
+            f"camera: principal_point_px = {camera.principal_point_px}: want finite numbers"
+        )
+
+
+def number(parameters: Mapping[str, Any], key: str) -> float:
+    """The finite number under `key`.
+
+    Raises:
+        OpticsError: it is missing, or is none.
+    """
+    value = _value(parameters, key)
+    if type(value) not in (int, float) or not math.isfinite(value):
+        raise OpticsError(f"camera: {key} = {value!r}: want a number")
+    return float(value)
+
+
+def whole_number(parameters: Mapping[str, Any], key: str) -> int:
+    """The whole number under `key`.
+
+    Raises:
+        OpticsError: it is missing, or is none.
+    """
+    value = _value(parameters, key)
+    if type(value) is not int:
+        raise OpticsError(f"camera: {key} = {value!r}: want a whole number")
+    return value
+
+
+def point(parameters: Mapping[str, Any], key: str) -> tuple[float, float]:
+    """The two finite numbers under `key`.
+
+    Raises:
+        OpticsError: they are missing, or not two numbers.
+    """
+    value = _value(parameters, key)
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise OpticsError(f"camera: {key} = {value!r}: want [u, v]")
+    return number({key: value[0]}, key), number({key: value[1]}, key)
+
+
+def _value(parameters: Mapping[str, Any], key: str) -> Any:
+    if key not in parameters:
+        raise OpticsError(f"camera: {key}: missing")
+    return parameters[key]
