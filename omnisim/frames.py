@@ -33,6 +33,22 @@ RIG_FROM_OPTICAL_LOOKING_UP: NDArray[np.float64] = np.array(
         [0.0, 0.0, 1.0],  # up is into the mirror
     ]
 )
+# A camera that looks the way the vehicle goes: forward is into the picture (REP 103, REP 105).
+BASE_FROM_OPTICAL_LOOKING_AHEAD: NDArray[np.float64] = np.array(
+    [
+        [0.0, 0.0, 1.0],
+        [-1.0, 0.0, 0.0],
+        [0.0, -1.0, 0.0],
+    ]
+)
+# A map of the ground: looks straight down, forward is up in the picture, left is left.
+BASE_FROM_OPTICAL_LOOKING_DOWN: NDArray[np.float64] = np.array(
+    [
+        [0.0, -1.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [0.0, 0.0, -1.0],
+    ]
+)
 # Half a turn about x: the camera looks into the mirror, the mirror's axis looks at the camera.
 MIRROR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, -1.0, -1.0])
 

@@ -42,7 +42,9 @@ def is_float_format(path: Path) -> bool:
 
 
 def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | None = None) -> None:
-    """Write a picture (height, width, 3): uint8 sRGB, or float32 linear for EXR.
+    """Write a picture (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
+
+    A fourth channel is alpha; JPEG, which has none, leaves it out.
 
     Raises:
         OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
@@ -53,6 +55,8 @@ def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | Non
         kind = "linear float32" if is_float else "uint8"
         raise OutputError(f"{path}: this format takes {kind} pixels, not {pixels.dtype}")
     check_target(path)
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        pixels = pixels[..., :3]
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else oiio.UINT8)
     spec["Software"] = f"omnisim {__version__}"

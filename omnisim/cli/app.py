@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from omnisim import __version__
+from omnisim.cli.choices import ViewKind
 from omnisim.errors import OmnisimError
 
 out = Console(highlight=False, soft_wrap=True, emoji=False)
@@ -116,6 +117,70 @@ def render(
         scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device
     )
     run(request, out, err)
+
+
+@app.command()
+def unwarp(
+    picture: Annotated[
+        Path,
+        typer.Argument(metavar="PICTURE", help="A picture that omnisim took, or any other."),
+    ],
+    to: Annotated[
+        ViewKind,
+        typer.Option("--to", help="The view: a panorama, a pinhole camera's, a map of the ground."),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."),
+    ],
+    sensor: Annotated[
+        Path | None,
+        typer.Option("--sensor", help="Sensor file; by default what the picture says of itself."),
+    ] = None,
+    size: Annotated[
+        tuple[int, int] | None,
+        typer.Option("--size", metavar="W H", help="Pixels. [dim]as fine as the picture[/]"),
+    ] = None,
+    yaw: Annotated[
+        float,
+        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from the front."),
+    ] = 0.0,
+    pitch: Annotated[
+        float, typer.Option("--pitch", metavar="DEG", help="Perspective: downwards.")
+    ] = 0.0,
+    fov: Annotated[
+        float, typer.Option("--fov", metavar="DEG", help="Perspective: from left to right edge.")
+    ] = 90.0,
+    elevation: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--elevation",
+            metavar="LOW HIGH",
+            help="Cylinder: rows, degrees above the horizon. [dim]-45 to the highest seen[/]",
+        ),
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            "--height",
+            metavar="M",
+            help="Bird's eye: height of the viewpoint over the ground. [dim]the picture's z[/]",
+        ),
+    ] = None,
+    extent: Annotated[
+        float | None,
+        typer.Option(
+            "--extent", metavar="M", help="Bird's eye: from middle to edge. [dim]4 × height[/]"
+        ),
+    ] = None,
+) -> None:
+    """Unwarp an omnidirectional picture to a cylinder, a perspective view or a map."""
+    from omnisim.cli.unwarp import UnwarpRequest, run
+
+    request = UnwarpRequest(
+        picture, output, to, sensor, size, yaw, pitch, fov, elevation, height, extent
+    )
+    run(request, out)
 
 
 @app.command()

@@ -7,29 +7,9 @@ import numpy as np
 import pytest
 
 from omnisim import __version__
-from omnisim.cli.app import main
 from omnisim.image_files import read_image
 from omnisim.scene import load_scene
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
-
-
-@pytest.fixture
-def omnisim(monkeypatch, capsys, tmp_path):
-    """Runs the command in an empty folder; returns exit status, standard output and error."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["omnisim", *map(str, arguments)])
-        status = 0
-        try:
-            main()
-        except SystemExit as stopped:
-            status = stopped.code or 0
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -1,0 +1,11 @@
+"""Words that options take."""
+
+from enum import StrEnum
+
+
+class ViewKind(StrEnum):
+    """What a picture is unwarped to."""
+
+    CYLINDER = "cylinder"
+    PERSPECTIVE = "perspective"
+    BIRDSEYE = "birdseye"

@@ -1,0 +1,169 @@
+"""`omnisim unwarp`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from omnisim import __version__
+from omnisim.atomic_file import check_target
+from omnisim.cli.choices import ViewKind
+from omnisim.errors import OpticsError, OutputError
+from omnisim.image_files import is_float_format, write_image
+from omnisim.perception.unwarping import Unwarping
+from omnisim.perception.views import View, birdseye_view, cylinder_view, perspective_view
+from omnisim.sensors import OmniCamera
+from omnisim.sensors.picture_file import TakenPicture, read_picture
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+
+LARGEST_SIDE_PX = 32768
+
+
+@dataclass(frozen=True)
+class UnwarpRequest:
+    """The arguments of the command, as its help explains them."""
+
+    picture: Path
+    output: Path
+    kind: ViewKind
+    sensor: Path | None
+    size_px: tuple[int, int] | None
+    yaw_deg: float
+    pitch_deg: float
+    field_of_view_deg: float
+    elevation_deg: tuple[float, float] | None
+    height_m: float | None
+    extent_m: float | None
+
+
+def run(request: UnwarpRequest, out: Console) -> None:
+    """Unwarp one picture and say where it is, and how much of it the camera did not see.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    is_float = is_float_format(request.output)
+    check_target(request.output)
+    if request.output.exists() and request.output.samefile(request.picture):
+        raise OutputError(f"{request.output}: is the picture itself: want another name")
+    sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
+    taken = read_picture(request.picture, sensor)
+    view = _view(request, taken)
+    camera_from_view = taken.base_from_optical.T @ view.base_from_view
+    try:
+        unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
+    except OpticsError as reason:
+        raise OpticsError(f"{request.picture}: {reason}: look elsewhere") from None
+    pixels = _for_format(unwarp(taken.pixels), unwarp.valid, is_float)
+    write_image(request.output, pixels, _metadata(taken, view))
+    masked = int(unwarp.valid.size - unwarp.valid.sum())
+    out.print(
+        f"{request.output}: {request.kind}, {view.camera.width_px} × {view.camera.height_px} px"
+        + (
+            f"; {masked} pixels ({100.0 * masked / unwarp.valid.size:.2g} %) that the camera does "
+            "not see are masked"
+            if masked
+            else ""
+        ),
+        markup=False,
+    )
+
+
+def _view(request: UnwarpRequest, taken: TakenPicture) -> View:
+    side = min(taken.camera.width_px, taken.camera.height_px)
+    width, height = request.size_px or (side, side)
+    if not (1 <= width <= LARGEST_SIDE_PX and 1 <= height <= LARGEST_SIDE_PX):
+        raise OpticsError(f"--size {width} {height}: want 1 to {LARGEST_SIDE_PX}")
+    yaw = math.radians(request.yaw_deg)
+    if request.kind is ViewKind.PERSPECTIVE:
+        return perspective_view(
+            width,
+            height,
+            math.radians(request.field_of_view_deg),
+            yaw,
+            math.radians(request.pitch_deg),
+        )
+    if request.kind is ViewKind.CYLINDER:
+        return _cylinder(request, taken, yaw)
+    viewpoint_m = request.height_m if request.height_m is not None else taken.height_m
+    if viewpoint_m is None:
+        raise OpticsError(
+            f"{request.picture}: does not say how high the camera was: pass --height METRES"
+        )
+    extent_m = request.extent_m if request.extent_m is not None else 4.0 * viewpoint_m
+    if width != height:
+        raise OpticsError(f"--size {width} {height}: a bird's eye view is square")
+    return birdseye_view(width, extent_m, viewpoint_m, yaw)
+
+
+def _cylinder(request: UnwarpRequest, taken: TakenPicture, yaw: float) -> View:
+    side = min(taken.camera.width_px, taken.camera.height_px)
+    # as wide as the largest circle in the picture is long
+    width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
+    low, high = request.elevation_deg or (-45.0, _highest_elevation_deg(taken))
+    view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
+    if request.size_px and view.camera.height_px != request.size_px[1]:
+        raise OpticsError(
+            f"--size {width} {request.size_px[1]}: a cylinder {width} px around from {low:g}° to "
+            f"{high:g}° is {view.camera.height_px} px high: change the size or --elevation"
+        )
+    return view
+
+
+def _highest_elevation_deg(taken: TakenPicture) -> float:
+    """The highest whole degree of elevation that is seen all around, or 60."""
+    azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
+    for elevation_deg in range(60, -60, -1):
+        elevation = math.radians(elevation_deg)
+        base = np.stack(
+            (
+                math.cos(elevation) * np.cos(azimuth),
+                math.cos(elevation) * np.sin(azimuth),
+                np.full_like(azimuth, math.sin(elevation)),
+            ),
+            axis=-1,
+        )
+        pixels = taken.camera.pixel_from_ray(base @ taken.base_from_optical)
+        inside = np.all(
+            (pixels.positions_px >= 0.0)
+            & (pixels.positions_px <= (taken.camera.width_px - 1, taken.camera.height_px - 1)),
+            axis=-1,
+        )
+        if np.all(pixels.valid & inside):
+            return float(elevation_deg)
+    return 0.0
+
+
+def _for_format(pixels: NDArray[Any], valid: NDArray[np.bool_], to_float: bool) -> NDArray[Any]:
+    """Colours as the output's format holds them, with the mask as alpha."""
+    if to_float:
+        colors = linear_from_srgb(pixels / 255.0) if pixels.dtype == np.uint8 else pixels
+        return np.concatenate((colors, valid[..., None]), axis=-1).astype(np.float32)
+    if pixels.dtype != np.uint8:
+        pixels = np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
+    alpha = np.where(valid, 255, 0).astype(np.uint8)
+    return np.concatenate((pixels, alpha[..., None]), axis=-1)
+
+
+def _metadata(taken: TakenPicture, view: View) -> dict[str, Any]:
+    """What the view says of itself: its own camera and pose, and the picture's scene."""
+    base_from_optical = np.eye(4)
+    base_from_optical[:3, :3] = view.base_from_view
+    told = {
+        key: value
+        for key, value in taken.metadata.items()
+        if key in ("scene", "lit", "exposure", "world_from_base")
+    }
+    if taken.world_from_optical is not None and taken.world_from_base is not None:
+        base_from_optical[:3, 3] = (
+            np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
+        )[:3, 3]
+        world_from_optical = taken.world_from_base @ base_from_optical
+        told["world_from_optical"] = world_from_optical.tolist()
+    return {"omnisim": __version__, "camera": view.camera.parameters(), **told}

@@ -1,0 +1,1 @@
+"""What a robot makes of the pictures: views unwarped from them."""

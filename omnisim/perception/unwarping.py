@@ -1,0 +1,144 @@
+"""Unwarping: resampling one camera's picture into another camera's view from the same viewpoint.
+
+It is made for one pair of cameras and one rotation, and then applied to any number of pictures.
+Colours are blended in linear light.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.errors import OpticsError
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+
+MOST_SAMPLES = 8  # to a side of a view's pixel
+# An 8-bit value's linear one, and back: linear steps of 1/65535 are finer than any 8-bit step.
+_LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+_STEPS = 65535
+_SRGB = np.rint(255.0 * srgb_from_linear(np.arange(_STEPS + 1) / _STEPS)).astype(np.uint8)
+
+
+class Unwarping:
+    """The table of lookups from a view's pixels into a picture.
+
+    A view's pixel is valid where everything that it blends is: seen by the picture's camera and
+    inside the picture.
+
+    Args:
+        camera: of the picture.
+        view: camera of the wanted picture, at the same effective viewpoint.
+        camera_from_view: (3, 3) rotation between their optical frames.
+        covered: (height, width) which pixels of the picture show the scene; by default those
+            that the camera model calls valid.
+        samples: to a side of a view's pixel, averaged; by default as many as it covers of the
+            picture's pixels, so that nothing is skipped.
+
+    Attributes:
+        valid: (height, width) which pixels of the view show the scene.
+
+    Raises:
+        OpticsError: the picture shows nothing of the view.
+    """
+
+    def __init__(
+        self,
+        camera: CentralCamera,
+        view: CentralCamera,
+        camera_from_view: ArrayLike,
+        covered: NDArray[np.bool_] | None = None,
+        samples: int | None = None,
+    ):
+        rotation = np.asarray(camera_from_view, dtype=np.float64)
+        self._shape = (camera.height_px, camera.width_px)
+        if covered is None:
+            covered = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px)).valid
+        if samples is None:
+            samples = _samples_needed(camera, view, rotation)
+        offsets = (np.arange(samples) + 0.5) / samples - 0.5
+        grid = pixel_grid(view.width_px, view.height_px)
+        self.valid = np.ones(grid.shape[:2], dtype=bool)
+        self._lookups = []
+        for down in offsets:
+            for right in offsets:
+                rays = view.ray_from_pixel(grid + (right, down))
+                pixels = camera.pixel_from_ray(rays.directions @ rotation.T)
+                corner, weights, inside = _corner_and_weights(pixels.positions_px, self._shape)
+                for step in (0, 1, self._shape[1], self._shape[1] + 1):
+                    inside &= covered.take(corner + step, mode="clip")
+                self.valid &= inside & pixels.valid & rays.valid
+                self._lookups.append((corner, weights))
+        if not self.valid.any():
+            raise OpticsError("the picture shows nothing of this view")
+
+    def __call__(self, picture: NDArray[Any]) -> NDArray[Any]:
+        """Unwarp a picture (height, width, channels), uint8 sRGB or linear floats.
+
+        Returns the view, of the same kind; 0 where it is not `valid`.
+
+        Raises:
+            OpticsError: the picture is not of the camera's size.
+        """
+        if picture.shape[:2] != self._shape:
+            raise OpticsError(
+                f"a picture of {picture.shape[1]} × {picture.shape[0]} px, where the camera's has "
+                f"{self._shape[1]} × {self._shape[0]}"
+            )
+        is_encoded = picture.dtype == np.uint8
+        linear = _LINEAR[picture] if is_encoded else picture.astype(np.float32, copy=False)
+        flat = linear.reshape(-1, picture.shape[2])
+        total = np.zeros((*self.valid.shape, picture.shape[2]), dtype=np.float32)
+        width = self._shape[1]
+        for corner, weights in self._lookups:
+            for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
+                total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
+        total *= (self.valid / len(self._lookups)).astype(np.float32)[..., None]
+        if not is_encoded:
+            return total.astype(picture.dtype, copy=False)
+        return _SRGB[np.rint(np.clip(total, 0.0, 1.0) * _STEPS).astype(np.int32)]
+
+
+def _corner_and_weights(
+    positions_px: NDArray[np.float64], shape: tuple[int, int]
+) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
+    """Flat index (h, w) of the upper left of four neighbours, their weights (4, h, w), and whether
+    all four are in the picture."""
+    height, width = shape
+    last = (width - 1, height - 1)
+    # a view of the picture itself must not lose its border to rounding
+    inside = np.all((positions_px >= -1e-6) & (positions_px <= np.add(last, 1e-6)), axis=-1)
+    safe = np.clip(np.where(inside[..., None], positions_px, 0.0), 0.0, last)
+    first = np.minimum(np.floor(safe), (max(width - 2, 0), max(height - 2, 0))).astype(np.intp)
+    right, down = np.moveaxis(safe - first, -1, 0)
+    weights = np.stack(
+        ((1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down)
+    )
+    return first[..., 1] * width + first[..., 0], weights.astype(np.float32), inside
+
+
+def _samples_needed(
+    camera: CentralCamera, view: CentralCamera, camera_from_view: NDArray[np.float64]
+) -> int:
+    """Samples to a side of a view's pixel for its largest step in the picture, up to a limit."""
+    u = np.linspace(0.0, view.width_px - 1.0, min(view.width_px, 65))
+    v = np.linspace(0.0, view.height_px - 1.0, min(view.height_px, 65))
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+
+    def pixels(step: tuple[float, float]) -> Any:
+        return camera.pixel_from_ray(
+            view.ray_from_pixel(grid + step).directions @ camera_from_view.T
+        )
+
+    here, right, down = pixels((0.0, 0.0)), pixels((0.5, 0.0)), pixels((0.0, 0.5))
+    seen = here.valid & right.valid & down.valid
+    if not seen.any():
+        return 1
+    steps = np.stack(
+        (right.positions_px - here.positions_px, down.positions_px - here.positions_px)
+    )
+    longest = 2.0 * np.linalg.norm(steps, axis=-1)[:, seen].max()
+    return int(min(MOST_SAMPLES, max(1, math.ceil(longest - 0.5))))

@@ -1,0 +1,111 @@
+"""A picture from a file together with the camera that took it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.errors import OmnisimError, OutputError
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP, check_pose
+from omnisim.image_files import read_image
+from omnisim.sensors.coverage import covered_pixels
+from omnisim.sensors.omnicamera import OmniCamera
+
+
+@dataclass(frozen=True, eq=False)
+class TakenPicture:
+    """A picture and what is known of how it was taken.
+
+    Attributes:
+        pixels: (height, width, 3) uint8 sRGB, or float32 linear.
+        covered: (height, width) the pixels that show the scene.
+        camera: the camera.
+        base_from_optical: (3, 3) rotation from the camera's optical frame to the vehicle's base.
+        world_from_base, world_from_optical: (4, 4) poses, where the picture knows them.
+        metadata: all that the picture says of itself; empty where it says nothing.
+    """
+
+    pixels: NDArray[Any]
+    covered: NDArray[np.bool_]
+    camera: CentralCamera
+    base_from_optical: NDArray[np.float64]
+    world_from_base: NDArray[np.float64] | None
+    world_from_optical: NDArray[np.float64] | None
+    metadata: dict[str, Any]
+
+    @property
+    def height_m(self) -> float | None:
+        """Height of the effective viewpoint above the world's z = 0, where it is known."""
+        return None if self.world_from_optical is None else float(self.world_from_optical[2, 3])
+
+
+def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
+    """Read a picture with its camera, from its own metadata or by the sensor that is given.
+
+    Raises:
+        OmnisimError: not a picture, without a camera, or of another size than the camera's.
+    """
+    stored, metadata = read_image(path)
+    pixels = _three_channels(stored)
+    metadata = metadata or {}
+    world_from_base = _pose(metadata, "world_from_base", path)
+    world_from_optical = _pose(metadata, "world_from_optical", path)
+    polygons: int | None
+    if sensor is not None:
+        camera: CentralCamera = sensor.camera
+        base_from_optical = sensor.base_from_rig[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP
+        polygons = sensor.polygons
+    elif not isinstance(metadata.get("camera"), dict):
+        raise OutputError(
+            f"{path}: has no camera parameters inside: pass the sensor file that it was taken "
+            "with, --sensor FILE"
+        )
+    else:
+        try:
+            camera = camera_from_parameters(metadata["camera"])
+        except OmnisimError as reason:
+            raise OutputError(f"{path}: its metadata: {reason}") from None
+        if world_from_base is None or world_from_optical is None:
+            raise OutputError(
+                f"{path}: its metadata has no pose of the camera on its vehicle: pass the sensor "
+                "file that it was taken with, --sensor FILE"
+            )
+        base_from_optical = world_from_base[:3, :3].T @ world_from_optical[:3, :3]
+        polygons = metadata.get("polygons") if type(metadata.get("polygons")) is int else None
+    if pixels.shape[:2] != (camera.height_px, camera.width_px):
+        raise OutputError(
+            f"{path}: is {pixels.shape[1]} × {pixels.shape[0]} px, where its camera's pictures are "
+            f"{camera.width_px} × {camera.height_px}"
+        )
+    try:
+        covered = covered_pixels(camera, polygons)
+    except OmnisimError as reason:
+        raise OutputError(f"{path}: its metadata: {reason}") from None
+    if stored.shape[2] in (2, 4):
+        covered &= stored[..., -1] > 0
+    return TakenPicture(
+        pixels, covered, camera, base_from_optical, world_from_base, world_from_optical, metadata
+    )
+
+
+def _three_channels(stored: NDArray[Any]) -> NDArray[Any]:
+    colors = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
+    if colors.dtype == np.uint16:
+        colors = np.rint(colors / 257.0).astype(np.uint8)
+    elif colors.dtype != np.uint8:
+        colors = colors.astype(np.float32)
+    return np.ascontiguousarray(colors)
+
+
+def _pose(metadata: dict[str, Any], key: str, path: Path) -> NDArray[np.float64] | None:
+    if key not in metadata:
+        return None
+    try:
+        return check_pose(metadata[key])
+    except (OmnisimError, TypeError, ValueError):
+        raise OutputError(f"{path}: its metadata: {key}: want a pose, a 4 × 4 matrix") from None

@@ -1,0 +1,26 @@
+"""The command line, run in an empty folder."""
+
+import sys
+
+import pytest
+
+from omnisim.cli.app import main
+
+
+@pytest.fixture
+def omnisim(monkeypatch, capsys, tmp_path):
+    """Runs the command in an empty folder; returns exit status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["omnisim", *map(str, arguments)])
+        status = 0
+        try:
+            main()
+        except SystemExit as stopped:
+            status = stopped.code or 0
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run

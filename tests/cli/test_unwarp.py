@@ -1,0 +1,109 @@
+"""`omnisim unwarp` as a person uses it, with wrong arguments too."""
+
+import numpy as np
+import pytest
+
+from omnisim.image_files import read_image, write_image
+from omnisim.sensors import OmniCamera
+
+
+@pytest.fixture
+def picture(tmp_path):
+    """A picture as `omnisim render` writes it, without rendering."""
+    camera = OmniCamera()
+    pixels = np.full((360, 360, 3), 128, dtype=np.uint8)
+    base = camera.base_pose((1.0, 2.0, 0.8), 30.0)
+    optical = base.copy()
+    optical[:3, :3] = base[:3, :3] @ [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    metadata = {
+        "camera": camera.camera.parameters(),
+        "polygons": 1024,
+        "scene": "none",
+        "world_from_base": base.tolist(),
+        "world_from_optical": optical.tolist(),
+    }
+    write_image(tmp_path / "a.png", pixels, metadata)
+    return metadata
+
+
+@pytest.mark.usefixtures("picture")
+@pytest.mark.parametrize("kind", ["cylinder", "perspective", "birdseye"])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".exr"])
+def test_unwarp_and_unwarp_again(omnisim, tmp_path, kind, suffix):
+    status, out, error = omnisim("unwarp", "a.png", "--to", kind, "-o", f"b{suffix}")
+    assert (status, error) == (0, "")
+    assert f"b{suffix}: {kind}, " in out
+    pixels, metadata = read_image(tmp_path / f"b{suffix}")
+    assert metadata["scene"] == "none"
+    if suffix != ".jpg":
+        masked = int((pixels[..., 3] == 0).sum())
+        assert (f"{masked} pixels" in out) == (masked > 0)
+        assert (kind == "perspective") == (masked > 0)  # it looks above the rim
+    # a view is a picture with a camera, too
+    status, out, error = omnisim(
+        "unwarp", f"b{suffix}", "--to", "perspective", "-o", "c.png", "--fov", "30", "--pitch", "50"
+    )
+    assert (status, error) == (0, "")
+    pixels, _ = read_image(tmp_path / "c.png")
+    inside = pixels[..., 3] > 0
+    assert inside.any()
+    assert np.abs(pixels[inside][:, :3].astype(int) - 128).max() <= 2
+
+
+def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
+    write_image(tmp_path / "a.png", np.full((360, 360, 3), 90, dtype=np.uint8))
+    (tmp_path / "s.toml").write_text("[mirror]\ntheta_max_deg = 100\n")
+    status, _, error = omnisim("unwarp", "a.png", "--to", "cylinder", "-o", "b.png")
+    assert status == 1
+    assert "a.png: has no camera parameters inside: pass the sensor file" in error
+    status, _, error = omnisim(
+        "unwarp", "a.png", "--to", "birdseye", "-o", "b.png", "--sensor", "s.toml"
+    )
+    assert status == 1
+    assert "a.png: does not say how high the camera was: pass --height METRES" in error
+    arguments = ("--height", "0.5", "--extent", "1.5", "--size", "64", "64")
+    status, out, error = omnisim(
+        "unwarp", "a.png", "--to", "birdseye", "-o", "b.png", "--sensor", "s.toml", *arguments
+    )
+    assert (status, error) == (0, "")
+    assert "birdseye, 64 × 64 px" in out
+
+
+@pytest.mark.usefixtures("picture")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.png", "--to", "cylinder", "-o", "b.png"], "none.png: cannot be read"),
+        (["a.png", "--to", "cylinder", "-o", "b.gif"], "b.gif: unknown picture format"),
+        (["a.png", "--to", "cylinder", "-o", "a.png"], "a.png: is the picture itself"),
+        (["a.png", "--to", "cylinder", "-o", "no/b.png"], "the folder no does not exist"),
+        (
+            ["a.png", "--to", "perspective", "-o", "b.png", "--pitch", "-80", "--fov", "40"],
+            "a.png: the picture shows nothing of this view: look elsewhere",
+        ),
+        (["a.png", "--to", "perspective", "-o", "b.png", "--fov", "180"], "field of view 180°"),
+        (["a.png", "--to", "perspective", "-o", "b.png", "--yaw", "nan"], "want finite numbers"),
+        (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
+        (["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"], "height -1 m: want more"),
+        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "is square"),
+        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"], "--size 0 0: want 1"),
+        (["a.png", "--to", "cylinder", "-o", "b.png", "--size", "90", "9"], "change the size"),
+        (["small.png", "--to", "cylinder", "-o", "b.png"], "is 9 × 9 px, where its camera's"),
+        (["odd.png", "--to", "cylinder", "-o", "b.png"], "its metadata: camera: k: missing"),
+        (["lost.png", "--to", "cylinder", "-o", "b.png"], "world_from_base: want a pose"),
+        (["empty.png", "--to", "cylinder", "-o", "b.png"], "empty.png: cannot be read"),
+    ],
+)
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, arguments, words):
+    write_image(tmp_path / "small.png", np.zeros((9, 9, 3), dtype=np.uint8), picture)
+    odd = {key: value for key, value in picture["camera"].items() if key != "k"}
+    whole = np.zeros((360, 360, 3), dtype=np.uint8)
+    write_image(tmp_path / "odd.png", whole, picture | {"camera": odd})
+    write_image(tmp_path / "lost.png", whole, picture | {"world_from_base": [1, "x"]})
+    (tmp_path / "empty.png").touch()
+    status, _, error = omnisim("unwarp", *arguments)
+    assert status == 1
+    assert words in error
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "b.png").exists()
