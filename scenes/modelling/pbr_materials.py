@@ -12,17 +12,27 @@ Colour = tuple[float, float, float]
 
 
 def textured(
-    name: str, image: np.ndarray, roughness: float = 0.9, factor: Colour = (1.0, 1.0, 1.0)
+    name: str,
+    image: np.ndarray,
+    roughness: float = 0.9,
+    factor: Colour = (1.0, 1.0, 1.0),
+    lossless: bool = False,
 ) -> PBRMaterial:
-    """Opaque, from a picture (height, width, 3) of sRGB values in [0, 1], stored as JPEG."""
+    """Opaque, from a picture (height, width, 3) of sRGB values in [0, 1].
+
+    It is stored as JPEG, or as PNG where `lossless`.
+    """
     pixels = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
-    # The exporter stores an image as JPEG only where it was read from one.
-    encoded = io.BytesIO()
-    Image.fromarray(pixels).save(encoded, format="JPEG", quality=92, subsampling=0)
-    encoded.seek(0)
+    picture = Image.fromarray(pixels)
+    if not lossless:
+        # The exporter stores an image as JPEG only where it was read from one.
+        encoded = io.BytesIO()
+        picture.save(encoded, format="JPEG", quality=92, subsampling=0)
+        encoded.seek(0)
+        picture = Image.open(encoded)
     return PBRMaterial(
         name=name,
-        baseColorTexture=Image.open(encoded),
+        baseColorTexture=picture,
         baseColorFactor=_bytes((*factor, 1.0)),
         metallicFactor=0.0,
         roughnessFactor=roughness,

@@ -14,6 +14,7 @@ from scenes.modelling.geometry import Patch, pose
 
 # glTF is Y up: world (x, y, z) is stored as (x, z, -y).
 TO_GLTF = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+UNLIT = "KHR_materials_unlit"
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,18 @@ class Model:
 
 @dataclass
 class Stage:
-    """Collects nodes; each node is one object, and its name says which."""
+    """Collects nodes; each node is one object, and its name says which.
+
+    Attributes:
+        name: of the scene.
+        materials: by name.
+        unlit: every material shows its plain colours under any lamp (KHR_materials_unlit).
+        models, nodes: filled by `place`.
+    """
 
     name: str
     materials: dict[str, PBRMaterial]
+    unlit: bool = False
     models: dict[str, Model] = field(default_factory=dict)
     nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
 
@@ -47,10 +56,16 @@ class Stage:
         """Triangles drawn, instances counted each time."""
         return sum(len(self.models[name].patch.faces) for name, _ in self.nodes.values())
 
-    def write(self, path: Path) -> int:
-        """Write a GLB file; returns its size in bytes."""
+    def write(self, path: Path, compact: bool = False) -> int:
+        """Write a GLB file; returns its size in bytes.
+
+        `compact` leaves out normals that no lamp and texture coordinates that no picture needs,
+        and stores indices in 16 bits where they fit.
+        """
         scene = trimesh.Scene()
-        scene.geometry.update({name: self._mesh(model) for name, model in self.models.items()})
+        scene.geometry.update(
+            {name: self._mesh(model, compact) for name, model in self.models.items()}
+        )
         for node, (name, matrix) in self.nodes.items():
             stored = TO_GLTF @ matrix @ np.linalg.inv(TO_GLTF)
             # Rounding keeps the file free of 1e-17 noise that differs between machines.
@@ -59,18 +74,23 @@ class Stage:
             scene.graph.update(frame_to=node, matrix=stored, geometry=name)
         return path.write_bytes(
             trimesh.exchange.gltf.export_glb(
-                scene, include_normals=True, tree_postprocessor=self._finish_tree
+                scene,
+                include_normals=not (compact and self.unlit),
+                tree_postprocessor=self._finish_tree,
+                buffer_postprocessor=_shorten_indices if compact else None,
             )
         )
 
-    def _mesh(self, model: Model) -> trimesh.Trimesh:
+    def _mesh(self, model: Model, compact: bool) -> trimesh.Trimesh:
         turn = TO_GLTF[:3, :3]
+        material = self.materials[model.material]
+        plain = compact and material.baseColorTexture is None
         return trimesh.Trimesh(
             vertices=np.round(model.patch.positions @ turn.T, 5),
             faces=model.patch.faces,
             vertex_normals=np.round(model.patch.normals @ turn.T, 5),
             visual=TextureVisuals(
-                uv=np.round(model.patch.uvs, 5), material=self.materials[model.material]
+                uv=None if plain else np.round(model.patch.uvs, 5), material=material
             ),
             process=False,
         )
@@ -89,6 +109,10 @@ class Stage:
         ]
         for texture in tree.get("textures", []):
             texture["sampler"] = 0
+        if self.unlit:
+            tree["extensionsUsed"] = [UNLIT]
+            for material in tree["materials"]:
+                material["extensions"] = {UNLIT: {}}
         vertex_data, index_data = 34962, 34963
         for mesh in tree["meshes"]:
             mesh.pop("extras", None)
@@ -101,3 +125,18 @@ class Stage:
         for scene in tree["scenes"]:
             scene["name"] = self.name
             scene.pop("extras", None)
+
+
+def _shorten_indices(buffers: dict[int, bytes], tree: dict) -> None:
+    """Store indices below 65535, which glTF reserves, in 16 bits; the exporter makes 32."""
+    views, accessors = list(buffers), list(tree["accessors"].values())
+    long_index, short_index = 5125, 5123
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            accessor = accessors[primitive["indices"]]
+            if accessor["componentType"] != long_index or accessor["max"][0] >= 0xFFFF:
+                continue
+            view = views[accessor["bufferView"]]
+            short = np.frombuffer(buffers[view], "<u4").astype("<u2").tobytes()
+            buffers[view] = short + bytes(-len(short) % 4)
+            accessor["componentType"] = short_index

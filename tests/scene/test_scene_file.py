@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from omnisim.errors import SceneError
-from omnisim.scene import builtin_scenes, load_scene
+from omnisim.scene import load_scene
 
 
 @pytest.fixture
@@ -45,17 +45,3 @@ def test_bad_scene_files_name_file_key_and_value(folder, text, words):
     path.write_text(text)
     with pytest.raises(SceneError, match=words):
         load_scene(path)
-
-
-@pytest.mark.parametrize("name", builtin_scenes())
-def test_builtin_scenes_load_without_notices(name):
-    scene = load_scene(name)
-    assert scene.triangle_count > 0
-    assert scene.notices == ()
-    low, high = scene.bounds_m()
-    assert np.all(low <= scene.start.position_m)
-    assert np.all(scene.start.position_m <= high)
-
-
-def test_there_is_a_builtin_scene():
-    assert "courtyard" in builtin_scenes()

@@ -1,0 +1,164 @@
+"""The scenes that ship: they load, are what their scripts build, and show what they promise."""
+
+import importlib
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.scene import builtin_scenes, load_scene
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+def test_names_of_the_builtin_scenes():
+    assert {"compass", "courtyard", "rings"} <= set(builtin_scenes())
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_builtin_scenes_load_without_notices(name):
+    scene = load_scene(name)
+    assert scene.triangle_count > 0
+    assert scene.notices == ()
+    low, high = scene.bounds_m()
+    assert np.all(low <= scene.start.position_m)
+    assert np.all(scene.start.position_m <= high)
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_committed_file_is_what_the_script_builds(name, tmp_path, monkeypatch):
+    pytest.importorskip("scenes", reason="the scripts are not installed")
+    script = importlib.import_module(f"scenes.{name}.build")
+    monkeypatch.setattr(script, "OUTPUT", tmp_path / script.OUTPUT.name)
+    script.main()
+    built, committed = load_scene(script.OUTPUT), load_scene(name)
+    assert [i.name for i in built.instances] == [i.name for i in committed.instances]
+    for mine, theirs in zip(built.instances, committed.instances, strict=True):
+        np.testing.assert_allclose(mine.world_from_mesh, theirs.world_from_mesh, atol=2e-5)
+    for mine, theirs in zip(built.meshes, committed.meshes, strict=True):
+        np.testing.assert_array_equal(mine.triangles, theirs.triangles)
+        np.testing.assert_allclose(mine.positions, theirs.positions, atol=2e-5)  # stored in 1e-5
+    for mine, theirs in zip(built.materials, committed.materials, strict=True):
+        assert (mine.name, mine.base_color, mine.unlit) == (
+            theirs.name,
+            theirs.base_color,
+            theirs.unlit,
+        )
+        assert (mine.texture is None) == (theirs.texture is None)
+        if mine.texture is not None:
+            # versions of Pillow round a JPEG or the edge of a stroke differently
+            off = np.abs(mine.texture.pixels.astype(int) - theirs.texture.pixels)
+            assert off.mean() < 0.5
+
+
+def corners_by_node(scene):
+    """Corners (triangles, 3, xyz) in the world of each node."""
+    corners = {}
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
+        matrix = instance.world_from_mesh
+        world = mesh.positions.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
+        corners[instance.name] = world[mesh.triangles]
+    return corners
+
+
+def colour_of(scene, node):
+    mesh = next(i.mesh for i in scene.instances if i.name == node)
+    return scene.materials[scene.meshes[mesh].material].base_color[:3]
+
+
+def inward(corners, viewpoint):
+    """Cosine between each triangle's front and the way to the viewpoint."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    ways = viewpoint - corners.mean(axis=1)
+    lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(ways, axis=1)
+    return np.einsum("ij,ij->i", normals, ways) / lengths
+
+
+def test_rings_are_at_the_stated_angles():
+    corners = corners_by_node(load_scene("rings"))
+    spans_deg = {}
+    for node, points in corners.items():
+        offsets = points - (0, 0, 2)
+        # twice the vertices' rounding to 0.01 mm
+        np.testing.assert_allclose(np.linalg.norm(offsets, axis=2), 2.0, rtol=0, atol=2e-5)
+        x, y, z = np.moveaxis(offsets, -1, 0)
+        theta_deg = np.degrees(np.arctan2(np.hypot(x, y), -z))
+        ends = np.stack((theta_deg.min(axis=1), theta_deg.max(axis=1)), axis=1)
+        assert np.abs(ends - np.round(ends, 1)).max() < 5e-4  # the same rounding at 2 m
+        spans_deg[node] = {tuple(span) for span in np.round(ends, 1).tolist()}
+    lines = {(round(t - 0.3, 1), round(t + 0.3, 1)) for t in range(5, 180, 5)}
+    assert spans_deg["horizon"] == {(89.7, 90.3)}
+    assert spans_deg["lines"] == lines - spans_deg["horizon"]
+    ends = [0.0, *sorted(end for line in lines for end in line), 180.0]
+    assert spans_deg["sphere"] == set(zip(ends[::2], ends[1::2], strict=True))
+
+
+def test_rings_are_closed_and_face_their_centre():
+    scene = load_scene("rings")
+    np.testing.assert_array_equal(scene.start.position_m, (0, 0, 2))
+    corners = np.concatenate(list(corners_by_node(scene).values()))
+    assert inward(corners, scene.start.position_m).min() > 0.99
+    points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangles = index.reshape(-1, 3)
+    edges = Counter(map(tuple, np.concatenate([triangles, np.roll(triangles, -1, 1)], 0)[:, :2]))
+    edges += Counter(map(tuple, np.roll(triangles, -2, 1)[:, :2]))
+    assert set(edges.values()) == {1}
+    assert all((end, start) in edges for start, end in edges)  # each has a neighbour, bit by bit
+    assert len(points) - len(edges) // 2 + len(triangles) == 2  # Euler: one sphere, and no more
+
+
+def test_colours_of_the_rings_are_plain():
+    scene = load_scene("rings")
+    assert all(scene.materials[mesh.material].unlit for mesh in scene.meshes)
+    assert colour_of(scene, "sphere") == (1.0, 1.0, 1.0)
+    assert colour_of(scene, "lines") == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(colour_of(scene, "horizon"), (204 / 255, 13 / 255, 13 / 255))
+
+
+EAST, NORTH, UP = np.eye(3)
+# where the side's middle is, the way to the right of its word and up from it
+COMPASS = {
+    "north": (3 * NORTH + 1.5 * UP, EAST, UP),
+    "east": (3 * EAST + 1.5 * UP, -NORTH, UP),
+    "south": (-3 * NORTH + 1.5 * UP, -EAST, UP),
+    "west": (-3 * EAST + 1.5 * UP, NORTH, UP),
+    "up": (3 * UP, -EAST, NORTH),
+    "down": (0 * UP, EAST, NORTH),
+}
+
+
+def test_sides_of_the_compass_are_where_their_names_say():
+    scene = load_scene("compass")
+    corners = corners_by_node(scene)
+    assert corners.keys() == COMPASS.keys()
+    for instance in scene.instances:
+        middle, right, up = COMPASS[instance.name]
+        points, mesh = corners[instance.name], scene.meshes[instance.mesh]
+        assert inward(points, scene.start.position_m).min() > 0
+        u, v = np.moveaxis(mesh.texture_coordinates[mesh.triangles], -1, 0)
+        height = 3.0 if up is UP else 6.0
+        expected = middle + 6 * (u - 0.5)[..., None] * right - height * (v - 0.5)[..., None] * up
+        np.testing.assert_allclose(points, expected, atol=1e-6)
+
+
+def test_colours_of_the_compass_are_those_in_its_readme():
+    scene = load_scene("compass")
+    readme = (SCENES / "compass" / "README.md").read_text(encoding="utf-8")
+    for instance in scene.instances:
+        material = scene.materials[scene.meshes[instance.mesh].material]
+        assert material.unlit
+        assert material.base_color == (1.0, 1.0, 1.0, 1.0)
+        row = re.search(rf"^\| `{instance.name}` .*\| (.*) \| (.*) \|$", readme, re.MULTILINE)
+        ground = np.array(row[1].split(", "), dtype=int)
+        picture = material.texture.pixels
+        # in the first field of the grid, 0.25 m from two edges; and the border
+        np.testing.assert_array_equal(picture[75, 75, :3], ground)
+        np.testing.assert_array_equal(picture[4, 4, :3], (255, 255, 255))
+        linear = np.array(row[2].split(", "), dtype=float)
+        decoded = np.where(
+            ground > 10, ((ground / 255 + 0.055) / 1.055) ** 2.4, ground / 255 / 12.92
+        )
+        np.testing.assert_allclose(linear, decoded, atol=5e-5)  # four decimals
