@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.errors import OpticsError
+from omnisim.perception.bilinear import corner_and_weights
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
 MOST_SAMPLES = 8  # to a side of a view's pixel
@@ -67,7 +68,7 @@ class Unwarping:
             for right in offsets:
                 rays = view.ray_from_pixel(grid + (right, down))
                 pixels = camera.pixel_from_ray(rays.directions @ rotation.T)
-                corner, weights, inside = _corner_and_weights(pixels.positions_px, self._shape)
+                corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
                 for step in (0, 1, self._shape[1], self._shape[1] + 1):
                     inside &= covered.take(corner + step, mode="clip")
                 self.valid &= inside & pixels.valid & rays.valid
@@ -100,24 +101,6 @@ class Unwarping:
         if not is_encoded:
             return total.astype(picture.dtype, copy=False)
         return _SRGB[np.rint(np.clip(total, 0.0, 1.0) * _STEPS).astype(np.int32)]
-
-
-def _corner_and_weights(
-    positions_px: NDArray[np.float64], shape: tuple[int, int]
-) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-    """Flat index (h, w) of the upper left of four neighbours, their weights (4, h, w), and whether
-    all four are in the picture."""
-    height, width = shape
-    last = (width - 1, height - 1)
-    # a view of the picture itself must not lose its border to rounding
-    inside = np.all((positions_px >= -1e-6) & (positions_px <= np.add(last, 1e-6)), axis=-1)
-    safe = np.clip(np.where(inside[..., None], positions_px, 0.0), 0.0, last)
-    first = np.minimum(np.floor(safe), (max(width - 2, 0), max(height - 2, 0))).astype(np.intp)
-    right, down = np.moveaxis(safe - first, -1, 0)
-    weights = np.stack(
-        ((1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down)
-    )
-    return first[..., 1] * width + first[..., 0], weights.astype(np.float32), inside
 
 
 def _samples_needed(

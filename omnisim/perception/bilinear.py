@@ -1,0 +1,40 @@
+"""Bilinear interpolation between a picture's pixels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def corner_and_weights(
+    positions_px: NDArray[np.float64], shape: tuple[int, int]
+) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
+    """Flat index (h, w) of the upper left of four neighbours, their weights (4, h, w), and whether
+    all four are in the picture."""
+    height, width = shape
+    last = (width - 1, height - 1)
+    # a view of the picture itself must not lose its border to rounding
+    inside = np.all((positions_px >= -1e-6) & (positions_px <= np.add(last, 1e-6)), axis=-1)
+    safe = np.clip(np.where(inside[..., None], positions_px, 0.0), 0.0, last)
+    first = np.minimum(np.floor(safe), (max(width - 2, 0), max(height - 2, 0))).astype(np.intp)
+    right, down = np.moveaxis(safe - first, -1, 0)
+    weights = np.stack(
+        ((1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down)
+    )
+    return first[..., 1] * width + first[..., 0], weights.astype(np.float32), inside
+
+
+def sample(picture: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64]:
+    """Values (...) of a picture (height, width) at positions (..., 2), u right and v down.
+
+    Past the border the nearest border's value.
+    """
+    height, width = picture.shape
+    positions = np.clip(np.asarray(positions_px, dtype=np.float64), 0.0, (width - 1, height - 1))
+    corner, weights, _ = corner_and_weights(positions, (height, width))
+    values = np.zeros(corner.shape)
+    for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
+        values += weight * picture.reshape(-1).take(corner + step, mode="clip")
+    return values

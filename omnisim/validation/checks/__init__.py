@@ -1,0 +1,1 @@
+"""The chapters of the proof, one module each, in the order of the report."""

@@ -1,0 +1,100 @@
+"""Single viewpoint: rays of the pinhole, reflected by the mirror's normals, meet in one point.
+
+Nothing of the camera's shortcut is used: the ray is intersected with Eq. 1 as a quadric, and
+reflected there by the gradient of Eq. 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.validation.check import Bench, Findings, Measure, Picture, largest
+from omnisim.validation.figures import BLUE, GREY, ORANGE, plot
+
+# The focus property is exact: what is left is float64's rounding, which grows with the path.
+BOUND_C = 1e-9
+
+
+def check(bench: Bench) -> Findings:
+    """Reflect rays over the whole mirror and measure by how much they miss the viewpoint."""
+    mirror = HyperbolicMirror()
+    points, reflected = reflect(mirror, _tangents(mirror, 301))
+    misses = np.linalg.norm(np.cross(points, reflected), axis=-1)
+    return Findings(
+        "Rays from the pinhole are intersected with Eq. 1 and reflected by its gradient. All of "
+        "them, prolonged backwards, pass through the effective viewpoint, so that one set of "
+        "virtual cameras there sees what the mirror shows.",
+        (Measure("largest miss of the effective viewpoint", largest(misses), BOUND_C, "c"),),
+        {"rays": float(misses.size)},
+        pictures=(
+            Picture(
+                "single-viewpoint",
+                _figure(mirror),
+                "The mirror cut in half. Rays of the scene (orange) aim at the effective viewpoint "
+                "and are reflected into the pinhole (blue).",
+            ),
+        ),
+    )
+
+
+def reflect(mirror: HyperbolicMirror, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points on the mirror (..., 3), in units of c, and unit directions after the reflection.
+
+    Args:
+        mirror: k gives the shape.
+        tangents: (..., 2) of the pinhole's rays, across its axis.
+    """
+    shape = 0.5 * mirror.k - 1.0
+    pinhole = np.array([0.0, 0.0, 1.0])
+    rays = np.concatenate((tangents, -np.ones_like(tangents[..., :1])), axis=-1)
+    # Eq. 1 with c = 1 along pinhole + t ray: a t² + b t + d = 0
+    a = rays[..., 2] ** 2 - shape * np.sum(tangents**2, axis=-1)
+    b = 2.0 * rays[..., 2] * (pinhole[2] - 0.5)
+    d = (pinhole[2] - 0.5) ** 2 - 0.25 * (mirror.k - 2.0) / mirror.k
+    # of the two sheets the farther one, around the other focus; in the form without cancellation
+    root = np.sqrt(b * b - 4.0 * a * d)
+    t = (-b + root) / (2.0 * a)
+    points = pinhole + t[..., None] * rays
+    gradient = np.concatenate((-shape * points[..., :2], points[..., 2:] - 0.5), axis=-1)
+    normals = gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
+    directions = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    along = np.sum(directions * normals, axis=-1, keepdims=True)
+    return points, directions - 2.0 * along * normals
+
+
+def _tangents(mirror: HyperbolicMirror, count: int) -> np.ndarray:
+    rim = float(mirror.tangent_from_theta(mirror.theta_max_rad))
+    line = np.linspace(-rim, rim, count)
+    grid = np.stack(np.meshgrid(line, line), axis=-1)
+    return grid[np.hypot(grid[..., 0], grid[..., 1]) <= rim]
+
+
+def _figure(mirror: HyperbolicMirror) -> Figure:
+    figure, axes = plot("One effective viewpoint", "r / c", "z / c", 7.0, 6.0)
+    rim = float(mirror.tangent_from_theta(mirror.theta_max_rad))
+    tangents = np.stack((np.linspace(-rim, rim, 201), np.zeros(201)), axis=-1)
+    surface, _ = reflect(mirror, tangents)
+    axes.plot(surface[:, 0], surface[:, 2], color="black", linewidth=2.0, label="mirror, Eq. 1")
+    points, reflected = reflect(mirror, tangents[4::16])
+    for number, (point, away) in enumerate(zip(points, reflected, strict=True)):
+        first = number == 0
+        axes.plot(
+            [0.0, point[0]], [1.0, point[2]], color=BLUE, linewidth=0.9,
+            label="to the pinhole" if first else None,
+        )  # fmt: skip
+        end = point + 0.45 * away
+        axes.plot(
+            [point[0], end[0]], [point[2], end[2]], color=ORANGE, linewidth=0.9,
+            label="from the scene" if first else None,
+        )  # fmt: skip
+        axes.plot(
+            [point[0], 0.0], [point[2], 0.0], color=GREY, linewidth=0.7, linestyle=":",
+            label="prolonged" if first else None,
+        )  # fmt: skip
+    axes.plot(0.0, 0.0, "o", color=ORANGE, label="effective viewpoint")
+    axes.plot(0.0, 1.0, "o", color=BLUE, label="pinhole")
+    axes.set_aspect("equal")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    return figure

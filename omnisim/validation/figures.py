@@ -1,0 +1,47 @@
+"""The look of the report's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omnisim.srgb import srgb_from_linear
+
+DPI = 110
+BLUE, ORANGE, GREEN, GREY, RED = "#2c6fbb", "#e07b39", "#3a8f4d", "#777777", "#c23b3b"
+
+
+def plot(
+    title: str, x_label: str, y_label: str, width_in: float = 8.0, height_in: float = 4.5
+) -> tuple[Figure, Axes]:
+    """A figure with one pair of labelled axes and a light grid."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_title(title)
+    axes.set_xlabel(x_label)
+    axes.set_ylabel(y_label)
+    axes.grid(True, color="#dddddd", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return figure, axes
+
+
+def gallery(pictures: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3.3) -> Figure:
+    """Pictures (height, width, 3), uint8 or linear floats, side by side with their titles."""
+    rows = -(-len(pictures) // columns)
+    ratio = max(picture.shape[0] / picture.shape[1] for picture in pictures.values())
+    size = (columns * side_in, rows * (side_in * ratio + 0.35))
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    for index, (title, picture) in enumerate(pictures.items()):
+        axes = figure.add_subplot(rows, columns, index + 1)
+        axes.set_title(title, fontsize=10)
+        axes.set_axis_off()
+        shown = picture if picture.dtype == np.uint8 else srgb_from_linear(picture)
+        axes.imshow(shown, interpolation="nearest")
+    return figure

@@ -1,0 +1,70 @@
+"""Markers: small discs all around the viewpoint, and where a picture shows them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras import CentralCamera
+from omnisim.scene import Scene
+from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
+
+# Four pixels across in a picture of 1024: enough to measure, and so small that the middle of the
+# disc's picture and the picture of its middle are 0.004 px apart.
+MARKER_RADIUS_RAD = math.radians(0.3)
+WINDOW_PX = 6
+
+
+def marker_positions(
+    viewpoint_m: ArrayLike, axis: ArrayLike, largest_rad: float, count: int
+) -> NDArray[np.float64]:
+    """Points (count, 3) evenly around an axis (3,) up to an angle from it, 0.6 to 12 m away.
+
+    Source: the golden angle's spiral, so no two are near each other.
+    """
+    index = np.arange(count) + 0.5
+    cosines = 1.0 - index / count * (1.0 - math.cos(largest_rad))
+    azimuths = index * math.pi * (3.0 - math.sqrt(5.0))
+    sines = np.sqrt(1.0 - cosines**2)
+    local = np.stack((sines * np.cos(azimuths), sines * np.sin(azimuths), cosines), axis=1)
+    z = np.asarray(axis, dtype=np.float64)
+    x = np.cross(z, [0.3, 0.9, 0.1])
+    x /= np.linalg.norm(x)
+    directions = local @ np.stack((x, np.cross(z, x), z))
+    ranges = 0.6 * 20.0 ** np.random.default_rng(7).random(count)
+    return np.asarray(viewpoint_m) + directions * ranges[:, None]
+
+
+def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Scene:
+    """White discs at points (n, 3), world, facing the viewpoint, on black."""
+    mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD)
+    return plain_scene("markers", (mesh, WHITE))
+
+
+def clear_of_the_edge(
+    camera: CentralCamera, positions_px: NDArray[np.float64], margin_px: float = WINDOW_PX + 2.0
+) -> NDArray[np.bool_]:
+    """Which positions (n, 2) have nothing but valid pixels around them."""
+    turn = 2.0 * np.pi * np.arange(16) / 16
+    around = positions_px[:, None] + margin_px * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+    inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
+    return camera.ray_from_pixel(around).valid.all(axis=1) & inside.all(axis=(1, 2))
+
+
+def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Middles of brightness (n, 2) in windows around positions (n, 2) of a picture (height, width).
+
+    NaN where the window shows nothing.
+    """
+    found = np.full(near_px.shape, np.nan)
+    for index, (u, v) in enumerate(np.rint(near_px).astype(int)):
+        rows = slice(v - WINDOW_PX, v + WINDOW_PX + 1)
+        columns = slice(u - WINDOW_PX, u + WINDOW_PX + 1)
+        window = brightness[rows, columns]
+        total = float(window.sum())
+        if total > 0.5:  # of a pixel: a marker has a dozen
+            down, right = np.mgrid[rows, columns]
+            found[index] = (window * right).sum() / total, (window * down).sum() / total
+    return found

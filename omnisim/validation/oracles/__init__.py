@@ -1,0 +1,1 @@
+"""Other people's renderers and libraries, each behind one small function; all are optional."""
