@@ -11,10 +11,9 @@ from omnisim.cameras import CentralCamera
 from omnisim.scene import Scene
 from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
 
-# Four pixels across in a picture of 1024: enough to measure, and so small that the middle of the
-# disc's picture and the picture of its middle are 0.004 px apart.
-MARKER_RADIUS_RAD = math.radians(0.3)
-WINDOW_PX = 6
+# A dozen pixels across in a picture of 1024: the samples of the edge average out.
+MARKER_RADIUS_RAD = math.radians(0.8)
+WINDOW_PX = 12
 
 
 def marker_positions(
@@ -39,8 +38,30 @@ def marker_positions(
 
 def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Scene:
     """White discs at points (n, 3), world, facing the viewpoint, on black."""
-    mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD)
+    mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=96)
     return plain_scene("markers", (mesh, WHITE))
+
+
+def outlines(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDArray[np.float64]:
+    """Points (n, 96, 3), world, around the rim of each marker."""
+    corners = 96
+    mesh = discs("outlines", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=corners)
+    rims = mesh.positions[len(positions_m) :].astype(np.float64)
+    return rims.reshape(corners, len(positions_m), 3).swapaxes(0, 1)
+
+
+def middles_of_outlines(outlines_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Centroids (n, 2) of the areas inside closed outlines (n, corners, 2) in the picture.
+
+    The middle of a disc's picture is not the picture of the disc's middle: the difference is
+    0.03 px here, and this has none of it.
+    """
+    start = outlines_px.mean(axis=1, keepdims=True)
+    here = outlines_px - start
+    following = np.roll(here, -1, axis=1)
+    areas = here[..., 0] * following[..., 1] - here[..., 1] * following[..., 0]
+    moments = ((here + following) * areas[..., None]).sum(axis=1)
+    return start[:, 0] + moments / (3.0 * areas.sum(axis=1))[:, None]
 
 
 def clear_of_the_edge(
@@ -64,7 +85,7 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
         columns = slice(u - WINDOW_PX, u + WINDOW_PX + 1)
         window = brightness[rows, columns]
         total = float(window.sum())
-        if total > 0.5:  # of a pixel: a marker has a dozen
+        if total > 1.0:  # a pixel: a marker has dozens
             down, right = np.mgrid[rows, columns]
             found[index] = (window * right).sum() / total, (window * down).sum() / total
     return found

@@ -1,0 +1,157 @@
+"""A calibration library: OpenCV's omnidir, given our K and ξ, lands on what we rendered."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omnisim import frames
+from omnisim.cameras import HyperbolicCamera
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.validation.check import Bench, Findings, Measure, Picture, largest, mean
+from omnisim.validation.chessboards import (
+    PATTERN,
+    board_corners_m,
+    board_poses,
+    board_scene,
+)
+from omnisim.validation.figures import BLUE, gallery, plot
+from omnisim.validation.markers import (
+    centroids,
+    clear_of_the_edge,
+    marker_positions,
+    marker_scene,
+    middles_of_outlines,
+    outlines,
+)
+from omnisim.validation.oracles import omnidir
+
+MARKERS = 250
+SIZE_PX = 1024
+MEAN_BOUND_PX, LARGEST_BOUND_PX = 0.05, 0.15
+# Corners of a dozen and a half boards are found to some hundredths of a pixel. ξ and the focal
+# length lean on each other, so a calibration knows each less well than the pixels they predict.
+XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.01, 0.5, 0.1
+
+
+def check_markers(bench: Bench) -> Findings:
+    """Render markers through the whole pipeline; compare their centroids with our model's."""
+    camera, measured, rims = marker_picture(bench)
+    predicted = middles_of_outlines(camera.pixel_from_ray(rims).positions_px)
+    off = np.linalg.norm(measured - predicted, axis=1)
+    return Findings(
+        f"{len(off)} white discs, 0.8° in radius, all around a tilted vehicle, 0.6 to 12 m away, "
+        f"rendered through the whole pipeline at {SIZE_PX} × {SIZE_PX} px; the middles of their pictures "
+        "against where the camera model puts them.",
+        (
+            Measure("markers, mean distance", mean(off), MEAN_BOUND_PX, "px"),
+            Measure("markers, largest distance", largest(off), LARGEST_BOUND_PX, "px"),
+        ),
+        {"markers": float(len(off))},
+        pictures=(
+            Picture("markers", _figure(camera, predicted, measured - predicted,
+                                       "Markers: measured − predicted"),
+                    "Each arrow is a marker's error, 300 times enlarged: small, and in no "
+                    "common direction."),
+        ),
+    )  # fmt: skip
+
+
+def check_omnidir(bench: Bench) -> Findings:
+    """Compare the same centroids with OpenCV's projection, and calibrate from chessboards."""
+    camera, measured, rims = marker_picture(bench)
+    projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
+    off = np.linalg.norm(measured - middles_of_outlines(projected), axis=1)
+    boards, corners = chessboard_pictures(bench, 12 if bench.is_quick else 24)
+    size = (camera.width_px, camera.height_px)
+    found = omnidir.calibrate(board_corners_m(), corners, size)
+    focal = 100.0 * (found.focal_length_px / camera.unified_focal_length_px - 1.0)
+    centre = np.linalg.norm(found.principal_point_px - camera.principal_point_px)
+    return Findings(
+        "cv2.omnidir.projectPoints, given the K and ξ that the camera states, against the middles "
+        "of the rendered markers; and cv2.omnidir.calibrate, given nothing but chessboards that "
+        "OpenCV found in rendered pictures, against the camera's ξ and focal length "
+        f"(stated {camera.mirror.xi:.5f} and {camera.unified_focal_length_px:.3f} px, found "
+        f"{found.xi:.5f} and {found.focal_length_px:.3f} px).",
+        (
+            Measure("markers against omnidir, mean distance", mean(off), MEAN_BOUND_PX, "px"),
+            Measure("markers against omnidir, largest distance", largest(off),
+                    LARGEST_BOUND_PX, "px"),
+            Measure("calibration: ξ, distance from the stated one",
+                    abs(found.xi - camera.mirror.xi), XI_BOUND),
+            Measure("calibration: focal length, distance from the stated one", abs(focal),
+                    FOCAL_BOUND_PERCENT, "%"),
+            Measure("calibration: reprojection, RMS", found.rms_px, RMS_BOUND_PX, "px"),
+        ),
+        {
+            "boards": float(found.boards),
+            "calibration: distance of the principal point, px": float(centre),
+        },
+        pictures=(
+            Picture("chessboards", gallery({f"board {i + 1}": boards[i] for i in range(6)}, 3),
+                    "Some of the chessboards that OpenCV calibrated from."),
+        ),
+    )  # fmt: skip
+
+
+class MarkerPicture(NamedTuple):
+    """Markers as they were measured in a picture."""
+
+    camera: HyperbolicCamera
+    measured_px: NDArray[np.float64]  # (n, 2) middles
+    outlines: NDArray[np.float64]  # (n, corners, 3) their rims, optical frame
+
+
+def marker_picture(bench: Bench) -> MarkerPicture:
+    """Render and measure markers all around."""
+    sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
+    camera = sensor.camera
+    world_from_base = frames.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
+    world_from_rig = world_from_base @ sensor.base_from_rig
+    world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
+    viewpoint_m = world_from_rig[:3, 3]
+    axis = -world_from_optical[:, 2]  # from the mirror towards the pinhole
+    positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
+    near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
+    clear = clear_of_the_edge(camera, near_px)
+    frame = bench.take(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
+    assert frame.linear is not None
+    measured = centroids(frame.linear[..., 1].astype(np.float64), near_px[clear])
+    around = (outlines(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
+    return MarkerPicture(camera, measured, around)
+
+
+def chessboard_pictures(
+    bench: Bench, count: int
+) -> tuple[list[NDArray[np.uint8]], list[NDArray[np.float64]]]:
+    """Pictures that OpenCV found the board in, and its corners (n, 2) there."""
+    sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
+    pictures, corners = [], []
+    for pose in board_poses(count):
+        with Renderer(board_scene(pose), sensor, unlit=True, device=bench.device) as renderer:
+            picture = renderer.render(np.eye(4)).rgb
+        found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
+        if found is not None:
+            pictures.append(picture)
+            corners.append(found)
+    return pictures, corners
+
+
+def _figure(
+    camera: HyperbolicCamera,
+    at_px: NDArray[np.float64],
+    off_px: NDArray[np.float64],
+    title: str,
+) -> Figure:
+    figure, axes = plot(title, "u in pixels", "v in pixels", 6.2, 6.2)
+    axes.quiver(
+        at_px[:, 0], at_px[:, 1], off_px[:, 0], off_px[:, 1], color=BLUE,
+        angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.003,
+    )  # fmt: skip
+    axes.set_xlim(-0.5, camera.width_px - 0.5)
+    axes.set_ylim(camera.height_px - 0.5, -0.5)
+    axes.set_aspect("equal")
+    return figure

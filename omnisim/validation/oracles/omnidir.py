@@ -1,0 +1,97 @@
+"""OpenCV's omnidirectional module: Mei's unified model, written and tested by others.
+
+Its z axis runs along the mirror's axis, towards the scene: the frame is (x, y, −z) of our optical
+frame. That is a mirrored frame, so points are mirrored before they are handed over and no
+rotation vector could do it.
+
+Source: Mei & Rives, "Single view point omnidirectional camera calibration from planar grids",
+2007; OpenCV's module ccalib.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import HyperbolicCamera
+
+OMNIDIR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, 1.0, -1.0])
+
+
+class Calibration(NamedTuple):
+    """What a calibration found."""
+
+    xi: float
+    focal_length_px: float  # mean of both, Mei's γ
+    principal_point_px: NDArray[np.float64]  # (2,)
+    rms_px: float
+    boards: int  # that were used
+
+
+def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels (n, 2) of points (n, 3), optical frame, with the K and ξ that the camera states."""
+    import cv2
+
+    mirrored = np.ascontiguousarray(points @ OMNIDIR_FROM_OPTICAL)[:, None]
+    zero = np.zeros(3)
+    pixels, _ = cv2.omnidir.projectPoints(
+        mirrored, zero, zero, _matrix(camera), camera.mirror.xi, np.zeros(4)
+    )
+    return pixels.reshape(-1, 2)
+
+
+def calibrate(
+    board_points: NDArray[np.float64],
+    pictures_px: list[NDArray[np.float64]],
+    size_px: tuple[int, int],
+) -> Calibration:
+    """Calibrate from corners of one plane board in several pictures; distortion is taken as zero.
+
+    Args:
+        board_points: (n, 3) corners in the board's frame.
+        pictures_px: (n, 2) the same corners in each picture.
+        size_px: width and height of the pictures.
+    """
+    import cv2
+
+    objects = [board_points[:, None].astype(np.float64) for _ in pictures_px]
+    images = [pixels[:, None].astype(np.float64) for pixels in pictures_px]
+    flags = cv2.omnidir.CALIB_FIX_SKEW
+    for name in ("K1", "K2", "P1", "P2"):
+        flags |= getattr(cv2.omnidir, f"CALIB_FIX_{name}")
+    # the third: how many iterations at most, and when to stop
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
+    rms, matrix, xi, _, _, _, used = cv2.omnidir.calibrate(
+        objects, images, size_px, None, None, None, flags, stop
+    )
+    return Calibration(
+        float(np.ravel(xi)[0]),
+        float(0.5 * (matrix[0, 0] + matrix[1, 1])),
+        matrix[:2, 2],
+        float(rms),
+        int(np.size(used)),
+    )
+
+
+def find_corners(
+    picture: NDArray[np.uint8], pattern: tuple[int, int]
+) -> NDArray[np.float64] | None:
+    """Inner corners (n, 2) of a chessboard in a grey picture, or None where it is not found.
+
+    Args:
+        picture: (height, width) uint8.
+        pattern: inner corners along a row, and rows.
+    """
+    import cv2
+
+    flags = cv2.CALIB_CB_ACCURACY
+    found, corners = cv2.findChessboardCornersSB(picture, pattern, flags=flags)
+    return corners.reshape(-1, 2).astype(np.float64) if found else None
+
+
+def _matrix(camera: HyperbolicCamera) -> NDArray[np.float64]:
+    focal = camera.unified_focal_length_px
+    u, v = camera.principal_point_px
+    return np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])

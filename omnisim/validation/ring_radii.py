@@ -1,0 +1,38 @@
+"""Radii of rings around the principal point, measured in a picture to a fraction of a pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.perception.bilinear import sample
+
+STEP_PX = 0.1
+
+
+def ring_radii(
+    darkness: NDArray[np.float64],
+    centre_px: tuple[float, float],
+    expected_px: float,
+    reach_px: float,
+    azimuths: int = 720,
+) -> NDArray[np.float64]:
+    """Radius of one dark ring at evenly spaced azimuths (azimuths,).
+
+    At each azimuth it is the middle of darkness along the radius, within `reach_px` of where the
+    ring is expected. Blurring a ring makes its profile fall off as one over the root of the
+    radius, so darkness is weighted by the root.
+
+    Args:
+        darkness: picture (height, width), 0 where there is no ring.
+        centre_px: (u, v) of the rings' middle.
+        expected_px, reach_px: where to look; no other ring may be there.
+        azimuths: how many.
+    """
+    turn = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
+    radii = expected_px + np.arange(-reach_px, reach_px + 0.5 * STEP_PX, STEP_PX)
+    radii = radii[radii > 0.0]
+    directions = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+    profile = sample(darkness, directions[:, None] * radii[:, None] + np.asarray(centre_px))
+    weights = profile * np.sqrt(radii)
+    return (weights * radii).sum(axis=1) / weights.sum(axis=1)
