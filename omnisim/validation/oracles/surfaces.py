@@ -1,0 +1,126 @@
+"""A scene's surfaces for other renderers: triangles and colours, no instances, nothing hidden."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import SceneError
+from omnisim.scene import Scene
+from omnisim.scene.model import AlphaMode, Instance, Material
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surface:
+    """All triangles of one material.
+
+    Attributes:
+        material: how they look.
+        triangles_m: (n, 3, 3) float64 corners, metres from the effective viewpoint along the
+            world's axes, counter-clockwise seen from the front.
+        texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None where the
+            material has no texture or the mesh no coordinates.
+        colors: (n, 3, 3) float32 linear RGB of the corners, without the material's; or None.
+    """
+
+    material: Material
+    triangles_m: NDArray[np.float64]
+    texture_coordinates: NDArray[np.float32] | None
+    colors: NDArray[np.float32] | None
+
+
+def opaque_only(scene: Scene) -> Scene:
+    """The scene without its masked and blended surfaces, which no two renderers draw alike.
+
+    Raises:
+        SceneError: nothing is left.
+    """
+    kept = [
+        instance
+        for instance in scene.instances
+        if scene.materials[scene.meshes[instance.mesh].material].alpha_mode is AlphaMode.OPAQUE
+    ]
+    if not kept:
+        raise SceneError(f"{scene.name}: no opaque surface")
+    used = sorted({instance.mesh for instance in kept})
+    return dataclasses.replace(
+        scene,
+        meshes=tuple(scene.meshes[index] for index in used),
+        instances=tuple(
+            dataclasses.replace(instance, mesh=used.index(instance.mesh)) for instance in kept
+        ),
+    )
+
+
+def visible_surfaces(
+    scene: Scene, viewpoint_m: NDArray[np.float64], reach_m: float
+) -> list[Surface]:
+    """Surfaces that show their front to some point within `reach_m` of the viewpoint (3,), world.
+
+    Single-sided triangles that do not are left out: seen from behind they are not there, while
+    other renderers draw them black. Double-sided ones are turned to face the viewpoint.
+
+    Raises:
+        SceneError: a surface that is not opaque.
+    """
+    looks: dict[tuple[int, bool, bool], list[Surface]] = defaultdict(list)
+    for instance in scene.instances:
+        surface = _surface(scene, instance, viewpoint_m, reach_m)
+        if len(surface.triangles_m):
+            index = scene.meshes[instance.mesh].material
+            look = (index, surface.texture_coordinates is None, surface.colors is None)
+            looks[look].append(surface)
+    return [_joined(parts) for parts in looks.values()]
+
+
+def _surface(
+    scene: Scene, instance: Instance, viewpoint_m: NDArray[np.float64], reach_m: float
+) -> Surface:
+    mesh = scene.meshes[instance.mesh]
+    material = scene.materials[mesh.material]
+    if material.alpha_mode is not AlphaMode.OPAQUE:
+        raise SceneError(f"material {material.name!r} is not opaque: `opaque_only` leaves it out")
+    linear = instance.world_from_mesh[:3, :3]
+    offset_m = instance.world_from_mesh[:3, 3] - viewpoint_m
+    positions_m = mesh.positions.astype(np.float64) @ linear.T + offset_m
+    triangles = mesh.triangles
+    if np.linalg.det(linear) < 0.0:  # mirrored: they turn the other way round in the world
+        triangles = triangles[:, ::-1]
+    triangles = _facing(positions_m, triangles, material.double_sided, reach_m)
+    textured = material.texture is not None and mesh.texture_coordinates is not None
+    return Surface(
+        material,
+        positions_m[triangles],
+        mesh.texture_coordinates[triangles] if textured else None,
+        None if mesh.colors is None else mesh.colors[triangles][..., :3],
+    )
+
+
+def _facing(
+    positions_m: NDArray[np.float64],
+    triangles: NDArray[np.uint32],
+    double_sided: bool,
+    reach_m: float,
+) -> NDArray[np.uint32]:
+    first, second, third = (positions_m[triangles[:, corner]] for corner in range(3))
+    normals = np.cross(second - first, third - first)
+    lengths = np.linalg.norm(normals, axis=1)
+    heights = -np.sum(normals * first, axis=1)  # of the viewpoint above the plane, times lengths
+    if double_sided:
+        turned = np.where(heights[:, None] < 0.0, triangles[:, ::-1], triangles)
+        return turned[lengths > 0.0]
+    return triangles[(lengths > 0.0) & (heights > -reach_m * lengths)]
+
+
+def _joined(parts: list[Surface]) -> Surface:
+    def join(name: str) -> Any:
+        arrays = [getattr(part, name) for part in parts]
+        return None if arrays[0] is None else np.concatenate(arrays)
+
+    return Surface(
+        parts[0].material, join("triangles_m"), join("texture_coordinates"), join("colors")
+    )
