@@ -34,7 +34,7 @@ class Frame:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (height, width): the pixel shows the scene."""
+        """Mask (height, width): the pixel shows the scene, with at least half of its captures."""
         return self.rgba[..., 3] > 0
 
     def save(self, path: str | Path) -> None:

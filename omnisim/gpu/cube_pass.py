@@ -48,7 +48,7 @@ class CubePass:
             raise GraphicsError(
                 f"virtual cameras of {max(face.size_px for face in plan.faces)} px need an atlas "
                 f"of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
-                "make the picture or virtual_cameras.size_px smaller"
+                "make the picture, camera.supersampling or virtual_cameras.size_px smaller"
             )
         self.atlas = _texture(context, size)
         self.atlas.repeat_x = self.atlas.repeat_y = False

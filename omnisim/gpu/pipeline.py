@@ -25,6 +25,9 @@ class Picture(NamedTuple):
 class Pipeline:
     """Renders one camera in one scene; everything on the GPU is made once.
 
+    The picture has `supersampling` times fewer pixels to a side than the camera: as many of the
+    camera's are averaged.
+
     Raises:
         GraphicsError: a picture larger than the GPU allows.
     """
@@ -36,21 +39,31 @@ class Pipeline:
         rig_from_optical: NDArray[np.float64],
         cube: CubePass,
         capture: Capture,
+        supersampling: int = 1,
     ):
         self._context, self._cube, self._capture = context, cube, capture
-        self._size = (camera.width_px, camera.height_px)
-        check_picture_size(context, *self._size)
+        self._size = (camera.width_px // supersampling, camera.height_px // supersampling)
+        check_picture_size(context, camera.width_px, camera.height_px)
         connect_cube(capture.program, cube.plan, rig_from_optical)
         try:
             self._linear = context.texture(self._size, 4, dtype="f2")
             self._linear_target = context.framebuffer([self._linear])
+            self._fine = self._fine_target = None
+            if supersampling > 1:
+                fine_size = (camera.width_px, camera.height_px)
+                self._fine = context.texture(fine_size, 4, dtype="f2")
+                self._fine_target = context.framebuffer([self._fine])
             self._encoded_target = context.framebuffer([context.renderbuffer(self._size, 4)])
         except moderngl.Error as reason:
-            width, height = self._size
             raise GraphicsError(
-                f"a picture of {width} × {height} px does not fit on this GPU ({reason}): "
-                "make it smaller"
+                f"a capture of {camera.width_px} × {camera.height_px} px does not fit on this GPU "
+                f"({reason}): make the picture or camera.supersampling smaller"
             ) from None
+        if self._fine is not None:
+            average = build_program(context, "common/full_screen.vert", "capture/average.frag")
+            average["u_fine"] = 0
+            average["u_supersampling"] = supersampling
+            self._average = context.vertex_array(average, [])
         encode = build_program(context, "common/full_screen.vert", "capture/encode.frag")
         encode["u_linear"] = 0
         self._encode = context.vertex_array(encode, [])
@@ -58,10 +71,15 @@ class Pipeline:
     def render(self, world_from_rig: NDArray[np.float64], linear: bool = False) -> Picture:
         """Render from a pose (4, 4); the linear picture is read back where asked for."""
         atlas = self._cube.render(world_from_rig)
-        self._linear_target.use()
-        self._linear_target.clear()
+        captured = self._fine_target or self._linear_target
+        captured.use()
+        captured.clear()
         atlas.use(0)
         self._capture.draw()
+        if self._fine is not None:
+            self._linear_target.use()
+            self._fine.use(0)
+            self._average.render(moderngl.TRIANGLES, vertices=3)
         self._encoded_target.use()
         self._linear.use(0)
         self._encode.render(moderngl.TRIANGLES, vertices=3)
@@ -84,7 +102,8 @@ def check_picture_size(context: moderngl.Context, width_px: int, height_px: int)
     limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
     if max(width_px, height_px) > limit:
         raise GraphicsError(
-            f"a picture of {width_px} × {height_px} px: this GPU takes at most {limit}"
+            f"a capture of {width_px} × {height_px} px: this GPU takes at most {limit}; "
+            "make the picture or camera.supersampling smaller"
         )
 
 

@@ -15,7 +15,12 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
-from omnisim.sensors.sensor_file import SensorFile, parse_sensor, read_sensor_file
+from omnisim.sensors.sensor_file import (
+    MAX_SUPERSAMPLING,
+    SensorFile,
+    parse_sensor,
+    read_sensor_file,
+)
 
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
@@ -23,6 +28,17 @@ PAPER_SIZE_PX = 360
 
 def _paper_camera() -> HyperbolicCamera:
     return HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
+
+
+def _scaled(camera: HyperbolicCamera, scale: float) -> HyperbolicCamera:
+    u, v = camera.principal_point_px
+    return dataclasses.replace(
+        camera,
+        width_px=round(camera.width_px * scale),
+        height_px=round(camera.height_px * scale),
+        focal_length_px=camera.focal_length_px * scale,
+        principal_point_px=((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +53,8 @@ class OmniCamera:
         face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
         near_m, far_m: what the virtual cameras see; far may be infinite.
         samples: samples a texel of the virtual cameras, against jagged edges.
+        supersampling: captured pixels to a side of a pixel of the picture, averaged in linear
+            light; the virtual cameras become as much finer.
 
     Raises:
         OmnisimError: a polygon count that makes no mesh, near and far that leave nothing between
@@ -49,7 +67,8 @@ class OmniCamera:
     face_size_px: int | None = None
     near_m: float = 0.05
     far_m: float = np.inf
-    samples: int = 4
+    samples: int = 1
+    supersampling: int = 2
 
     def __post_init__(self) -> None:
         if self.polygons is not None:
@@ -64,6 +83,10 @@ class OmniCamera:
             raise OpticsError(f"face_size_px = {self.face_size_px}: want at least 1, or None")
         if self.samples not in (1, 2, 4, 8):
             raise OpticsError(f"samples = {self.samples}: want 1, 2, 4 or 8")
+        if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
+            raise OpticsError(
+                f"supersampling = {self.supersampling}: want 1 to {MAX_SUPERSAMPLING}"
+            )
         frames.check_pose(self.base_from_rig)
 
     @classmethod
@@ -97,6 +120,7 @@ class OmniCamera:
             near_m=virtual.near_m,
             far_m=virtual.far_m,
             samples=virtual.samples,
+            supersampling=settings.camera.supersampling,
         )
 
     def resized(self, size_px: int) -> OmniCamera:
@@ -109,15 +133,12 @@ class OmniCamera:
             raise OpticsError(f"camera: size {size_px}: want at least 1")
         old = self.camera
         scale = size_px / min(old.width_px, old.height_px)
-        u, v = old.principal_point_px
-        camera = dataclasses.replace(
-            old,
-            width_px=round(old.width_px * scale),
-            height_px=round(old.height_px * scale),
-            focal_length_px=old.focal_length_px * scale,
-            principal_point_px=((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5),
-        )
-        return dataclasses.replace(self, camera=camera)
+        return dataclasses.replace(self, camera=_scaled(old, scale))
+
+    @property
+    def captured_camera(self) -> HyperbolicCamera:
+        """The camera of the finer picture that is averaged to this one's."""
+        return _scaled(self.camera, self.supersampling)
 
     def with_polygons(self, polygons: int | None) -> OmniCamera:
         """The same sensor with another mesh; None captures exactly.

@@ -63,12 +63,13 @@ class Renderer:
 
     def _build(self) -> None:
         sensor, context = self.camera, self._context
-        check_picture_size(context, sensor.camera.width_px, sensor.camera.height_px)
+        camera = sensor.captured_camera
+        check_picture_size(context, camera.width_px, camera.height_px)
         self._cube = CubePass(
             context,
             self.scene,
             SceneBuffers(context, self.scene),
-            plan_faces(sensor.camera, RIG_FROM_OPTICAL_LOOKING_UP, sensor.face_size_px),
+            plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP, sensor.face_size_px),
             sensor.near_m,
             sensor.far_m,
             sensor.samples,
@@ -76,12 +77,17 @@ class Renderer:
         )
         capture: Capture
         if sensor.polygons is None:
-            capture = LensCapture(context, sensor.camera)
+            capture = LensCapture(context, camera)
         else:
-            mesh = tessellate(sensor.camera.mirror, sensor.polygons)
-            capture = MirrorMeshCapture(context, sensor.camera, mesh)
+            mesh = tessellate(camera.mirror, sensor.polygons)
+            capture = MirrorMeshCapture(context, camera, mesh)
         self._pipeline = Pipeline(
-            context, sensor.camera, RIG_FROM_OPTICAL_LOOKING_UP, self._cube, capture
+            context,
+            camera,
+            RIG_FROM_OPTICAL_LOOKING_UP,
+            self._cube,
+            capture,
+            sensor.supersampling,
         )
 
     def render(self, world_from_base: ArrayLike, linear: bool = False) -> Frame:
@@ -151,6 +157,7 @@ class Renderer:
             "scene": self.scene.name,
             "camera": self.camera.camera.parameters(),
             "polygons": self.camera.polygons or "exact",
+            "supersampling": self.camera.supersampling,
             "lit": not self._unlit,
             "exposure": self.scene.lighting.exposure,
             "world_from_base": world_from_base.tolist(),

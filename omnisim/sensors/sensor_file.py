@@ -26,6 +26,7 @@ from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.toml_file import Number, Table, parse_table, read_toml
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
+MAX_SUPERSAMPLING = 8
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
@@ -103,7 +104,7 @@ class VirtualCameras(Table):
     size_px: FaceSize = "auto"
     near_m: Positive = 0.05
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
-    samples: Literal[1, 2, 4, 8] = 4
+    samples: Literal[1, 2, 4, 8] = 1
 
     @model_validator(mode="after")
     def _near_before_far(self) -> VirtualCameras:
@@ -124,6 +125,7 @@ class Camera(Table):
     height_px: Size = 360
     focal_length_px: FocalLength = "fit"
     principal_point_px: PrincipalPoint = "centre"
+    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 2
 
 
 class SensorFile(Table):

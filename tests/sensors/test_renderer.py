@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.errors import GraphicsError, OmnisimError
+from omnisim.errors import GraphicsError, OmnisimError, OpticsError
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.scene.model import (
     AlphaMode,
@@ -352,7 +352,7 @@ def test_faces_and_their_unfolding():
 
 
 def test_limits_of_the_gpu_are_said():
-    with pytest.raises(GraphicsError, match="a picture of 30000 × 30000 px: this GPU takes at"):
+    with pytest.raises(GraphicsError, match="a capture of 60000 × 60000 px: this GPU takes at"):
         Renderer(scene_of([room()]), OmniCamera().resized(30000))
     with pytest.raises(GraphicsError, match="size_px smaller"):
         Renderer(scene_of([room()]), OmniCamera(face_size_px=20000))
@@ -385,3 +385,27 @@ def test_metadata_describes_camera_and_pose():
     np.testing.assert_allclose(world_from_optical[:3, 2], (0, 0, 1), atol=1e-15)
     ahead = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0)
     np.testing.assert_allclose(-world_from_optical[:3, 1], ahead, atol=1e-15)
+
+
+@pytest.mark.parametrize("polygons", [None, 64])
+def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
+    """Three captures to a side of a pixel, or a picture three times as large: the same light."""
+    scene = scene_of([room()])
+    coarse = OmniCamera(polygons=polygons, supersampling=3).resized(120)
+    fine = OmniCamera(polygons=polygons, supersampling=1).resized(360)
+    with Renderer(scene, coarse) as one, Renderer(scene, fine) as other:
+        mean = one.render(np.eye(4), linear=True)
+        blocks = other.render(np.eye(4), linear=True)
+    colors = blocks.linear.reshape(120, 3, 120, 3, 3)
+    covered = blocks.valid.reshape(120, 3, 120, 3).sum(axis=(1, 3))
+    np.testing.assert_array_equal(mean.valid, covered >= 4.5)
+    wanted = colors.sum(axis=(1, 3)) / np.maximum(covered, 1)[..., None]
+    # half floats: 2⁻¹¹ of the value
+    np.testing.assert_allclose(mean.linear[mean.valid], wanted[mean.valid], rtol=2.0**-10)
+    assert not mean.linear[~mean.valid].any()
+
+
+@pytest.mark.parametrize("supersampling", [0, 9, 1.5])
+def test_supersampling_has_bounds(supersampling):
+    with pytest.raises(OpticsError, match="want 1 to 8"):
+        OmniCamera(supersampling=supersampling)

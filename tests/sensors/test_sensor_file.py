@@ -12,7 +12,7 @@ def test_documented_default_file_is_the_default():
     documented, default = OmniCamera.from_file(DEFAULT_SENSOR_FILE), OmniCamera()
     assert documented.camera == default.camera
     np.testing.assert_array_equal(documented.base_from_rig, default.base_from_rig)
-    for name in ("polygons", "face_size_px", "near_m", "far_m", "samples"):
+    for name in ("polygons", "face_size_px", "near_m", "far_m", "samples", "supersampling"):
         assert getattr(documented, name) == getattr(default, name)
 
 
@@ -29,7 +29,7 @@ def test_every_group_is_heard(tmp_path):
         'polygons = "exact"\n[mirror.mounting]\nposition_m = [0.1, 0.0, 0.5]\nyaw_deg = 90\n'
         "[virtual_cameras]\nsize_px = 512\nnear_m = 0.1\nfar_m = 50\nsamples = 1\n"
         "[camera]\nwidth_px = 640\nheight_px = 480\nfocal_length_px = 900\n"
-        "principal_point_px = [320.5, 239.5]\n"
+        "principal_point_px = [320.5, 239.5]\nsupersampling = 3\n"
     )
     sensor = OmniCamera.from_file(path)
     assert sensor.polygons is None
@@ -38,6 +38,7 @@ def test_every_group_is_heard(tmp_path):
     assert (sensor.camera.width_px, sensor.camera.height_px) == (640, 480)
     assert sensor.camera.focal_length_px == 900.0
     assert sensor.camera.principal_point_px == (320.5, 239.5)
+    assert sensor.supersampling == 3
     assert (sensor.face_size_px, sensor.near_m, sensor.far_m, sensor.samples) == (512, 0.1, 50, 1)
     np.testing.assert_allclose(sensor.base_from_rig[:3, 3], (0.1, 0.0, 0.5))
     np.testing.assert_allclose(sensor.base_from_rig[:3, 0], (0.0, 1.0, 0.0), atol=1e-15)

@@ -44,8 +44,8 @@ def check_markers(bench: Bench) -> Findings:
     off = np.linalg.norm(measured - predicted, axis=1)
     return Findings(
         f"{len(off)} white discs, 0.8° in radius, all around a tilted vehicle, 0.6 to 12 m away, "
-        f"rendered through the whole pipeline at {SIZE_PX} × {SIZE_PX} px; the middles of their pictures "
-        "against where the camera model puts them.",
+        f"rendered through the whole pipeline at {SIZE_PX} × {SIZE_PX} px; the middles of their "
+        "pictures against where the camera model puts them.",
         (
             Measure("markers, mean distance", mean(off), MEAN_BOUND_PX, "px"),
             Measure("markers, largest distance", largest(off), LARGEST_BOUND_PX, "px"),

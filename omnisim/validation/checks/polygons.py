@@ -17,7 +17,7 @@ from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
 from omnisim.sensors import OmniCamera
 from omnisim.validation.check import Bench, Findings, Measure, Picture, Table
 from omnisim.validation.figures import BLUE, GREY, ORANGE, gallery, plot
-from omnisim.validation.picture_error import psnr_db
+from omnisim.validation.psnr import psnr_db
 
 DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture
 
@@ -39,7 +39,7 @@ def check(bench: Bench) -> Findings:
     for polygons in PAPER_POLYGON_COUNTS:
         frame = bench.take(bench.scene, sensor.with_polygons(polygons), pose)
         error = shown_error_px(bench, sensor, polygons)
-        psnr = psnr_db(frame.rgb, exact.rgb, frame.valid & exact.valid)
+        psnr = psnr_db(frame.linear, exact.linear, frame.valid & exact.valid)
         results[polygons] = MeshResult(error, psnr, frame.rgb)
     means = [results[polygons].error_px.mean() for polygons in PAPER_POLYGON_COUNTS]
     slope = float(np.polyfit(np.log(PAPER_POLYGON_COUNTS), np.log(means), 1)[0])

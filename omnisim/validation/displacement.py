@@ -1,29 +1,13 @@
-"""How far two pictures of the same thing are apart: in brightness, and in place."""
+"""How far what one picture shows is shifted against another."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from omnisim.srgb import srgb_from_linear
+from numpy.typing import NDArray
 
 PATCH_PX = 24
-
-
-def encoded(linear: ArrayLike) -> NDArray[np.float64]:
-    """Linear colours (...) as unrounded sRGB values from 0 to 255: what is compared."""
-    return 255.0 * srgb_from_linear(linear)
-
-
-def psnr_db(
-    one: NDArray[Any], other: NDArray[Any], where: NDArray[np.bool_] | None = None
-) -> float:
-    """Peak signal-to-noise ratio of pictures (height, width, channels) with values to 255."""
-    squared = (one.astype(np.float64) - other.astype(np.float64)) ** 2
-    error = float(np.mean(squared if where is None else squared[where]))
-    return float("inf") if error == 0.0 else float(10.0 * np.log10(255.0**2 / error))
 
 
 class Displacements(NamedTuple):
