@@ -14,6 +14,7 @@ from scenes.modelling.geometry import Patch, pose
 
 # glTF is Y up: world (x, y, z) is stored as (x, z, -y).
 TO_GLTF = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+UNLIT = "KHR_materials_unlit"
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,14 @@ class Model:
 
 @dataclass
 class Stage:
-    """Collects nodes; each node is one object, and its name says which."""
+    """Collects nodes; each node is one object, and its name says which.
+
+    Materials named in `unlit` shine by themselves: KHR_materials_unlit.
+    """
 
     name: str
     materials: dict[str, PBRMaterial]
+    unlit: frozenset[str] = frozenset()
     models: dict[str, Model] = field(default_factory=dict)
     nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
 
@@ -98,6 +103,10 @@ class Stage:
                     tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = (
                         target
                     )
+        for material in tree.get("materials", []):
+            if material["name"] in self.unlit:
+                material["extensions"] = {UNLIT: {}}
+                tree["extensionsUsed"] = [UNLIT]
         for scene in tree["scenes"]:
             scene["name"] = self.name
             scene.pop("extras", None)
