@@ -44,7 +44,7 @@ SIDES = (
 def main() -> None:
     """Build the scene and say how big it became."""
     materials = {side.name: textured(side.name, picture(side), lossless=True) for side in SIDES}
-    stage = Stage("compass", materials, unlit=True)
+    stage = Stage("compass", materials, unlit=frozenset(materials))
     for side in SIDES:
         stage.place(
             side.name, Model(side.name, side.name, surface(side)), pose(yaw_deg=side.yaw_deg or 0)

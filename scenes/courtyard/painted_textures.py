@@ -13,9 +13,7 @@ from PIL import Image, ImageDraw
 from scenes.modelling import surface_textures as surface
 from scenes.modelling.lettering import draw_word
 from scenes.modelling.noise import fractal_noise
-
-Colour = tuple[float, float, float]
-OVERSAMPLING = 3
+from scenes.modelling.painting import Colour, painted, rgb
 
 # Where each material sits in the 4 x 4 prop atlas, from the top left, row by row.
 PROP_CELLS = (
@@ -35,7 +33,7 @@ def compass_rose(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
 
         def circle(radius: float, colour: Colour) -> None:
             r = radius * s
-            draw.ellipse((middle - r, middle - r, middle + r, middle + r), fill=_rgb(colour))
+            draw.ellipse((middle - r, middle - r, middle + r, middle + r), fill=rgb(colour))
 
         circle(0.492, (0.36, 0.30, 0.26))
         circle(0.484, (0.84, 0.79, 0.69))
@@ -52,9 +50,9 @@ def compass_rose(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
         for letter, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
             colour = (0.60, 0.10, 0.08) if letter == "N" else (0.13, 0.18, 0.26)
             centre = (middle + 0.376 * s * x, middle + 0.376 * s * y)
-            draw_word(draw, letter, centre, 0.098 * s, _rgb(colour))
+            draw_word(draw, letter, centre, 0.098 * s, rgb(colour))
 
-    inlay, covered = _painted(size, size, paint)
+    inlay, covered = painted(size, size, paint)
     clouds = 0.91 + 0.14 * fractal_noise(size, size, 6, 5, rng)
     return base * (1 - covered) + inlay * clouds[..., None] * covered
 
@@ -66,18 +64,18 @@ def banner(
 
     def paint(draw: ImageDraw.ImageDraw, s: float) -> None:
         tall = s * height / width
-        draw.rectangle((0, 0, s, tall), fill=_rgb(cloth))
+        draw.rectangle((0, 0, s, tall), fill=rgb(cloth))
         for inset, line in ((0.035, 0.022), (0.075, 0.008)):
             draw.rectangle(
                 (inset * s, inset * s, s - inset * s, tall - inset * s),
-                outline=_rgb(ink),
+                outline=rgb(ink),
                 width=round(line * s),
             )
-        draw_word(draw, word[0], (0.5 * s, 0.40 * tall), 0.50 * tall, _rgb(ink), weight=0.19)
+        draw_word(draw, word[0], (0.5 * s, 0.40 * tall), 0.50 * tall, rgb(ink), weight=0.19)
         size = 0.155 * tall if len(word) < 5 else 0.135 * tall
-        draw_word(draw, word, (0.5 * s, 0.80 * tall), size, _rgb(ink), weight=0.19)
+        draw_word(draw, word, (0.5 * s, 0.80 * tall), size, rgb(ink), weight=0.19)
 
-    image, _ = _painted(width, height, paint)
+    image, _ = painted(width, height, paint)
     weave = 0.90 + 0.16 * fractal_noise(height, width, (4, 10), 5, rng)
     return image * weave[..., None]
 
@@ -93,13 +91,13 @@ def arch_front(
     def paint(draw: ImageDraw.ImageDraw, s: float) -> None:
         metre = s / 2.2
         foot = s * height / width
-        draw.rectangle((0, 0, s, foot), fill=_rgb(hue))
+        draw.rectangle((0, 0, s, foot), fill=rgb(hue))
         centre = s / 2
 
         def pie(radius: float, start: float, end: float, colour: Colour) -> None:
             r = radius * metre
             draw.pieslice(
-                (centre - r, foot - r, centre + r, foot + r), start, end, fill=_rgb(colour)
+                (centre - r, foot - r, centre + r, foot + r), start, end, fill=rgb(colour)
             )
 
         pie(1.10, 180, 360, tuple(0.55 * c for c in accent))
@@ -112,9 +110,9 @@ def arch_front(
         for x in (0.0, s):
             for radius, colour in ((0.135, accent), (0.105, (0.90, 0.86, 0.77)), (0.045, accent)):
                 r, y = radius * metre, foot - 0.83 * metre
-                draw.ellipse((x - r, y - r, x + r, y + r), fill=_rgb(colour))
+                draw.ellipse((x - r, y - r, x + r, y + r), fill=rgb(colour))
 
-    image, _ = _painted(width, height, paint)
+    image, _ = painted(width, height, paint)
     clouds = 0.90 + 0.16 * fractal_noise(height, width, 4, 5, rng)
     return image * clouds[..., None]
 
@@ -224,7 +222,7 @@ def clock_face(size: int) -> np.ndarray:
     """Tower clock at ten past ten."""
 
     def paint(draw: ImageDraw.ImageDraw, s: float) -> None:
-        draw.rectangle((0, 0, s, s), fill=_rgb((0.93, 0.90, 0.82)))
+        draw.rectangle((0, 0, s, s), fill=rgb((0.93, 0.90, 0.82)))
         for hour in range(12):
             angle = np.radians(30 * hour)
             long = 0.11 if hour % 3 == 0 else 0.06
@@ -232,18 +230,7 @@ def clock_face(size: int) -> np.ndarray:
         _ray(draw, s, np.radians(305), -0.05, 0.24, 0.040, (0.14, 0.16, 0.22))
         _ray(draw, s, np.radians(60), -0.05, 0.36, 0.028, (0.14, 0.16, 0.22))
 
-    return _painted(size, size, paint)[0]
-
-
-def _painted(
-    width: int, height: int, paint: Callable[[ImageDraw.ImageDraw, float], None]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Run a painter on an enlarged canvas; colour and coverage at the wanted size."""
-    big = (width * OVERSAMPLING, height * OVERSAMPLING)
-    canvas = Image.new("RGBA", big, (0, 0, 0, 0))
-    paint(ImageDraw.Draw(canvas), float(big[0]))
-    pixels = np.asarray(canvas.resize((width, height), Image.Resampling.BOX), float) / 255
-    return pixels[..., :3], pixels[..., 3:]
+    return painted(size, size, paint)[0]
 
 
 def _star(
@@ -262,7 +249,7 @@ def _star(
         tip = _polar(s, reach, angle)
         for side, colour in ((1, dark), (-1, light)):
             shoulder = _polar(s, waist, angle + side * np.pi / 4)
-            draw.polygon([(s / 2, s / 2), tip, shoulder], fill=_rgb(colour))
+            draw.polygon([(s / 2, s / 2), tip, shoulder], fill=rgb(colour))
 
 
 def _degree_scale(draw: ImageDraw.ImageDraw, s: float) -> None:
@@ -282,7 +269,7 @@ def _ray(
 ) -> None:
     draw.line(
         [_polar(s, start, angle), _polar(s, end, angle)],
-        fill=_rgb(colour),
+        fill=rgb(colour),
         width=max(1, round(width * s)),
     )
 
@@ -294,15 +281,15 @@ def _polar(s: float, radius: float, angle: float) -> tuple[float, float]:
 
 def _frieze(draw: ImageDraw.ImageDraw, metre: float, s: float, accent: Colour) -> None:
     """Painted band with triangles under the eave; repeats from bay to bay."""
-    draw.rectangle((0, 0, s, 0.20 * metre), fill=_rgb((0.90, 0.86, 0.77)))
-    draw.rectangle((0, 0.185 * metre, s, 0.21 * metre), fill=_rgb(accent))
-    draw.rectangle((0, 0.02 * metre, s, 0.045 * metre), fill=_rgb(accent))
+    draw.rectangle((0, 0, s, 0.20 * metre), fill=rgb((0.90, 0.86, 0.77)))
+    draw.rectangle((0, 0.185 * metre, s, 0.21 * metre), fill=rgb(accent))
+    draw.rectangle((0, 0.02 * metre, s, 0.045 * metre), fill=rgb(accent))
     teeth = 16
     for index in range(teeth):
         left, step = index * s / teeth, s / teeth
         draw.polygon(
             [(left, 0.165 * metre), (left + step, 0.165 * metre), (left + step / 2, 0.07 * metre)],
-            fill=_rgb(accent),
+            fill=rgb(accent),
         )
 
 
@@ -359,7 +346,3 @@ def _opaque_strips(
                 colours[rng.integers(len(colours))],
                 (left, strip, right, 2 * size),
             )
-
-
-def _rgb(colour: Colour) -> tuple[int, int, int]:
-    return tuple(round(255 * channel) for channel in colour)

@@ -33,13 +33,14 @@ class Stage:
     Attributes:
         name: of the scene.
         materials: by name.
-        unlit: every material shows its plain colours under any lamp (KHR_materials_unlit).
+        unlit: names of materials that show their plain colours under any lamp
+            (KHR_materials_unlit).
         models, nodes: filled by `place`.
     """
 
     name: str
     materials: dict[str, PBRMaterial]
-    unlit: bool = False
+    unlit: frozenset[str] = frozenset()
     models: dict[str, Model] = field(default_factory=dict)
     nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
 
@@ -75,7 +76,7 @@ class Stage:
         return path.write_bytes(
             trimesh.exchange.gltf.export_glb(
                 scene,
-                include_normals=not (compact and self.unlit),
+                include_normals=not (compact and self.unlit == set(self.materials)),
                 tree_postprocessor=self._finish_tree,
                 buffer_postprocessor=_shorten_indices if compact else None,
             )
@@ -109,10 +110,6 @@ class Stage:
         ]
         for texture in tree.get("textures", []):
             texture["sampler"] = 0
-        if self.unlit:
-            tree["extensionsUsed"] = [UNLIT]
-            for material in tree["materials"]:
-                material["extensions"] = {UNLIT: {}}
         vertex_data, index_data = 34962, 34963
         for mesh in tree["meshes"]:
             mesh.pop("extras", None)
@@ -122,6 +119,10 @@ class Stage:
                     tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = (
                         target
                     )
+        for material in tree.get("materials", []):
+            if material["name"] in self.unlit:
+                material["extensions"] = {UNLIT: {}}
+                tree["extensionsUsed"] = [UNLIT]
         for scene in tree["scenes"]:
             scene["name"] = self.name
             scene.pop("extras", None)

@@ -30,9 +30,8 @@ COLOURS = {  # linear
 
 def main() -> None:
     """Build the scene and say how big it became."""
-    stage = Stage(
-        "rings", {name: plain(name, colour) for name, colour in COLOURS.items()}, unlit=True
-    )
+    materials = {name: plain(name, colour) for name, colour in COLOURS.items()}
+    stage = Stage("rings", materials, unlit=frozenset(materials))
     strips = np.arange(2 * len(LINES_DEG) + 1)  # gap, line, gap, ..., gap
     horizon = 2 * int(np.flatnonzero(LINES_DEG == HORIZON_DEG)[0]) + 1
     lines = strips[(strips % 2 == 1) & (strips != horizon)]
