@@ -21,6 +21,10 @@ class SensorFileError(OmnisimError):
     """A sensor file with an unknown key or a value that makes no sense."""
 
 
+class TrajectoryError(OmnisimError):
+    """Poses, times or wheel readings that no robot can have, or a file of them that is not one."""
+
+
 class GraphicsError(OmnisimError):
     """No OpenGL, too old an OpenGL, a size past its limits, or a shader that does not compile."""
 

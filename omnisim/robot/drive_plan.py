@@ -1,0 +1,186 @@
+"""From waypoints to a trajectory: turn on the spot, drive straight, and rest in between.
+
+Every turn and every leg starts and ends at rest and is as fast as the limits allow: constant
+acceleration, the top speed where there is room for it, constant braking. A half turn goes left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.errors import TrajectoryError
+from omnisim.robot.kinematics import Kinematics
+from omnisim.robot.trajectory import Trajectory
+from omnisim.robot.waypoints import check_waypoints
+
+MOST_POSES = 1_000_000
+# Turns below are rounding of the waypoints; half turns this close to one go left, too.
+SMALLEST_TURN_RAD = 1e-9
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A leg or a turn on the spot, from rest to rest."""
+
+    start: tuple[float, float, float]  # x, y, yaw
+    move_m: tuple[float, float]  # of a leg, or (0, 0)
+    turn_rad: float  # of a turn, or 0
+    top_rate: float
+    acceleration: float
+
+    @property
+    def amount(self) -> float:
+        return math.hypot(*self.move_m) or abs(self.turn_rad)
+
+    @property
+    def ramp_s(self) -> float:
+        """Time to speed up, or to brake."""
+        return min(self.top_rate / self.acceleration, math.sqrt(self.amount / self.acceleration))
+
+    @property
+    def duration_s(self) -> float:
+        # the ramps cover what half their time would at the top rate
+        return self.ramp_s + self.amount / (self.acceleration * self.ramp_s)
+
+    def amounts_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far it has come (n,) at times (n,) since its start."""
+        ramp, a = self.ramp_s, self.acceleration
+        left = self.duration_s - times_s
+        cruising = a * ramp * (times_s - 0.5 * ramp)
+        braking = self.amount - 0.5 * a * left * left
+        speeding = 0.5 * a * times_s * times_s
+        return np.where(times_s < ramp, speeding, np.where(left < ramp, braking, cruising))
+
+    def times_at(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """When it has come so far (n,): what `amounts_at` is the inverse of."""
+        ramp, a = self.ramp_s, self.acceleration
+        ramp_amount = 0.5 * a * ramp * ramp
+        left = np.maximum(self.amount - amounts, 0.0)
+        cruising = amounts / (a * ramp) + 0.5 * ramp
+        braking = self.duration_s - np.sqrt(2.0 * left / a)
+        speeding = np.sqrt(2.0 * amounts / a)
+        return np.where(
+            amounts < ramp_amount, speeding, np.where(left < ramp_amount, braking, cruising)
+        )
+
+    def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+        """x, y, yaw (n, 3) at shares (n,) of the way."""
+        change = (*self.move_m, self.turn_rad)
+        return np.array(self.start) + shares[:, None] * np.array(change)
+
+
+def drive_in_steps(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    step_m: float,
+    step_rad: float,
+    start_yaw_rad: float | None = None,
+) -> Trajectory:
+    """Drive along waypoints, with a pose after each step.
+
+    A leg or turn is cut into equal steps, as few as keep them within the length asked for, so that
+    there is a pose at each waypoint, before and after its turn.
+
+    Args:
+        waypoints_m: (n, 2), in the world.
+        kinematics: of the robot.
+        step_m: longest step of a leg.
+        step_rad: longest step of a turn.
+        start_yaw_rad: heading at the first waypoint, or None: towards the second one.
+
+    Raises:
+        TrajectoryError: waypoints or steps that make no sense, or too many poses.
+    """
+    for name, value, most in (("step_m", step_m, math.inf), ("step_rad", step_rad, math.pi / 2.0)):
+        if not 0.0 < value <= most:
+            raise TrajectoryError(f"{name} = {value:g}: want more than 0, at most {most:.6g}")
+    motions = list(_motions(waypoints_m, kinematics, start_yaw_rad))
+    counts = [
+        _count(motion.amount / (step_m if motion.move_m != (0.0, 0.0) else step_rad))
+        for motion in motions
+    ]
+    return _sampled(motions, counts)
+
+
+def drive_with_period(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    period_s: float,
+    start_yaw_rad: float | None = None,
+) -> Trajectory:
+    """Drive along waypoints, with a pose every `period_s`.
+
+    Each leg and turn is slowed down to last a whole number of periods, so that there is a pose at
+    each waypoint, before and after its turn, and no step mixes a leg with a turn.
+
+    Args:
+        waypoints_m: (n, 2), in the world.
+        kinematics: of the robot.
+        period_s: time from pose to pose.
+        start_yaw_rad: heading at the first waypoint, or None: towards the second one.
+
+    Raises:
+        TrajectoryError: waypoints or a period that make no sense, or too many poses.
+    """
+    if not 0.0 < period_s < math.inf:
+        raise TrajectoryError(f"period_s = {period_s:g}: want a finite number above 0")
+    motions = list(_motions(waypoints_m, kinematics, start_yaw_rad))
+    counts = [_count(motion.duration_s / period_s) for motion in motions]
+    return _sampled(motions, counts, period_s)
+
+
+def _motions(
+    waypoints_m: ArrayLike, kinematics: Kinematics, start_yaw_rad: float | None
+) -> Iterator[_Motion]:
+    points = check_waypoints(waypoints_m)
+    legs = np.diff(points, axis=0)
+    headings = np.arctan2(legs[:, 1], legs[:, 0])
+    yaw = float(headings[0]) if start_yaw_rad is None else start_yaw_rad
+    if not math.isfinite(yaw):
+        raise TrajectoryError(f"start_yaw_rad = {yaw}: want a finite number")
+    turning = (kinematics.max_turn_rate_radps, kinematics.max_turn_acceleration_radps2)
+    driving = (kinematics.max_speed_mps, kinematics.max_acceleration_mps2)
+    for point, leg, heading in zip(points, legs, headings.tolist(), strict=False):
+        x, y = point.tolist()
+        turn = math.remainder(heading - yaw, 2.0 * math.pi)
+        if turn < SMALLEST_TURN_RAD - math.pi:
+            turn += 2.0 * math.pi
+        if abs(turn) > SMALLEST_TURN_RAD:
+            yield _Motion((x, y, yaw), (0.0, 0.0), turn, *turning)
+        yaw = heading
+        yield _Motion((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
+
+
+def _count(steps: float) -> int:
+    """Whole steps; 5.4 m at 0.1 m are 54, whatever the rounding."""
+    if steps > MOST_POSES:
+        raise TrajectoryError(f"{steps:.3g} steps: want at most {MOST_POSES}: make them longer")
+    return max(1, math.ceil(steps - 1e-9))
+
+
+def _sampled(
+    motions: list[_Motion], counts: list[int], period_s: float | None = None
+) -> Trajectory:
+    """Poses of motions one after the other, each cut into a count of steps.
+
+    The steps are equal in time where a period is given, and else equally long.
+    """
+    if sum(counts) > MOST_POSES:
+        raise TrajectoryError(f"{sum(counts)} steps: want at most {MOST_POSES}: make them longer")
+    times, poses, start_s = [np.zeros(1)], [np.array([motions[0].start])], 0.0
+    for motion, count in zip(motions, counts, strict=True):
+        shares = np.arange(1, count + 1) / count
+        if period_s is None:
+            times.append(start_s + motion.times_at(shares * motion.amount))
+            start_s += motion.duration_s
+        else:
+            shares = motion.amounts_at(shares * motion.duration_s) / motion.amount
+        poses.append(motion.poses_at(shares))
+    planar = np.concatenate(poses)
+    stamps = np.concatenate(times) if period_s is None else period_s * np.arange(len(planar))
+    return Trajectory.on_ground(stamps, planar[:, :2], planar[:, 2])

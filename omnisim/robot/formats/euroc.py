@@ -1,0 +1,64 @@
+"""EuRoC: 17 columns between commas: ns, position, quaternion wxyz, velocity, biases of an IMU.
+
+The velocity and the biases are not read. Written are the mean velocity of the step that follows
+(of the last pose: 0), and biases of 0.
+Source: EuRoC MAV dataset, state_groundtruth_estimate0/data.csv.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from omnisim.robot.formats.recording import Recording, read_quaternions, recording
+from omnisim.robot.formats.table import Line, Table, check_printed_times, is_number, quote
+from omnisim.robot.rotations import quaternion_from_rotation
+from omnisim.robot.trajectory import Trajectory
+
+STAMP = re.compile(r"\d{1,19}", re.ASCII)
+COLUMNS = (
+    ["timestamp"]
+    + [f"p_{axis}" for axis in "xyz"]
+    + [f"q_{axis}" for axis in "wxyz"]
+    + [f"{vector}_{axis}" for vector in ("v", "b_w", "b_a") for axis in "xyz"]
+)
+UNITS = ["ns"] + ["m"] * 3 + [""] * 4 + ["m s^-1"] * 3 + ["rad s^-1"] * 3 + ["m s^-2"] * 3
+
+
+def read(table: Table) -> Recording:
+    """Read a table of 17 columns, with a header or without.
+
+    Raises:
+        TrajectoryError: naming file, line, what was found and what was wanted.
+    """
+    if not is_number(table.lines[0].cells[0]):
+        table = table.without_header()
+    numbers = table.numbers(COLUMNS)
+    stamps = [_stamp(table, line) for line in table.lines]
+    times_s = np.array([stamp / 1_000_000_000 for stamp in stamps])
+    table.check_times(times_s, [f"{stamp} ns" for stamp in stamps])
+    rotations = read_quaternions(table, numbers[:, (5, 6, 7, 4)])
+    return recording(table, times_s, numbers[:, 1:4], rotations)
+
+
+def _stamp(table: Table, line: Line) -> int:
+    if not STAMP.fullmatch(line.cells[0]):
+        raise table.fault(line, f"timestamp = {quote(line.cells[0])}: want whole nanoseconds")
+    return int(line.cells[0])
+
+
+def lines(trajectory: Trajectory) -> Iterator[str]:
+    """The lines of a file."""
+    check_printed_times(trajectory.times_s)
+    names = (f"{name} [{unit}]" for name, unit in zip(COLUMNS, UNITS, strict=True))
+    yield "#" + ",".join(names)
+    quaternions = quaternion_from_rotation(trajectory.world_from_base[:, :3, :3])
+    velocities = np.zeros((len(trajectory), 3))
+    velocities[:-1] = np.diff(trajectory.positions_m, axis=0)
+    velocities[:-1] /= np.diff(trajectory.times_s)[:, None]
+    columns = (trajectory.positions_m, quaternions[:, (3, 0, 1, 2)], velocities)
+    biases = ["0"] * 6
+    for time_s, row in zip(trajectory.times_s, np.column_stack(columns), strict=True):
+        yield ",".join([str(round(time_s * 1e9)), *(f"{value:.9f}" for value in row), *biases])

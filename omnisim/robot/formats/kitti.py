@@ -1,0 +1,31 @@
+"""KITTI: the upper three rows of a pose, 12 numbers a line, between blanks; no time.
+
+Poses are taken as they are. Those of KITTI's own benchmark are a camera's, z forward, not a base's.
+Source: KITTI odometry benchmark, development kit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from omnisim.robot.formats.recording import Recording, read_rotations, recording
+from omnisim.robot.formats.table import Table
+from omnisim.robot.trajectory import Trajectory
+
+COLUMNS = [f"{name}{row}" for row in "012" for name in ("x", "y", "z", "t")]
+
+
+def read(table: Table) -> Recording:
+    """Read a table of 12 columns.
+
+    Raises:
+        TrajectoryError: naming file, line, what was found and what was wanted.
+    """
+    matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
+    return recording(table, None, matrices[:, :, 3], read_rotations(table, matrices[:, :, :3]))
+
+
+def lines(trajectory: Trajectory) -> Iterator[str]:
+    """The lines of a file; the times are lost."""
+    for row in trajectory.world_from_base[:, :3].reshape(-1, 12):
+        yield " ".join(f"{value:.9f}" for value in row)

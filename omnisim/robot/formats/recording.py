@@ -1,0 +1,137 @@
+"""What a trajectory file says: poses, and times where it has any."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import TrajectoryError
+from omnisim.frames import LARGEST_M
+from omnisim.robot.formats.table import Table
+from omnisim.robot.rotations import (
+    ROUNDING,
+    is_rotation,
+    nearest_rotation,
+    rotation_from_quaternion,
+)
+from omnisim.robot.trajectory import LARGEST_S, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Poses of a file, with or without times.
+
+    Attributes:
+        source: the file, for messages.
+        line_numbers: (n,) where in the file each pose is, from 1.
+        times_s: (n,), or None: the file has none.
+        world_from_base: (n, 4, 4).
+    """
+
+    source: str
+    line_numbers: NDArray[np.intp]
+    times_s: NDArray[np.float64] | None
+    world_from_base: NDArray[np.float64]
+
+    def trajectory(self, rate_hz: float | None = None) -> Trajectory:
+        """The poses at their times, or at `rate_hz` from 0 s on where they have none.
+
+        Raises:
+            TrajectoryError: neither times nor a rate, or both.
+        """
+        if rate_hz is None:
+            if self.times_s is None:
+                raise TrajectoryError(
+                    f"{self.source}: has no times: want a rate in Hz, or a robot that drives it"
+                )
+            return Trajectory(self.times_s, self.world_from_base)
+        if self.times_s is not None:
+            raise TrajectoryError(f"{self.source}: has times of its own: want no rate")
+        count = len(self.world_from_base)
+        if not (math.isfinite(rate_hz) and rate_hz > 0.0 and count < LARGEST_S * rate_hz):
+            raise TrajectoryError(f"rate {rate_hz:g} Hz: want a finite number above 0")
+        return Trajectory(np.arange(count) / rate_hz, self.world_from_base)
+
+
+def recording(
+    table: Table,
+    times_s: NDArray[np.float64] | None,
+    positions_m: NDArray[np.float64],
+    rotations: NDArray[np.float64],
+) -> Recording:
+    """Put together what a format's module has read from a table, a line a pose.
+
+    Args:
+        table: where it comes from.
+        times_s: (n,), or None.
+        positions_m: (n, 3).
+        rotations: (n, 3, 3).
+
+    Raises:
+        TrajectoryError: a position too far away.
+    """
+    _refuse(
+        table,
+        np.all(np.abs(positions_m) < LARGEST_M, axis=1),
+        lambda k: f"position {positions_m[k].tolist()}: want less than {LARGEST_M:g} m",
+    )
+    poses = np.zeros((len(positions_m), 4, 4))
+    poses[:, :3, :3] = rotations
+    poses[:, :3, 3] = positions_m
+    poses[:, 3, 3] = 1.0
+    return Recording(table.source, np.array([line.number for line in table.lines]), times_s, poses)
+
+
+def read_times(table: Table, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times (n,) from a table's first column, checked.
+
+    Raises:
+        TrajectoryError: too large, or not increasing.
+    """
+    for line, time in zip(table.lines, times_s, strict=True):
+        if abs(time) >= LARGEST_S:
+            raise table.fault(line, f"time {time:g} s: want less than {LARGEST_S:g} s")
+    table.check_times(times_s, [f"{time:.9g} s" for time in times_s])
+    return times_s
+
+
+def read_quaternions(table: Table, xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotations (n, 3, 3) from a table's quaternions (n, 4).
+
+    Raises:
+        TrajectoryError: one whose length is not 1 but for rounding.
+    """
+    lengths = np.linalg.norm(xyzw, axis=-1)
+    _refuse(
+        table,
+        np.abs(lengths - 1.0) <= ROUNDING,
+        lambda k: f"quaternion of length {lengths[k]:.6g}: want 1 (within {ROUNDING:g})",
+    )
+    return rotation_from_quaternion(xyzw)
+
+
+def read_rotations(table: Table, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotations (n, 3, 3) from a table's matrices, freed from their rounding.
+
+    Raises:
+        TrajectoryError: one that is not a rotation but for rounding.
+    """
+    small = np.all(np.abs(matrices) < 2.0, axis=(1, 2))
+    proper = small.copy()
+    proper[small] = is_rotation(matrices[small], ROUNDING)
+    _refuse(
+        table,
+        proper,
+        lambda k: f"the matrix scales, shears or mirrors: want a rotation (within {ROUNDING:g})",
+    )
+    return nearest_rotation(matrices)
+
+
+def _refuse(table: Table, good: NDArray[np.bool_], words: Callable[[int], str]) -> None:
+    if not np.all(good):
+        k = int(np.argmin(good))
+        raise table.fault(table.lines[k], words(k))

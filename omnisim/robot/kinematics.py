@@ -1,0 +1,164 @@
+"""How a robot can drive, and whether a trajectory asks for more."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import TrajectoryError
+from omnisim.robot.rotations import turn_between
+from omnisim.robot.trajectory import Trajectory, step_lengths_m
+
+Drive = Literal["differential", "skid_steer"]
+# Of the limits: a trajectory that goes right up to them is off by its rounding.
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """A robot that drives straight, in arcs, and turns on the spot, but never sideways.
+
+    Attributes:
+        drive: two wheels and a castor, or wheels that skid when the robot turns. Both drive alike;
+            they differ in what their wheels report (`OdometryErrors.turn_scale`).
+        max_speed_mps: forwards and backwards.
+        max_turn_rate_radps: to either side.
+        max_acceleration_mps2: speeding up and braking.
+        max_turn_acceleration_radps2: starting to turn and stopping.
+
+    Raises:
+        TrajectoryError: an unknown drive, or a limit that is not a finite number above 0.
+    """
+
+    drive: Drive
+    max_speed_mps: float
+    max_turn_rate_radps: float
+    max_acceleration_mps2: float
+    max_turn_acceleration_radps2: float
+
+    def __post_init__(self) -> None:
+        if self.drive not in get_args(Drive):
+            raise TrajectoryError(f"drive {self.drive!r}: want one of {', '.join(get_args(Drive))}")
+        for name in (
+            "max_speed_mps",
+            "max_turn_rate_radps",
+            "max_acceleration_mps2",
+            "max_turn_acceleration_radps2",
+        ):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 1e-6 <= value <= 1e6):
+                raise TrajectoryError(f"{name} = {value}: want a number from 1e-06 to 1e+06")
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What lies between successive poses.
+
+    Attributes:
+        distances_m: (n,) straight distances, negative backwards.
+        turns_rad: (n,) turns, within ±π.
+    """
+
+    distances_m: NDArray[np.float64]
+    turns_rad: NDArray[np.float64]
+
+
+def steps_between(world_from_base: NDArray[np.float64]) -> Steps:
+    """Steps (n − 1,) of poses (n, 4, 4)."""
+    moves = np.diff(world_from_base[:, :3, 3], axis=0)
+    ahead = world_from_base[:-1, :3, 0] + world_from_base[1:, :3, 0]
+    backwards = np.sum(moves * ahead, axis=1) < 0.0
+    lengths = step_lengths_m(world_from_base)
+    rotations = world_from_base[:, :3, :3]
+    turns = turn_between(rotations[:-1], rotations[1:])
+    return Steps(np.where(backwards, -lengths, lengths), turns)
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A step that asks for more than the robot has.
+
+    Attributes:
+        quantity: what it asks for, in words.
+        unit: of what is asked and allowed.
+        step: k, from pose k to k + 1.
+        time_s: at pose k.
+        asked, allowed: in `unit`.
+    """
+
+    quantity: str
+    unit: str
+    step: int
+    time_s: float
+    asked: float
+    allowed: float
+
+    def __str__(self) -> str:
+        return (
+            f"step {self.step} → {self.step + 1} at {self.time_s:g} s: {self.quantity} "
+            f"{self.asked:g} {self.unit}: want at most {self.allowed:g} {self.unit}"
+        )
+
+
+def find_excess(trajectory: Trajectory, kinematics: Kinematics) -> Excess | None:
+    """The first step that asks for more than the robot has, or None.
+
+    Speeds are means over a step, and accelerations the change of these means from the step
+    before: no motion through the poses does with less. Sideways motion is not judged: recorded
+    poses always have some.
+    """
+    steps = steps_between(trajectory.world_from_base)
+    durations = np.diff(trajectory.times_s)
+    found = []
+    for values, speed, acceleration in (
+        (
+            steps.distances_m,
+            ("speed", "m/s", kinematics.max_speed_mps),
+            ("acceleration", "m/s²", kinematics.max_acceleration_mps2),
+        ),
+        (
+            steps.turns_rad,
+            ("turn rate", "rad/s", kinematics.max_turn_rate_radps),
+            ("turn acceleration", "rad/s²", kinematics.max_turn_acceleration_radps2),
+        ),
+    ):
+        found.append((*speed, _first(np.abs(values), speed[2], durations, 0)))
+        # rates k and k + 1 differ by more than the acceleration allows between their middles;
+        # compared without dividing, as steps may be as short as a float64 can be
+        if len(values) > 1:
+            before, after = durations[:-1], durations[1:]
+            change = np.abs(values[1:] * before - values[:-1] * after)
+            scale = 0.5 * (before + after) * before * after
+            found.append((*acceleration, _first(change, acceleration[2], scale, 1)))
+    over = [(hit[0], hit[1], name, unit, limit) for name, unit, limit, hit in found if hit]
+    if not over:
+        return None
+    step, asked, name, unit, limit = min(over, key=lambda item: item[0])
+    return Excess(name, unit, step, float(trajectory.times_s[step]), asked, limit)
+
+
+def check_drivable(trajectory: Trajectory, kinematics: Kinematics, source: str) -> None:
+    """Refuse a trajectory that asks for more than the robot has; `source` names it.
+
+    Raises:
+        TrajectoryError: naming the first step, what is asked and what is allowed.
+    """
+    excess = find_excess(trajectory, kinematics)
+    if excess is not None:
+        raise TrajectoryError(f"{source}: {excess}")
+
+
+def _first(
+    amounts: NDArray[np.float64], limit: float, scale: NDArray[np.float64], offset: int
+) -> tuple[int, float] | None:
+    """Step and rate of the first amount above `limit` · `scale`."""
+    over = amounts > limit * scale * (1.0 + TOLERANCE)
+    if not np.any(over):
+        return None
+    k = int(np.argmax(over))
+    rate = float(amounts[k]) / float(scale[k]) if scale[k] > 0.0 else math.inf
+    return k + offset, rate

@@ -1,0 +1,61 @@
+"""Paths as waypoints: corners that a robot drives to one after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.errors import TrajectoryError
+from omnisim.frames import LARGEST_M
+
+
+def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
+    """Return waypoints as float64 (n, 2).
+
+    Raises:
+        TrajectoryError: not (n, 2) with n ≥ 2, not finite, or one that repeats the one before.
+    """
+    try:
+        points = np.array(waypoints_m, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TrajectoryError("waypoints: want a list of [x, y] in metres") from None
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+        raise TrajectoryError(f"waypoints of shape {points.shape}: want (n, 2), n ≥ 2")
+    finite = np.all(np.abs(points) < LARGEST_M, axis=1)  # false for NaN, too
+    if not np.all(finite):
+        k = int(np.argmin(finite))
+        raise TrajectoryError(f"waypoint {k} {points[k].tolist()}: want finite numbers in metres")
+    same = np.all(points[1:] == points[:-1], axis=1)
+    if np.any(same):
+        k = int(np.argmax(same))
+        raise TrajectoryError(f"waypoints {k} and {k + 1} are the same: want one of them")
+    return points
+
+
+def lap_and_diagonal(
+    start_m: ArrayLike, opposite_m: ArrayLike, clockwise: bool
+) -> NDArray[np.float64]:
+    """Waypoints (6, 2) around a rectangle back to its first corner, then across to the opposite.
+
+    That is the path of the paper's section 3.2, which the real robot drove clockwise and the
+    simulated one counter-clockwise.
+
+    Args:
+        start_m: (2,) the corner where it starts.
+        opposite_m: (2,) the corner that the diagonal leads to.
+        clockwise: as seen from above, x to the right and y up.
+
+    Raises:
+        TrajectoryError: corners that span no rectangle.
+    """
+    start, opposite = check_waypoints((start_m, opposite_m))
+    width, height = opposite - start
+    if width == 0.0 or height == 0.0:
+        raise TrajectoryError(
+            f"corners {start.tolist()} and {opposite.tolist()} span no rectangle: "
+            "want both coordinates to differ"
+        )
+    beside, above = (opposite[0], start[1]), (start[0], opposite[1])
+    if clockwise == bool(width * height > 0.0):
+        beside, above = above, beside
+    return np.array((start, beside, opposite, above, start, opposite))
