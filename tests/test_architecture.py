@@ -11,6 +11,7 @@ PACKAGE = Path(omnisim.__file__).parent
 # From the top down; a module may import from layers below its own, and from its own folder.
 LAYERS = (
     {"cli"},
+    {"validation"},
     {"sensors", "perception", "robot"},
     {"gpu"},
     {"scene", "cameras"},
