@@ -11,6 +11,7 @@ PACKAGE = Path(omnisim.__file__).parent
 # From the top down; a module may import from layers below its own, and from its own folder.
 LAYERS = (
     {"cli"},
+    {"plots"},
     {"sensors", "perception"},
     {"gpu"},
     {"scene", "cameras"},
@@ -25,6 +26,7 @@ HOMES = {
     "trimesh": "scene",
     "PIL": "scene",
     "OpenImageIO": "image_files",
+    "matplotlib": "plots",
     "typer": "cli",
     "rich": "cli",
 }
