@@ -27,7 +27,7 @@ def scan_figure(scan: Scan) -> Figure:
     middle = 0.5 * (low + high)
 
     # what is left of the width for the axes, and what title and labels add to the height
-    height_in = float(np.clip(6.4 * size_m[0] / size_m[1], 2.0, 9.0)) + 0.9
+    height_in = float(np.clip(6.4 * size_m[0] / size_m[1], 2.0, 9.0)) + 1.1
     figure = Figure(figsize=(7.0, height_in), dpi=120, layout="constrained")
     axes = figure.add_subplot()
     axes.set_title(_title(scan), fontsize=10, parse_math=False)
