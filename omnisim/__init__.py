@@ -15,13 +15,16 @@ if TYPE_CHECKING:
     from omnisim.frame import Frame
     from omnisim.frames import pose
     from omnisim.scene import Scene, load_scene
-    from omnisim.sensors import OmniCamera, Renderer
+    from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
     "pose": "omnisim.frames",
+    "LaserRenderer": "omnisim.sensors",
+    "LaserScanner": "omnisim.sensors",
+    "Scan": "omnisim.sensors",
     "Scene": "omnisim.scene",
     "load_scene": "omnisim.scene",
     "OmniCamera": "omnisim.sensors",
@@ -29,9 +32,12 @@ _HOMES = {
 }
 __all__ = [
     "Frame",
+    "LaserRenderer",
+    "LaserScanner",
     "OmniCamera",
     "OmnisimError",
     "Renderer",
+    "Scan",
     "Scene",
     "__version__",
     "load_scene",

@@ -10,7 +10,7 @@ class OmnisimError(Exception):
 
 
 class OpticsError(OmnisimError):
-    """Parameters that no mirror or camera can have."""
+    """Parameters that no mirror, camera or scanner can have."""
 
 
 class SceneError(OmnisimError):
@@ -30,4 +30,4 @@ class GraphicsError(OmnisimError):
 
 
 class OutputError(OmnisimError):
-    """A picture or mesh that cannot be written, or read back."""
+    """A picture, mesh, scan or plot that cannot be written, or read back."""

@@ -12,6 +12,7 @@ PACKAGE = Path(omnisim.__file__).parent
 LAYERS = (
     {"cli"},
     {"validation"},
+    {"plots"},
     {"sensors", "perception", "robot"},
     {"gpu"},
     {"scene", "cameras"},
@@ -28,7 +29,7 @@ HOMES = {
     "OpenImageIO": {"image_files"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "matplotlib": {"validation"},
+    "matplotlib": {"plots", "validation"},
     "jinja2": {"validation"},
     "cv2": {"validation"},
     "mitsuba": {"validation"},

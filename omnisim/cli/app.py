@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from omnisim import __version__
-from omnisim.cli.choices import ViewKind
+from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.errors import OmnisimError
 
 out = Console(highlight=False, soft_wrap=True, emoji=False)
@@ -181,6 +181,57 @@ def unwarp(
         picture, output, to, sensor, size, yaw, pitch, fov, elevation, height, extent
     )
     run(request, out)
+
+
+@app.command()
+def scan(
+    scene: Annotated[
+        str, typer.Argument(metavar="SCENE", help="A scene, as `omnisim render` takes it.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Ranges: .csv with beam, angle_deg, range_m.")
+    ],
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Also plot it from above: .png .pdf .svg"),
+    ] = None,
+    at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--at",
+            metavar="X Y Z",
+            help="Where the beams start, in metres, z up; by default the scene's start.",
+        ),
+    ] = None,
+    yaw: Annotated[
+        float | None,
+        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from +x. [dim]0[/]"),
+    ] = None,
+    resolution: Annotated[
+        float,
+        typer.Option("--resolution", metavar="DEG", help="1 or 0.5 over 180°, or 0.25 over 100°."),
+    ] = 0.5,
+    mode: Annotated[
+        RangeMode,
+        typer.Option("--mode", help="To 8.19 m in steps of 1 mm, or to 81.9 m in steps of 1 cm."),
+    ] = RangeMode.MM,
+    noise: Annotated[
+        bool, typer.Option("--noise/--no-noise", help="With the device's errors, or without.")
+    ] = True,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", help="Which device: its errors follow from it.")
+    ] = 0,
+    up: Annotated[
+        str | None,
+        typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
+    ] = None,
+    device: DeviceOption = None,
+) -> None:
+    """Take one scan of a laser scanner, a SICK LMS200."""
+    from omnisim.cli.scan import ScanRequest, run
+
+    request = ScanRequest(scene, output, plot, at, yaw, resolution, mode, noise, seed, up, device)
+    run(request, out, err)
 
 
 @app.command()

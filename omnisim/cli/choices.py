@@ -9,3 +9,10 @@ class ViewKind(StrEnum):
     CYLINDER = "cylinder"
     PERSPECTIVE = "perspective"
     BIRDSEYE = "birdseye"
+
+
+class RangeMode(StrEnum):
+    """How far an LMS200 measures, and in which steps."""
+
+    MM = "mm"
+    CM = "cm"

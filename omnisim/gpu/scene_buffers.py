@@ -12,7 +12,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Scene, Wrap
 
-_VERTEX = np.dtype(
+_VERTEX = np.dtype(  # read word by word in shaders/scene/range.comp
     [
         ("in_position", "<f4", 3),
         ("in_normal", "<f4", 3),  # zero: flat, the triangle's own
@@ -56,6 +56,7 @@ class SceneBuffers:
     """Uploads a scene once; the passes draw from it.
 
     Attributes:
+        vertices, indices: the two buffers.
         draws: opaque and masked instances, then blended ones; within each by material.
         centres_m: (n, 3) and radii_m: (n,) of the draws' bounding spheres.
         world_from_mesh: (n, 4, 4) of the draws.
@@ -79,6 +80,11 @@ class SceneBuffers:
         self.centres_m = np.array([draw.centre_m for draw in draws])
         self.radii_m = np.array([draw.radius_m for draw in draws])
         self.world_from_mesh = np.array([draw.world_from_mesh for draw in draws])
+
+    @property
+    def context(self) -> moderngl.Context:
+        """The OpenGL context that holds it."""
+        return self._context
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """The vertex array that feeds a program; attributes it does not use are skipped."""

@@ -44,6 +44,22 @@ def build_program(
         raise GraphicsError(_with_file_names(str(reason), files)) from None
 
 
+def build_compute_shader(
+    context: moderngl.Context, compute: str, defines: Sequence[str] = ()
+) -> moderngl.ComputeShader:
+    """Compile one compute shader of the shader folder, with names to #define in it.
+
+    Raises:
+        GraphicsError: the file is missing or does not compile; names file and line.
+    """
+    files: list[str] = []
+    source = _expand(compute, files, defines, {})
+    try:
+        return context.compute_shader(source)
+    except moderngl.Error as reason:
+        raise GraphicsError(_with_file_names(str(reason), files)) from None
+
+
 def _expand(
     name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
 ) -> str:

@@ -2,7 +2,7 @@ import pytest
 
 import omnisim.gpu.shader_files as shader_files
 from omnisim.errors import GraphicsError
-from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.shader_files import build_compute_shader, build_program
 
 
 def test_compiler_message_points_at_the_included_file(context, tmp_path, monkeypatch):
@@ -30,3 +30,12 @@ def test_lines_after_an_include_still_count_in_their_file(context, tmp_path, mon
 def test_missing_file_says_which(context):
     with pytest.raises(GraphicsError, match=r"none\.vert is missing"):
         build_program(context, "none.vert", "none.frag")
+
+
+def test_compute_shaders_too(context, tmp_path, monkeypatch):
+    monkeypatch.setattr(shader_files, "SHADERS", tmp_path)
+    (tmp_path / "a.comp").write_text(
+        "#version 430 core\nlayout(local_size_x = 1) in;\nvoid main() { nonsense; }\n"
+    )
+    with pytest.raises(GraphicsError, match=r"a\.comp:3"):
+        build_compute_shader(context, "a.comp", ("ANYTHING",))

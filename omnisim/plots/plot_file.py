@@ -1,0 +1,42 @@
+"""Plots into files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from omnisim.atomic_file import check_target, whole_file
+from omnisim.errors import OutputError
+
+FORMATS = ("png", "pdf", "svg")
+
+
+def check_plot_target(path: Path) -> None:
+    """Refuse early what could only fail after the work is done.
+
+    Raises:
+        OutputError: an unknown format, or a place that cannot be written to.
+    """
+    _format(path)
+    check_target(path)
+
+
+def write_plot(path: Path, figure: Figure) -> None:
+    """Write a figure; the file appears only when it is whole.
+
+    Raises:
+        OutputError: an unknown format, or the file cannot be written.
+    """
+    name = _format(path)
+    with whole_file(path) as partial:
+        figure.savefig(partial, format=name)
+
+
+def _format(path: Path) -> str:
+    name = path.suffix.lower().removeprefix(".")
+    if name not in FORMATS:
+        raise OutputError(
+            f"{path}: unknown plot format: want {', '.join('.' + f for f in FORMATS)}"
+        )
+    return name

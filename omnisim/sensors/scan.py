@@ -1,0 +1,74 @@
+"""One scan of a laser scanner, and its file."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.atomic_file import whole_file
+from omnisim.sensors.laser_scanner import LaserScanner
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """What a scanner told, beam by beam from right to left.
+
+    Attributes:
+        angles_rad: (beams,) counter-clockwise from straight ahead.
+        ranges_m: (beams,) +inf: out of range; −inf: too near (REP 117).
+        scanner: what took it.
+        world_from_scanner: (4, 4) from where.
+        metadata: omnisim's version, the scene, the number of the scan.
+    """
+
+    angles_rad: NDArray[np.float64]
+    ranges_m: NDArray[np.float64]
+    scanner: LaserScanner
+    world_from_scanner: NDArray[np.float64]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """Which beams (beams,) have a range."""
+        return np.isfinite(self.ranges_m)
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """Points (k, 3) in the scanner's frame, of the beams that have a range."""
+        angles, ranges = self.angles_rad[self.hit], self.ranges_m[self.hit]
+        return np.stack(
+            (ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)), axis=-1
+        )
+
+    def save_csv(self, path: str | Path) -> None:
+        """Write columns beam, angle_deg and range_m; the file appears only when it is whole.
+
+        Lines that start with `#` come first, `# key: value` with the value in JSON: the metadata,
+        the scanner's parameters under their own names, and `world_from_scanner`, the pose by rows.
+        Ranges are `inf` out of range and `-inf` too near, as NumPy reads them.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        header = {
+            **self.metadata,
+            **dataclasses.asdict(self.scanner),
+            "world_from_scanner": self.world_from_scanner.tolist(),
+        }
+        lines = [
+            f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in header.items()
+        ]
+        lines.append("beam,angle_deg,range_m")
+        angles_deg = np.degrees(self.angles_rad)
+        lines += [
+            f"{beam},{angle:.6f},{told:.6f}"
+            for beam, (angle, told) in enumerate(zip(angles_deg, self.ranges_m, strict=True))
+        ]
+        with whole_file(Path(path)) as partial:
+            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,0 +1,73 @@
+"""`omnisim scan` as a person uses it."""
+
+import numpy as np
+import pytest
+
+
+def ranges_of(path):
+    return np.loadtxt(path, delimiter=",", comments=("#", "beam"))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_scan_writes_ranges_and_says_so(omnisim, tmp_path):
+    status, out, error = omnisim("scan", "courtyard", "-o", "a.csv", "--at", 2, 1, 0.3)
+    assert (status, error) == (0, "")
+    table = ranges_of(tmp_path / "a.csv")
+    assert table.shape == (361, 3)
+    told = int(np.isfinite(table[:, 2]).sum())
+    assert 100 < told < 361
+    assert out == (
+        f"a.csv: 361 beams at 0.5° from (2, 1, 0.3) m at yaw 0°: {told} ranges, "
+        f"{361 - told} past 8.19 m, 0 under 0.1 m\n"
+    )
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_scan_with_everything(omnisim, tmp_path):
+    status, out, _ = omnisim(
+        "scan", "compass", "-o", "a.csv", "--plot", "a.png", "--yaw", 90, "--resolution", 1,
+        "--mode", "cm", "--no-noise", "--seed", 4, "--up", "y", "--at", 0, 0, 1,
+    )  # fmt: skip
+    assert status == 0, out
+    assert "a.png: the scan from above" in out
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    _, angles_deg, ranges_m = ranges_of(tmp_path / "a.csv").T
+    # the room is 6 m × 6 m: exact ranges, rounded to 1 cm
+    expected = 3.0 / np.maximum(np.abs(np.cos(np.radians(angles_deg))),
+                                np.abs(np.sin(np.radians(angles_deg))))  # fmt: skip
+    assert np.abs(ranges_m - expected).max() <= 0.005 + 1e-6
+    assert "# seed: 4" in (tmp_path / "a.csv").read_text()
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_seed_is_a_device(omnisim, tmp_path):
+    for name, seed in (("a.csv", 1), ("b.csv", 1), ("c.csv", 2)):
+        assert omnisim("scan", "compass", "-o", name, "--seed", seed)[0] == 0
+    first, again, other = ((tmp_path / name).read_bytes() for name in ("a.csv", "b.csv", "c.csv"))
+    assert first == again != other
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.glb", "-o", "a.csv"], "none.glb: no such scene file"),
+        (["courtyard", "-o", "a.txt"], "a.txt: unknown format for a scan: want .csv"),
+        (["courtyard", "-o", "none/a.csv"], "the folder none does not exist: create it first"),
+        (["courtyard", "-o", "a.csv", "--plot", "a.jpg"], "a.jpg: unknown plot format: want .png"),
+        (["courtyard", "-o", "a.csv", "--resolution", "0.3"], "want 1, 0.5 or 0.25"),
+        (["courtyard", "-o", "a.csv", "--seed", "-1"], "seed = -1: want a whole number"),
+        (["courtyard", "-o", "a.csv", "--at", "nan", "0", "0"], "want three finite numbers"),
+    ],
+)
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, words):
+    status, out, error = omnisim("scan", *arguments)
+    assert (status, out) == (1, "")
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_usage_is_status_2(omnisim):
+    assert omnisim("scan", "courtyard", "-o", "a.csv", "--mode", "km")[0] == 2
+    assert omnisim("scan", "courtyard")[0] == 2
