@@ -215,6 +215,19 @@ def disc(radius: float, z: float, segments: int) -> Patch:
     return polygon([(radius * np.cos(a), radius * np.sin(a), z) for a in angle])
 
 
+def bent(patch: Patch, radius: float) -> Patch:
+    """A part on the plane x = 0 wrapped around z, so that the plane becomes a cylinder's side."""
+    x, y, z = patch.positions.T
+    angle = y / radius
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0], turn[:, 0, 1] = np.sin(angle), -np.sin(angle)
+    turn[:, 2, 2] = 1.0
+    reach = np.stack([radius + x, 0 * y, z], axis=1)
+    positions = np.einsum("nij,nj->ni", turn, reach)
+    return replace(patch, positions=positions, normals=np.einsum("nij,nj->ni", turn, patch.normals))
+
+
 def tile(patch: Patch, size: float | tuple[float, float]) -> Patch:
     """Texture repeating every `size` metres."""
     return replace(patch, uvs=patch.uvs / np.asarray(size, float))

@@ -1,0 +1,18 @@
+"""What a robot's own files say, so that its body is built around the same numbers."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.sensors.sensor_file import read_sensor_file
+
+
+def read_robot(folder: Path) -> tuple[dict[str, Any], dict[str, Any], HyperbolicMirror]:
+    """The robot's table, its sensors by name, and the mirror of its omnidirectional camera."""
+    robot = tomllib.loads((folder / "robot.toml").read_text(encoding="utf-8"))
+    sensors = {sensor["name"]: sensor for sensor in robot["sensors"]}
+    settings = read_sensor_file(folder / sensors["omnicam"]["file"])
+    return robot, sensors, settings.make_camera().mirror

@@ -1,0 +1,215 @@
+"""The robots' bodies: their sizes, their frames, and what they leave free for their sensors."""
+
+import importlib
+import tomllib
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.scene import load_scene
+from omnisim.scene.model import AlphaMode
+from omnisim.sensors import OmniCamera
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+ROBOTS = ("p2at", "superscout")
+# Length, width, height of the body without the camera, of what is stated in the README.
+BODY_M = {"p2at": (0.626, 0.505, 0.240), "superscout": (0.410, 0.410, 0.360)}
+CAMERA = {"camera_body", "glass_tube", "mast", "mirror", "mirror_cap"}
+ON_DECK = {
+    "antenna",
+    "control_panel",
+    "emergency_stop",
+    "lms200",
+    "lms200_mount",
+    "top_plate",
+    "user_panel",
+}
+MM = 1e-3
+
+
+def robot_table(name):
+    return tomllib.loads((SCENES / name / "robot.toml").read_text(encoding="utf-8"))
+
+
+def sensors_of(name):
+    return {sensor["name"]: sensor for sensor in robot_table(name)["sensors"]}
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def robot(request):
+    """Name, and corners (triangles, 3, xyz) in the base frame of each node."""
+    name = request.param
+    scene = load_scene(SCENES / name / robot_table(name)["body"])
+    assert scene.notices == ()
+    corners = {}
+    for instance in scene.instances:
+        mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
+        world = mesh.positions.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
+        corners[instance.name] = world[mesh.triangles]
+    assert len(corners) == len(scene.instances)
+    return name, corners
+
+
+def bounds(corners):
+    points = np.concatenate(list(corners)).reshape(-1, 3)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def samples(triangles, steps=12):
+    """Points (n, 3) all over triangles (m, 3, xyz)."""
+    grid = np.array([(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)])
+    return np.einsum("ki,mic->mkc", grid / steps, triangles).reshape(-1, 3)
+
+
+def test_size_is_the_stated_one(robot):
+    name, corners = robot
+    low, high = bounds(corners.values())
+    footprint = robot_table(name)["footprint"]
+    size = footprint["length_m"], footprint["width_m"], footprint["height_m"]
+    np.testing.assert_allclose(high - low, size, rtol=0, atol=MM)
+    np.testing.assert_allclose(high[:2] + low[:2], 0.0, atol=MM)  # the origin is in the middle
+    assert size[:2] == BODY_M[name][:2]
+    deck = np.concatenate([corners[n] for n in corners if n not in CAMERA | ON_DECK])
+    assert deck[..., 2].max() < BODY_M[name][2]
+    # The plate itself, without its bolts and handles: where most of what faces up is.
+    plate = corners["top_plate"]
+    normals = np.cross(plate[:, 1] - plate[:, 0], plate[:, 2] - plate[:, 0])
+    heights, index = np.unique(np.round(plate[..., 2].mean(axis=1), 4), return_inverse=True)
+    facing_up = np.bincount(index, np.maximum(normals[:, 2], 0.0))
+    assert heights[facing_up.argmax()] == pytest.approx(BODY_M[name][2], abs=MM)
+
+
+def test_wheels_stand_on_the_ground(robot):
+    name, corners = robot
+    kinematics = robot_table(name)["kinematics"]
+    wheels = {node: points for node, points in corners.items() if node.startswith("wheel_")}
+    assert len(wheels) == (4 if kinematics["type"] == "skid_steer" else 2)
+    middles = []
+    for node, points in wheels.items():
+        low, high = bounds([points])
+        assert low[2] == pytest.approx(0.0, abs=MM)
+        assert high[2] - low[2] == pytest.approx(kinematics["wheel_diameter_m"], abs=MM)
+        middle = (low + high) / 2
+        assert (middle[1] > 0) == ("left" in node)
+        assert abs(middle[1]) == pytest.approx(kinematics["track_m"] / 2, abs=3 * MM)
+        middles.append(middle)
+    np.testing.assert_allclose(np.mean(middles, axis=0)[:2], 0.0, atol=MM)
+    assert bounds(corners.values())[0][2] > -0.1 * MM
+
+
+def test_view_of_the_mirror_is_free(robot):
+    """Nothing between 70° and the rim, so the horizon and what is near it are free."""
+    name, corners = robot
+    sensor = OmniCamera.from_file(SCENES / name / "omnicam.toml")
+    np.testing.assert_array_equal(sensor.base_from_rig, np.eye(4))  # robot.toml mounts it
+    viewpoint = np.array(sensors_of(name)["omnicam"]["position_m"])
+    ways = samples(np.concatenate(list(corners.values()))) - viewpoint
+    distance = np.linalg.norm(ways, axis=1)
+    seen = ways[distance > sensor.near_m]
+    theta_deg = np.degrees(np.arctan2(np.hypot(seen[:, 0], seen[:, 1]), -seen[:, 2]))
+    assert theta_deg.max() < 70.0
+    # Nearer, the holder stays above the cone of the rim: physically, too, it hides nothing.
+    rim = sensor.camera.mirror.theta_max_rad
+    cap = samples(corners["mirror_cap"]) - viewpoint
+    assert np.all(np.arctan2(np.hypot(cap[:, 0], cap[:, 1]), -cap[:, 2]) > rim)
+
+
+def test_mirror_and_lens_are_where_the_sensor_file_says(robot):
+    name, corners = robot
+    mirror = OmniCamera.from_file(SCENES / name / "omnicam.toml").camera.mirror
+    viewpoint = np.array(sensors_of(name)["omnicam"]["position_m"])
+    shape = np.unique((corners["mirror"] - viewpoint).reshape(-1, 3), axis=0)
+    below = shape[shape[:, 2] < -mirror.rim_height_m + 1e-5]
+    assert below[:, 2].min() == pytest.approx(-mirror.vertex_height_m, abs=2e-5)
+    radius = np.hypot(below[:, 0], below[:, 1])
+    assert radius.max() == pytest.approx(mirror.rim_radius_m, abs=2e-5)
+    # twice the vertices' rounding to 0.01 mm
+    np.testing.assert_allclose(below[:, 2], -mirror.height_from_radius_m(radius), rtol=0, atol=2e-5)
+    lens = (corners["camera_body"] - viewpoint).reshape(-1, 3)
+    on_axis = lens[np.hypot(lens[:, 0], lens[:, 1]) < 1e-5]
+    assert on_axis[:, 2].max() == pytest.approx(-mirror.c_m, abs=2e-5)
+
+
+def test_solids_are_closed(robot):
+    """Each edge is passed as often one way as the other: no hole shows an inside that is culled."""
+    for node, triangles in robot[1].items():
+        keys = np.round(triangles.reshape(-1, 3), 5)
+        index = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1, 3)
+        edges = Counter()
+        for turn in range(3):
+            edges.update(map(tuple, np.roll(index, turn, axis=1)[:, :2].tolist()))
+        open_edges = [edge for edge in edges if edges[edge] != edges[edge[::-1]]]
+        assert open_edges == [], node
+        volume = np.einsum("ij,ij->", np.cross(triangles[:, 0], triangles[:, 1]), triangles[:, 2])
+        assert volume > 0, node
+
+
+def test_file_is_small(robot):
+    name, corners = robot
+    assert 3_000 <= sum(map(len, corners.values())) <= 10_000
+    assert (SCENES / name / f"{name}.glb").stat().st_size < 600_000
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_only_the_glass_is_blended(name):
+    scene = load_scene(SCENES / name / f"{name}.glb")
+    blended = {
+        instance.name
+        for instance in scene.instances
+        if scene.materials[scene.meshes[instance.mesh].material].alpha_mode is AlphaMode.BLEND
+    }
+    assert blended == {"glass_tube"}
+    assert not any(material.double_sided for material in scene.materials)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_robot_file_says_what_it_must(name):
+    robot = robot_table(name)
+    assert robot["name"] == name
+    assert robot["kinematics"].keys() == {
+        "type",
+        "track_m",
+        "wheel_diameter_m",
+        "max_speed_mps",
+        "max_turn_rate_dps",
+    }
+    wanted = {"p2at": ["omnicam", "lms200"], "superscout": ["omnicam"]}
+    assert [sensor["name"] for sensor in robot["sensors"]] == wanted[name]
+
+
+def test_laser_scanner_is_around_its_scan_and_sees_past_the_robot():
+    table = sensors_of("p2at")["lms200"]
+    scan = np.array(table["position_m"])
+    assert scan[0] == 0.160
+    assert table["yaw_deg"] == 0.0
+    scene = load_scene(SCENES / "p2at" / "p2at.glb")
+    for instance in scene.instances:
+        mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
+        points = mesh.positions.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
+        if instance.name == "lms200":
+            low, high = points.min(axis=0), points.max(axis=0)
+            assert np.all(low < scan)
+            assert np.all(scan < high)
+            np.testing.assert_allclose(high - low, (0.155, 0.155, 0.210), rtol=0, atol=MM)
+        else:  # nothing else is both ahead of the scan's origin and at its height
+            ahead = points[mesh.triangles].max(axis=1)[:, 0] >= scan[0]
+            heights = points[mesh.triangles][ahead][..., 2]
+            crosses = (heights.min(axis=1) <= scan[2]) & (scan[2] <= heights.max(axis=1))
+            assert not crosses.any(), instance.name
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_committed_file_is_what_the_script_builds(name, tmp_path, monkeypatch):
+    pytest.importorskip("scenes", reason="the scripts are not installed")
+    script = importlib.import_module(f"scenes.{name}.build")
+    monkeypatch.setattr(script, "OUTPUT", tmp_path / script.OUTPUT.name)
+    script.main()
+    built, committed = load_scene(script.OUTPUT), load_scene(SCENES / name / f"{name}.glb")
+    assert [i.name for i in built.instances] == [i.name for i in committed.instances]
+    for mine, theirs in zip(built.instances, committed.instances, strict=True):
+        np.testing.assert_allclose(mine.world_from_mesh, theirs.world_from_mesh, atol=2e-5)
+    for mine, theirs in zip(built.meshes, committed.meshes, strict=True):
+        np.testing.assert_array_equal(mine.triangles, theirs.triangles)
+        np.testing.assert_allclose(mine.positions, theirs.positions, atol=2e-5)  # stored in 1e-5
