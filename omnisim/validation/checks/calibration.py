@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim import frames
 from omnisim.cameras import HyperbolicCamera
+from omnisim.plots.style import BLUE, gallery, plot
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.validation.check import Bench, Findings, Measure, Picture, largest, mean
 from omnisim.validation.chessboards import (
@@ -18,7 +19,6 @@ from omnisim.validation.chessboards import (
     board_poses,
     board_scene,
 )
-from omnisim.validation.figures import BLUE, gallery, plot
 from omnisim.validation.markers import (
     centroids,
     clear_of_the_edge,

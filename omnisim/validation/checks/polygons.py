@@ -14,9 +14,9 @@ from omnisim.gpu.context import open_context
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
+from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
 from omnisim.sensors import OmniCamera
 from omnisim.validation.check import Bench, Findings, Measure, Picture, Table
-from omnisim.validation.figures import BLUE, GREY, ORANGE, gallery, plot
 from omnisim.validation.psnr import psnr_db
 
 DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.hyperbolic import image_radius_eq2_px
 from omnisim.frame import Frame
+from omnisim.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera
 from omnisim.validation.check import Bench, Findings, Measure, Picture, Table, largest
-from omnisim.validation.figures import BLUE, GREY, ORANGE, RED, gallery, plot
 from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from omnisim.mirrors import HyperbolicMirror
+from omnisim.plots.style import BLUE, GREY, ORANGE, plot
 from omnisim.validation.check import Bench, Findings, Measure, Picture, largest
-from omnisim.validation.figures import BLUE, GREY, ORANGE, plot
 
 # The focus property is exact: what is left is float64's rounding, which grows with the path.
 BOUND_C = 1e-9

@@ -1,4 +1,4 @@
-"""The look of the report's figures."""
+"""The look of the plots, and pictures side by side."""
 
 from __future__ import annotations
 

@@ -1,0 +1,168 @@
+"""A physical mirror, traced by somebody else's renderer, against our captures."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omnisim import frames
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.plots.style import BLUE, gallery, plot
+from omnisim.scene import Scene
+from omnisim.sensors import OmniCamera
+from omnisim.srgb import srgb_from_linear
+from omnisim.validation.check import Bench, Findings, Measure, Picture, largest, mean
+from omnisim.validation.displacement import Displacements, displacements
+from omnisim.validation.markers import (
+    centroids,
+    clear_of_the_edge,
+    marker_positions,
+    marker_scene,
+)
+from omnisim.validation.oracles.mitsuba_tracer import trace_mirror
+from omnisim.validation.oracles.surfaces import opaque_only
+from omnisim.validation.psnr import noise_floor_db, psnr_db
+
+SIZE_PX, QUICK_SIZE_PX = 512, 256
+SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants
+FINE = 4  # supersampling of the picture that shows what of the difference is antialiasing
+MARKERS = 60
+BOUND_DB, FINE_BOUND_DB = 32.0, 40.0
+MARKER_BOUND_PX, SHIFT_BOUND_PX = 0.1, 0.1
+
+
+class Pair(NamedTuple):
+    """Two traced pictures of different seeds, and where they can be compared."""
+
+    traced: NDArray[np.float32]
+    again: NDArray[np.float32]
+    inside: NDArray[np.bool_]
+
+
+def check(bench: Bench) -> Findings:
+    """Trace the textured scene and markers in a real mirror, and compare."""
+    size = QUICK_SIZE_PX if bench.is_quick else SIZE_PX
+    samples = QUICK_SAMPLES if bench.is_quick else SAMPLES
+    sensor = OmniCamera().with_polygons(None).resized(size)
+    scene, pose = opaque_only(bench.scene), sensor.base_pose(bench.viewpoint_m, yaw_deg=20.0)
+    pair = _trace(scene, sensor, pose, samples)
+    exact = _linear(bench, scene, sensor, pose)
+    mesh = _linear(bench, scene, sensor.with_polygons(1024), pose)
+    fine = _linear(bench, scene, dataclasses.replace(sensor, supersampling=FINE), pose)
+    shifts = displacements(_grey(pair.traced), _grey(fine), pair.inside)
+    lengths = np.linalg.norm(shifts.shifts_px, axis=1)
+    markers = _marker_distances(bench, sensor, pose)
+    floor = noise_floor_db(pair.traced, pair.again, pair.inside)
+    return Findings(
+        f"Mitsuba's path tracer follows {samples} rays a pixel from a real pinhole to a real "
+        "mirror, a mesh of the hyperboloid so fine that it is off by 0.001 px, and on into the "
+        "textured scene, whose surfaces shine in their base colours. It knows nothing of our rays "
+        f"or of ξ. Its own noise is {floor:.1f} dB; what is left between it and our default "
+        f"picture is antialiasing: with {FINE} × {FINE} captures a pixel the two come closer still.",
+        (
+            Measure("exact capture, default quality", psnr_db(pair.traced, exact, pair.inside),
+                    BOUND_DB, "dB", at_least=True),
+            Measure(f"exact capture, {FINE} × {FINE} captures a pixel",
+                    psnr_db(pair.traced, fine, pair.inside), FINE_BOUND_DB, "dB", at_least=True),
+            Measure("markers, mean distance", mean(markers), MARKER_BOUND_PX, "px"),
+            Measure("markers, largest distance", largest(markers), 2.0 * MARKER_BOUND_PX, "px"),
+            Measure("shift of the texture's edges, mean", mean(lengths), SHIFT_BOUND_PX, "px"),
+        ),
+        {
+            "size, px": float(size),
+            "samples a pixel": float(samples),
+            "noise floor, dB": floor,
+            "1024 polygons, default quality, dB": psnr_db(pair.traced, mesh, pair.inside),
+            "markers": float(len(markers)),
+            "patches with edges": float(len(lengths)),
+            "shift of the texture's edges, 95 %, px": float(np.percentile(lengths, 95)),
+        },
+        pictures=(
+            Picture("traced-mirror", _gallery(pair, exact),
+                    "A traced mirror, our exact capture, and their difference, eight times "
+                    "enhanced: edges only, and no side of them is favoured."),
+            Picture("traced-shifts", _figure(sensor.camera, shifts),
+                    "How far patches of the picture are shifted between the two, 300 times "
+                    "enlarged."),
+        ),
+    )  # fmt: skip
+
+
+def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples: int) -> Pair:
+    camera, world_from_optical = sensor.camera, _world_from_optical(sensor, pose)
+    traced, again = (
+        trace_mirror(scene, camera, world_from_optical, samples, seed=seed) for seed in (0, 1)
+    )
+    off_axis = pixel_grid(camera.width_px, camera.height_px) - camera.principal_point_px
+    # its pixels at the rim blend with what is behind the mirror
+    inside = np.linalg.norm(off_axis, axis=-1) < camera.rim_radius_px - 2.0
+    return Pair(traced, again, inside)
+
+
+def _marker_distances(
+    bench: Bench, sensor: OmniCamera, pose: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance between the middles of markers in the traced picture and in ours (n,)."""
+    camera, world_from_optical = sensor.camera, _world_from_optical(sensor, pose)
+    viewpoint_m = world_from_optical[:3, 3]
+    positions = marker_positions(
+        viewpoint_m, -world_from_optical[:3, 2], camera.mirror.theta_max_rad, MARKERS
+    )
+    near_px = camera.pixel_from_ray(
+        (positions - viewpoint_m) @ world_from_optical[:3, :3]
+    ).positions_px
+    clear = clear_of_the_edge(camera, near_px)
+    scene = marker_scene(positions[clear], viewpoint_m)
+    traced = trace_mirror(scene, camera, world_from_optical, 64)
+    ours = _linear(bench, scene, sensor, pose)
+    one = centroids(traced[..., 1].astype(np.float64), near_px[clear])
+    other = centroids(ours[..., 1].astype(np.float64), near_px[clear])
+    return np.linalg.norm(one - other, axis=1)
+
+
+def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    world_from_optical = pose @ sensor.base_from_rig
+    world_from_optical[:3, :3] = world_from_optical[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
+    return world_from_optical
+
+
+def _linear(
+    bench: Bench, scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    linear = bench.take(scene, sensor, pose).linear
+    assert linear is not None
+    return linear
+
+
+def _grey(linear: NDArray[np.float32]) -> NDArray[np.float64]:
+    return 255.0 * srgb_from_linear(linear).mean(axis=-1)
+
+
+def _gallery(pair: Pair, exact: NDArray[np.float32]) -> Figure:
+    shown = np.where(pair.inside[..., None], pair.traced, 0.0)
+    ours = np.where(pair.inside[..., None], exact, 0.0)
+    off = np.abs(srgb_from_linear(shown) - srgb_from_linear(ours))
+    enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
+    pictures = {
+        "traced, Mitsuba": shown,
+        "exact capture, omnisim": ours,
+        "difference × 8": enhanced,
+    }
+    return gallery(pictures, 3, side_in=4.2)
+
+
+def _figure(camera: HyperbolicCamera, found: Displacements) -> Figure:
+    figure, axes = plot("Traced mirror − ours", "u in pixels", "v in pixels", 6.2, 6.2)
+    axes.quiver(
+        found.middles_px[:, 0], found.middles_px[:, 1],
+        found.shifts_px[:, 0], found.shifts_px[:, 1],
+        color=BLUE, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.003,
+    )  # fmt: skip
+    axes.set_xlim(-0.5, camera.width_px - 0.5)
+    axes.set_ylim(camera.height_px - 0.5, -0.5)
+    axes.set_aspect("equal")
+    return figure
