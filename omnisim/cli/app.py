@@ -235,6 +235,28 @@ def scan(
 
 
 @app.command()
+def validate(
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Folder for report.html, report.json and figures."),
+    ],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Leave out the path tracer, which takes longest.")
+    ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="CHECK", help="Only this check; may be repeated."),
+    ] = None,
+    device: DeviceOption = None,
+) -> None:
+    """Prove the geometry: the paper's figures, and independent oracles; 1 if a bound fails."""
+    from omnisim.cli.validate import run
+
+    if not run(output, quick, only or [], device, out, err):
+        raise typer.Exit(1)
+
+
+@app.command()
 def mirror(
     output: Annotated[Path, typer.Option("-o", "--output", help="Mesh: .glb, .obj or .ply.")],
     polygons: Annotated[

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -93,25 +92,6 @@ class Findings:
     def passed(self) -> bool:
         """Whether all bounds hold."""
         return all(measure.passed for measure in self.measures)
-
-
-@dataclass(frozen=True)
-class Check:
-    """One chapter of the proof.
-
-    Attributes:
-        key: short name, in `report.json` and on the command line.
-        title: heading.
-        run: does the work.
-        oracles: modules that it cannot do without, from the extra `oracles`.
-        is_quick: it is part of the quick report.
-    """
-
-    key: str
-    title: str
-    run: Callable[[Bench], Findings]
-    oracles: tuple[str, ...] = ()
-    is_quick: bool = True
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ SIZE_PX = 1024
 MEAN_BOUND_PX, LARGEST_BOUND_PX = 0.05, 0.15
 # Corners of a dozen and a half boards are found to some hundredths of a pixel. ξ and the focal
 # length lean on each other, so a calibration knows each less well than the pixels they predict.
-XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.01, 0.5, 0.1
+XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
 
 
 def check_markers(bench: Bench) -> Findings:
@@ -65,7 +65,7 @@ def check_omnidir(bench: Bench) -> Findings:
     camera, measured, rims = marker_picture(bench)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
     off = np.linalg.norm(measured - middles_of_outlines(projected), axis=1)
-    boards, corners = chessboard_pictures(bench, 12 if bench.is_quick else 24)
+    boards, corners = chessboard_pictures(bench, 10 if bench.is_quick else 20)
     size = (camera.width_px, camera.height_px)
     found = omnidir.calibrate(board_corners_m(), corners, size)
     focal = 100.0 * (found.focal_length_px / camera.unified_focal_length_px - 1.0)

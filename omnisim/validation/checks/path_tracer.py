@@ -55,14 +55,14 @@ def check(bench: Bench) -> Findings:
     fine = _linear(bench, scene, dataclasses.replace(sensor, supersampling=FINE), pose)
     shifts = displacements(_grey(pair.traced), _grey(fine), pair.inside)
     lengths = np.linalg.norm(shifts.shifts_px, axis=1)
-    markers = _marker_distances(bench, sensor, pose)
+    markers = _marker_distances(bench, sensor.resized(SIZE_PX), pose)
     floor = noise_floor_db(pair.traced, pair.again, pair.inside)
     return Findings(
         f"Mitsuba's path tracer follows {samples} rays a pixel from a real pinhole to a real "
         "mirror, a mesh of the hyperboloid so fine that it is off by 0.001 px, and on into the "
         "textured scene, whose surfaces shine in their base colours. It knows nothing of our rays "
         f"or of ξ. Its own noise is {floor:.1f} dB; what is left between it and our default "
-        f"picture is antialiasing: with {FINE} × {FINE} captures a pixel the two come closer still.",
+        f"picture is antialiasing: with {FINE} × {FINE} captures a pixel they come closer still.",
         (
             Measure("exact capture, default quality", psnr_db(pair.traced, exact, pair.inside),
                     BOUND_DB, "dB", at_least=True),
@@ -147,12 +147,8 @@ def _gallery(pair: Pair, exact: NDArray[np.float32]) -> Figure:
     ours = np.where(pair.inside[..., None], exact, 0.0)
     off = np.abs(srgb_from_linear(shown) - srgb_from_linear(ours))
     enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
-    pictures = {
-        "traced, Mitsuba": shown,
-        "exact capture, omnisim": ours,
-        "difference × 8": enhanced,
-    }
-    return gallery(pictures, 3, side_in=4.2)
+    pictures = {"traced by Mitsuba": shown, "captured by omnisim": ours}
+    return gallery(pictures | {"difference × 8": enhanced}, 3, side_in=4.2)
 
 
 def _figure(camera: HyperbolicCamera, found: Displacements) -> Figure:

@@ -99,14 +99,27 @@ def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
     # white is 1, the lines are dark in green, the red one too
     darkness = np.where(frame.valid, 1.0 - frame.linear[..., 1].astype(np.float64), 0.0)
     angles_deg = np.arange(STEP_DEG, math.degrees(camera.mirror.theta_max_rad) - 1.0, STEP_DEG)
-    exact_px = camera.image_radius(np.radians(angles_deg)).radii_px
-    between_px = camera.image_radius(np.radians(angles_deg - 0.5 * STEP_DEG)).radii_px
+    exact_px = exact_radius_px(camera, angles_deg)
+    between_px = exact_radius_px(camera, angles_deg - 0.5 * STEP_DEG)
     radii = [
         ring_radii(darkness, camera.principal_point_px, radius, radius - between)
         for radius, between in zip(exact_px, between_px, strict=True)
     ]
-    eq2_px = image_radius_eq2_px(np.radians(angles_deg), camera.horizon_radius_px)
+    horizon_px = float(exact_radius_px(camera, np.array([90.0]))[0])
+    eq2_px = image_radius_eq2_px(np.radians(angles_deg), horizon_px)
     return Rings(angles_deg.astype(np.float64), np.stack(radii), exact_px, eq2_px)
+
+
+def exact_radius_px(
+    camera: HyperbolicCamera, angles_deg: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Image radii (n,) by the unified model's relation, r = f ψ sin θ/(ξ + cos θ).
+
+    Written out here from k and the focal length alone: the camera's own code is on trial.
+    """
+    k, theta = camera.mirror.k, np.radians(angles_deg)
+    xi, psi = math.sqrt(k * (k - 2.0)) / (k - 1.0), 1.0 / (k - 1.0)
+    return camera.focal_length_px * psi * np.sin(theta) / (xi + np.cos(theta))
 
 
 def _table(exact: Rings, mesh: Rings) -> Table:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.plots.style import BLUE, GREY, ORANGE, plot
+from omnisim.sensors import OmniCamera
 from omnisim.validation.check import Bench, Findings, Measure, Picture, largest
 
 # The focus property is exact: what is left is float64's rounding, which grows with the path.
@@ -19,14 +21,22 @@ BOUND_C = 1e-9
 
 def check(bench: Bench) -> Findings:
     """Reflect rays over the whole mirror and measure by how much they miss the viewpoint."""
-    mirror = HyperbolicMirror()
-    points, reflected = reflect(mirror, _tangents(mirror, 301))
+    camera = OmniCamera().camera
+    mirror, tangents = camera.mirror, _tangents(camera.mirror, 301)
+    points, reflected = reflect(mirror, tangents)
     misses = np.linalg.norm(np.cross(points, reflected), axis=-1)
+    # the same rays by the camera model, whose optical frame has y and z the other way round
+    pixels = camera.focal_length_px * tangents * (1.0, -1.0) + camera.principal_point_px
+    rays = camera.ray_from_pixel(pixels).directions @ MIRROR_FROM_OPTICAL.T
+    angles = 2.0 * np.arcsin(0.5 * np.linalg.norm(rays - reflected, axis=-1))
     return Findings(
         "Rays from the pinhole are intersected with Eq. 1 and reflected by its gradient. All of "
         "them, prolonged backwards, pass through the effective viewpoint, so that one set of "
-        "virtual cameras there sees what the mirror shows.",
-        (Measure("largest miss of the effective viewpoint", largest(misses), BOUND_C, "c"),),
+        "virtual cameras there sees what the mirror shows; and the camera model has the same rays.",
+        (
+            Measure("largest miss of the effective viewpoint", largest(misses), BOUND_C, "c"),
+            Measure("largest angle to the camera model's rays", largest(angles), BOUND_C, "rad"),
+        ),
         {"rays": float(misses.size)},
         pictures=(
             Picture(

@@ -61,7 +61,6 @@ def calibrate(
     flags = cv2.omnidir.CALIB_FIX_SKEW
     for name in ("K1", "K2", "P1", "P2"):
         flags |= getattr(cv2.omnidir, f"CALIB_FIX_{name}")
-    # the third: how many iterations at most, and when to stop
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
     rms, matrix, xi, _, _, _, used = cv2.omnidir.calibrate(
         objects, images, size_px, None, None, None, flags, stop
@@ -86,9 +85,20 @@ def find_corners(
     """
     import cv2
 
-    flags = cv2.CALIB_CB_ACCURACY
-    found, corners = cv2.findChessboardCornersSB(picture, pattern, flags=flags)
-    return corners.reshape(-1, 2).astype(np.float64) if found else None
+    found, corners = cv2.findChessboardCornersSB(picture, pattern)
+    if not found:
+        return None
+    rough = np.ascontiguousarray(corners.reshape(-1, 2), dtype=np.float32)
+    # That finds the corners of a bent board; to a tenth of a pixel they come from the edges that
+    # meet in them, as far as the next corner leaves room.
+    spacing_px = min(
+        np.linalg.norm(np.delete(rough, index, axis=0) - corner, axis=1).min()
+        for index, corner in enumerate(rough)
+    )
+    window = max(2, int(spacing_px / 3.0))
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
+    fine = cv2.cornerSubPix(picture, rough[:, None].copy(), (window, window), (-1, -1), stop)
+    return fine.reshape(-1, 2).astype(np.float64)
 
 
 def _matrix(camera: HyperbolicCamera) -> NDArray[np.float64]:

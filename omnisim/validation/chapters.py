@@ -1,0 +1,120 @@
+"""The chapters of the proof, in the order of the report, and how they are run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Literal
+
+from omnisim.validation.check import Bench, Findings
+
+Status = Literal["passed", "failed", "skipped"]
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """One check and its place in the report.
+
+    Attributes:
+        key: short name, in `report.json` and on the command line.
+        title: heading.
+        where: module in `omnisim.validation.checks` and function in it; imported when it runs.
+        oracles: what it cannot do without, from the extra `oracles`, as "module" or
+            "module.attribute".
+        is_quick: it is part of the quick report.
+    """
+
+    key: str
+    title: str
+    where: str
+    oracles: tuple[str, ...] = ()
+    is_quick: bool = True
+
+    def missing(self) -> list[str]:
+        """The oracles that are not installed."""
+        return [name for name in self.oracles if not _is_there(name)]
+
+    def run(self, bench: Bench) -> Findings:
+        """Do the check."""
+        module, _, function = self.where.partition(".")
+        check = getattr(import_module(f"omnisim.validation.checks.{module}"), function)
+        findings: Findings = check(bench)
+        return findings
+
+
+CHAPTERS = (
+    Chapter("rings", "Fig. 7 and Eq. 2: where the picture shows an angle", "rings.check"),
+    Chapter("polygons", "Fig. 8 and 9: how many polygons the mirror needs", "polygons.check"),
+    Chapter("viewpoint", "Single viewpoint", "viewpoint.check"),
+    Chapter(
+        "path-tracer",
+        "A physical mirror, traced by another renderer",
+        "path_tracer.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
+    Chapter(
+        "second-rasteriser",
+        "A second rasteriser",
+        "second_rasteriser.check",
+        oracles=("pyrender",),
+    ),
+    Chapter("markers", "Markers through the whole pipeline", "calibration.check_markers"),
+    Chapter(
+        "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)
+    ),
+    Chapter("orientation", "Orientation", "orientation.check"),
+    Chapter("unwarping", "Unwarped views", "unwarping.check"),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one chapter.
+
+    Attributes:
+        chapter: which.
+        status: passed, failed or skipped.
+        findings: None where it was skipped.
+        reason: why it was skipped, and what to do; else empty.
+        seconds: how long it took.
+    """
+
+    chapter: Chapter
+    status: Status
+    findings: Findings | None
+    reason: str
+    seconds: float
+
+
+def run_chapters(bench: Bench, chapters: Sequence[Chapter]) -> Iterator[Outcome]:
+    """Run chapters one after the other.
+
+    Raises:
+        OmnisimError: OpenGL is not there, or anything else that a user can put right.
+    """
+    for chapter in chapters:
+        missing = chapter.missing()
+        if missing:
+            yield Outcome(chapter, "skipped", None, _how_to_get(missing), 0.0)
+            continue
+        start = time.perf_counter()
+        findings = chapter.run(bench)
+        seconds = time.perf_counter() - start
+        yield Outcome(chapter, "passed" if findings.passed else "failed", findings, "", seconds)
+
+
+def _is_there(name: str) -> bool:
+    module, _, attribute = name.partition(".")
+    try:
+        found = import_module(module)
+    except ImportError:
+        return False
+    return not attribute or hasattr(found, attribute)
+
+
+def _how_to_get(missing: list[str]) -> str:
+    only = " (pyrender: on Python 3.11 only)" if "pyrender" in missing else ""
+    return f"{', '.join(missing)} is not here: pip install omnisim[oracles]{only}"

@@ -1,0 +1,150 @@
+"""Orientation: north, east, south, west, up and down are where the physics puts them.
+
+The physics, without any of our frames: the camera looks straight up, so with the vehicle's front
+at the top of its picture the right of the picture is up × front, the vehicle's left. A mirror
+above it shows what is in front towards the top, and what is to the left towards the right.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.frame import Frame
+from omnisim.perception.bilinear import sample
+from omnisim.perception.unwarping import Unwarping
+from omnisim.perception.views import cylinder_view
+from omnisim.plots.style import gallery
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Mesh
+from omnisim.sensors import OmniCamera
+from omnisim.srgb import linear_from_srgb
+from omnisim.validation.check import Bench, Findings, Measure, Picture
+
+# Where each side of the room shows nothing but its paint, between two lines: metres east, north
+# and up from the viewpoint.
+PLAIN_PLACES = {
+    "east": (3.0, 0.25, -0.95),
+    "north": (0.25, 3.0, -0.95),
+    "west": (-3.0, 0.25, -0.95),
+    "south": (0.25, -3.0, -0.95),
+    "up": (0.25, 2.25, 1.8),
+    "down": (0.25, 1.25, -1.2),
+}
+HEADINGS_DEG = (0.0, 90.0, 215.0)
+RIM_DEG = 150.0
+COLOR_BOUND = 0.02  # linear, below the difference of any two sides by far
+READS_BOUND = 0.8  # correlation of a word with itself seen in a panorama
+
+
+def check(bench: Bench) -> Findings:
+    """Look for the six named sides in pictures at three headings, and read their words."""
+    scene = load_scene("compass")
+    table = {"mirror": {"theta_max_deg": RIM_DEG, "polygons": "exact"}}
+    sensor = OmniCamera.from_table(table).resized(480)
+    worst, frames = 0.0, {}
+    for heading_deg in HEADINGS_DEG:
+        pose = sensor.base_pose(scene.start.position_m, heading_deg)
+        frames[heading_deg] = frame = bench.take(scene, sensor, pose)
+        worst = max(worst, _worst_color(scene, sensor, frame, heading_deg))
+    normal, mirrored, panorama = _reading(bench, scene)
+    return Findings(
+        "A room whose sides bear their names, seen by a camera that looks up at the mirror, at "
+        f"{len(HEADINGS_DEG)} headings. Each side's colour is where optics without our frames "
+        "puts it: what is in front at the top, what is to the left on the right. The unwarped "
+        "panorama reads from left to right as a person turning to the right would see it.",
+        (
+            Measure("largest difference of a side's colour from its paint", worst, COLOR_BOUND),
+            Measure("least correlation of a panorama's word with the painted one", normal,
+                    READS_BOUND, at_least=True),
+            Measure("largest correlation with the word mirrored", mirrored, 0.6),
+        ),
+        pictures=(
+            Picture("orientation-mirror",
+                    gallery({f"heading {h:.0f}°": f.rgb for h, f in frames.items()}, 3),
+                    "The mirror's picture at three headings (0° is east, 90° north): the side in "
+                    "front is at the top, words are mirrored, the dark ring outside is the "
+                    "ceiling."),
+            Picture("orientation-panorama", gallery({"": panorama}, 1, side_in=10.0),
+                    "The panorama, facing east: north is on the left, south on the right, and "
+                    "words read normally."),
+        ),
+    )  # fmt: skip
+
+
+def _paint(scene: Scene, side: str) -> NDArray[np.float64]:
+    """Linear colour of a side's paint: the commonest in its picture."""
+    mesh = _mesh(scene, side)
+    texture = scene.materials[mesh.material].texture
+    assert texture is not None
+    # a color as one number: three bytes
+    packed = texture.pixels[..., :3].astype(np.int64) @ [1 << 16, 1 << 8, 1]
+    common = int(np.bincount(packed.ravel()).argmax())
+    return linear_from_srgb(np.array([common >> 16, common >> 8 & 255, common & 255]) / 255.0)
+
+
+def _mesh(scene: Scene, side: str) -> Mesh:
+    return next(mesh for mesh in scene.meshes if mesh.name == side)
+
+
+def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: float) -> float:
+    """Largest difference between a side's paint and the picture where optics expects it."""
+    assert frame.linear is not None
+    camera, heading = sensor.camera, math.radians(heading_deg)
+    front = np.array([math.cos(heading), math.sin(heading), 0.0])
+    picture_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
+    worst = 0.0
+    for side, aim in PLAIN_PLACES.items():
+        theta = math.acos(-aim[2] / np.linalg.norm(aim))
+        level = np.array([aim[0], aim[1], 0.0]) / math.hypot(aim[0], aim[1])
+        radius = float(camera.image_radius(theta).radii_px)
+        u = camera.principal_point_px[0] + radius * (level @ picture_right)
+        v = camera.principal_point_px[1] - radius * (level @ front)
+        around = np.stack(np.meshgrid(u + np.arange(-1, 2), v + np.arange(-1, 2)), axis=-1)
+        seen = [np.median(sample(frame.linear[..., channel], around)) for channel in range(3)]
+        worst = max(worst, float(np.abs(np.array(seen) - _paint(scene, side)).max()))
+    return worst
+
+
+def _reading(bench: Bench, scene: Scene) -> tuple[float, float, NDArray[np.uint8]]:
+    """Least correlation of a wall's word with its paint, largest with its mirror image, and the
+    panorama."""
+    sensor = OmniCamera().with_polygons(None).resized(720)
+    position = scene.start.position_m
+    frame = bench.take(scene, sensor, sensor.base_pose(position))
+    view = cylinder_view(1800, math.radians(-45.0), math.radians(14.0))
+    base_from_optical = np.array(frame.metadata["world_from_optical"])[:3, :3]  # heading 0
+    unwarp = Unwarping(sensor.camera, view.camera, base_from_optical.T @ view.base_from_view)
+    panorama = unwarp(frame.rgb)
+    grey = panorama.astype(np.float64).mean(axis=2)
+    normal, mirrored = 1.0, -1.0
+    # reading order: who faces east and turns to the right comes to south, then west, then north
+    for turns, side in enumerate(("east", "south", "west", "north")):
+        texture = scene.materials[_mesh(scene, side).material].texture
+        assert texture is not None
+        paint = texture.pixels[..., :3].astype(np.float64).mean(axis=2)
+        height, width = paint.shape
+        # the middle of the wall, where its word is: ±0.4 rad, up to the rim's elevation
+        azimuth = np.linspace(-0.4, 0.4, 241)
+        tangent = np.linspace(-0.2, 0.2, 121)
+        column = view.camera.focal_length_px * azimuth
+        row = view.camera.principal_point_px[1] - view.camera.focal_length_px * tangent
+        middle = view.camera.principal_point_px[0] + turns * 0.25 * view.camera.width_px
+        u = (middle + column) % view.camera.width_px
+        seen = sample(grey, np.stack(np.meshgrid(u, row), axis=-1))
+        # the same places on the wall, 3 m away, by plain trigonometry
+        across_m = 3.0 * np.tan(azimuth)[None, :] * np.ones((121, 1))
+        up_m = position[2] + 3.0 * tangent[:, None] / np.cos(azimuth)[None, :]
+        pixel = np.stack(
+            ((0.5 + across_m / 6.0) * width - 0.5, (1.0 - up_m / 3.0) * height - 0.5), axis=-1
+        )
+        there = sample(paint, pixel)
+        normal = min(normal, _correlation(seen, there))
+        mirrored = max(mirrored, _correlation(seen[:, ::-1], there))
+    return normal, mirrored, panorama
+
+
+def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    return float(np.corrcoef(one.ravel(), other.ravel())[0, 1])

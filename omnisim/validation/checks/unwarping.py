@@ -1,0 +1,154 @@
+"""Unwarping: a perspective view out of the mirror's picture against a pinhole camera's, and lines
+that are straight in the world."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omnisim import frames
+from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.perception.unwarping import Unwarping
+from omnisim.perception.views import View, perspective_view
+from omnisim.plots.style import BLUE, GREY, gallery, plot
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.srgb import linear_from_srgb
+from omnisim.validation.check import Bench, Findings, Measure, Picture, largest
+from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
+from omnisim.validation.psnr import psnr_db
+
+PICTURE_PX, VIEW_PX = 1440, 320
+YAW_DEG, PITCH_DEG = 30.0, 20.0
+PSNR_BOUND_DB, LINE_BOUND_PX = 30.0, 0.5
+BARS = 7
+
+
+def check(bench: Bench) -> Findings:
+    """Unwarp a picture of the textured scene, and one of straight bars."""
+    sensor = OmniCamera().with_polygons(None).resized(PICTURE_PX)
+    view = perspective_view(
+        VIEW_PX, VIEW_PX, 0.5 * math.pi, math.radians(YAW_DEG), math.radians(PITCH_DEG)
+    )
+    unwarp = Unwarping(
+        sensor.camera, view.camera, frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
+    )
+    frame = bench.take(bench.scene, sensor, sensor.base_pose(bench.viewpoint_m))
+    assert frame.linear is not None
+    unwarped, pinhole = unwarp(frame.linear), _pinhole(bench)
+    suffices = unwarp.valid & (_picture_pixels_per_pixel(sensor, view) >= 1.0)
+    psnr = psnr_db(unwarped, pinhole, suffices)
+    bars = unwarp(_bars(bench, sensor))
+    lines = [_line(bars, view.camera, index) for index in range(BARS)]
+    bends = [_bend(line) for line in lines]
+    return Findings(
+        f"A 90° view of {VIEW_PX} px out of the mirror's picture of {PICTURE_PX} px, against what "
+        "a pinhole camera at the effective viewpoint sees, wherever the mirror's picture is at "
+        f"least as fine ({100.0 * suffices.mean():.0f} % of the view); and {BARS} bars that are "
+        "straight in the world, each followed through the view.",
+        (
+            Measure("unwarped view against the pinhole camera's", psnr, PSNR_BOUND_DB, "dB",
+                    at_least=True),
+            Measure("largest distance of a bar from a straight line", max(bends), LINE_BOUND_PX,
+                    "px"),
+        ),
+        {"columns that the bars were measured in": float(sum(len(line) for line in lines))},
+        pictures=(
+            Picture("unwarped",
+                    gallery({"unwarped": _masked(unwarped, unwarp.valid),
+                             "pinhole camera": _masked(pinhole, unwarp.valid),
+                             "bars, unwarped": bars}, 3),
+                    "The same view out of the mirror's picture and by a pinhole camera; and "
+                    "straight bars, straight again."),
+            Picture("straight-bars", _figure(lines),
+                    "Distance of each bar from the straight line that fits it best."),
+        ),
+    )  # fmt: skip
+
+
+def _pinhole(bench: Bench) -> NDArray[np.float32]:
+    """What a pinhole camera sees: the front face of another rig, turned to look that way."""
+    fine = 4  # its pixels are averages, too
+    sensor = OmniCamera(face_size_px=fine * VIEW_PX)
+    pose = frames.pose(bench.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
+    with Renderer(bench.scene, sensor, unlit=True, device=bench.device) as renderer:
+        renderer.render(pose)
+        face = linear_from_srgb(renderer.faces()["front"] / 255.0)
+    return face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3)).astype(np.float32)
+
+
+def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float64]:
+    """Pixels of the mirror's picture to a pixel of the view, along the coarser direction."""
+    grid = pixel_grid(view.camera.width_px, view.camera.height_px)
+    rotation = frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
+
+    def place(step: tuple[float, float]) -> NDArray[np.float64]:
+        directions = view.camera.ray_from_pixel(grid + step).directions @ rotation.T
+        return sensor.camera.pixel_from_ray(directions).positions_px
+
+    jacobian = np.stack(
+        (place((0.5, 0.0)) - place((-0.5, 0.0)), place((0.0, 0.5)) - place((0.0, -0.5))), axis=-1
+    )
+    return np.linalg.svd(jacobian, compute_uv=False)[..., 1]
+
+
+def _bars(bench: Bench, sensor: OmniCamera) -> NDArray[np.float32]:
+    """The mirror's picture of white bars on black: long, level, one above the other."""
+    forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
+    side = np.array([-forward[1], forward[0], 0.0])
+    corners = []
+    for index in range(BARS):
+        # at equal steps down the view, slightly inclined, 2 m ahead
+        slope = 0.04 * (index - 3)
+        down = math.tan(math.radians(PITCH_DEG - 30.0 + 10.0 * index))
+        middle = 2.0 * forward - np.array([0.0, 0.0, 2.0 * down])
+        along = 4.0 * (side + np.array([0.0, 0.0, slope]))
+        half = np.array([0.0, 0.0, 0.016])
+        corners.append([middle - along - half, middle + along - half,
+                        middle + along + half, middle - along + half])  # fmt: skip
+    scene = plain_scene("bars", (quads("bars", corners), WHITE))
+    linear = bench.take(scene, sensor, np.eye(4)).linear
+    assert linear is not None
+    return linear
+
+
+def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArray[np.float64]:
+    """Positions (n, 2) of a bar in the columns of the view where it is seen whole."""
+    directions = math.radians(PITCH_DEG - 30.0 + 10.0 * index)
+    grey = bars[..., 1].astype(np.float64)
+    focal, middle = 0.5 * camera.width_px, 0.5 * (camera.height_px - 1)
+    expected = middle + focal * math.tan(directions - math.radians(PITCH_DEG))
+    found: dict[int, float] = {}
+    start = camera.width_px // 2
+    for columns in (range(start, camera.width_px - 8), range(start - 1, 7, -1)):
+        near = expected if not found else found[start]
+        for u in columns:
+            rows = np.arange(round(near) - 7, round(near) + 8)
+            if rows[0] < 0 or rows[-1] >= camera.height_px:
+                break
+            column = grey[rows, u]
+            if column.sum() > 0.5 and max(column[0], column[-1]) < 0.01:
+                near = found[u] = float((column * rows).sum() / column.sum())
+    return np.array(sorted(found.items()))
+
+
+def _bend(line: NDArray[np.float64]) -> float:
+    return largest(_residuals(line)) if len(line) > 50 else math.nan
+
+
+def _residuals(line: NDArray[np.float64]) -> NDArray[np.float64]:
+    return line[:, 1] - np.polyval(np.polyfit(line[:, 0], line[:, 1], 1), line[:, 0])
+
+
+def _masked(picture: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
+    return np.where(valid[..., None], picture, 0.0)
+
+
+def _figure(lines: list[NDArray[np.float64]]) -> Figure:
+    figure, axes = plot("Straight bars in the unwarped view", "u in pixels", "v − line in pixels")
+    for index, line in enumerate(lines):
+        axes.plot(line[:, 0], _residuals(line), color=BLUE if index % 2 else GREY, linewidth=0.8)
+    axes.set_ylim(-0.6, 0.6)
+    return figure

@@ -1,0 +1,75 @@
+"""`omnisim validate` as a person uses it."""
+
+import json
+
+import pytest
+
+from omnisim.validation import chapters
+from omnisim.validation.check import Findings, Measure
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_report_has_everything(omnisim, tmp_path):
+    status, out, error = omnisim("validate", "-o", "report", "--only", "viewpoint")
+    assert (status, error) == (0, "")
+    assert "passed   Single viewpoint" in out
+    assert "report/report.html: 1 passed" in out
+    told = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert told["passed"]
+    assert told["machine"]["renderer"]
+    (check,) = told["checks"]
+    assert check["status"] == "passed"
+    assert {"name", "value", "bound", "unit", "sense", "passed"} == set(check["measures"][0])
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == len(check["figures"]) == 1
+    assert 'src="http' not in page  # one file that holds everything
+    for figure in check["figures"]:
+        assert (tmp_path / "report" / figure["file"]).stat().st_size > 1000
+        assert figure["caption"] in page
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkeypatch):
+    findings = Findings("<b>Wrong</b> on purpose.", (Measure("miss", float("nan"), 1.0, "px"),))
+    monkeypatch.setattr(chapters.Chapter, "run", lambda self, bench: findings)
+    status, out, _ = omnisim("validate", "-o", "report", "--only", "rings")
+    assert status == 1
+    assert "failed   Fig. 7" in out
+    assert "missed miss: nan ≤ 1 px" in out
+    assert json.loads((tmp_path / "report" / "report.json").read_text())["passed"] is False
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Not every bound holds" in page
+    assert "&lt;b&gt;Wrong" in page
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypatch):
+    monkeypatch.setattr(chapters, "_is_there", lambda name: False)
+    status, out, error = omnisim(
+        "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
+    )
+    assert (status, error) == (0, "")
+    assert "skipped  A calibration library" in out
+    assert "cv2.omnidir is not here: pip install omnisim[oracles]" in out
+    assert "report/report.html: 1 passed, 1 skipped" in out
+    told = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert told["skipped"] == {"omnidir": "cv2.omnidir is not here: pip install omnisim[oracles]"}
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert page.index("Not checked") < page.index("<h2")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-o", "report", "--only", "ring"], "--only ring: no such check; did you mean 'rings'?"),
+        (["-o", "none/report"], "the folder none does not exist: create it first"),
+        (["-o", "file"], "file: is a file: want a folder"),
+    ],
+)
+def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, words):
+    (tmp_path / "file").touch()
+    status, _, error = omnisim("validate", *arguments)
+    assert status == 1
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
