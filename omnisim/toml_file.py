@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 import pydantic
 
@@ -68,6 +68,8 @@ def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
         return f"{key}: missing"
     if fault["type"] == "model_type":
         return f"{key} = {fault['input']!r}: want a table, [{key}]"
+    if fault["type"] == "tuple_type" and _keys(model, names):
+        return f"{key} = {fault['input']!r}: want tables, [[{key}]]"
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be", "want")
     message = message.replace("a valid tuple", "a list of numbers, [x, y, z]")
     if message.startswith("want"):
@@ -78,9 +80,19 @@ def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
 def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
     """Keys of the table that `names` leads to, as far as it can be followed."""
     for name in names:
+        if name.isdecimal():  # which one of a list of tables
+            continue
         field = model.model_fields.get(name)
-        inner = field.annotation if field else None
-        if not (isinstance(inner, type) and issubclass(inner, pydantic.BaseModel)):
+        inner = _table_in(field.annotation) if field else None
+        if inner is None:
             return []
         model = inner
     return list(model.model_fields)
+
+
+def _table_in(annotation: Any) -> type[pydantic.BaseModel] | None:
+    """The table that a key holds: one, one or none, or a list of them."""
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        return annotation
+    inner = (_table_in(part) for part in get_args(annotation))
+    return next((table for table in inner if table), None)

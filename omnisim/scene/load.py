@@ -16,7 +16,16 @@ from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf import read_gltf
 from omnisim.scene.locate import locate, read_bytes
 from omnisim.scene.mesh_data import LARGEST_COORDINATE
-from omnisim.scene.model import MAX_LIGHTS, Instance, Scene, StartPose, bounds_m
+from omnisim.scene.model import (
+    MAX_LIGHTS,
+    Band,
+    Instance,
+    Landmark,
+    NamedStart,
+    Scene,
+    StartPose,
+    bounds_m,
+)
 from omnisim.scene.other_formats import read_other
 from omnisim.scene.punctual_lights import lighting_for
 from omnisim.scene.scene_file import SceneFile
@@ -89,6 +98,8 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         background=settings.background or DEFAULT_BACKGROUND,
         start=_start(settings, bounds_m(read.meshes, instances)),
         notices=tuple(_one_line(f"{path.name}: {notice}") for notice in dict.fromkeys(notices)),
+        starts=tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts),
+        landmarks=_landmarks(settings),
     )
 
 
@@ -115,3 +126,16 @@ def _start(settings: SceneFile, bounds: NDArray[np.float64]) -> StartPose:
     x, y = 0.5 * (low[:2] + high[:2])
     z = low[2] + min(DEFAULT_HEIGHT_M, 0.5 * (high[2] - low[2]))
     return StartPose((float(x), float(y), float(z)))
+
+
+def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
+    """Each band's colour looked up, its foot at the top of the one below."""
+    found = []
+    for table in settings.landmarks:
+        feet = (0.0, *(band.top_m for band in table.bands[:-1]))
+        bands = tuple(
+            Band(band.color, settings.palette[band.color], foot, band.top_m)
+            for foot, band in zip(feet, table.bands, strict=True)
+        )
+        found.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
+    return tuple(found)

@@ -162,6 +162,53 @@ class StartPose:
     yaw_deg: float = 0.0
 
 
+@dataclass(frozen=True)
+class NamedStart:
+    """Where a vehicle may start: the pose of its base in the world, z up."""
+
+    name: str
+    position_m: tuple[float, float, float]
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Band:
+    """A landmark's colour between two heights above its base.
+
+    Attributes:
+        color: name of the colour, the same for all that have it.
+        linear_rgb: the colour itself, before any light.
+        bottom_m, top_m: above the landmark's base.
+    """
+
+    color: str
+    linear_rgb: tuple[float, float, float]
+    bottom_m: float
+    top_m: float
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """Something that can be recognised by its colours, and where it is.
+
+    Attributes:
+        name: its name; names of its nodes begin with it.
+        position_m: the middle of its base, world.
+        footprint_m: extent along the world's x and y.
+        bands: from bottom to top, without gaps.
+    """
+
+    name: str
+    position_m: tuple[float, float, float]
+    footprint_m: tuple[float, float]
+    bands: tuple[Band, ...]
+
+    @property
+    def height_m(self) -> float:
+        """From its base to the top of its last band."""
+        return self.bands[-1].top_m
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that can be seen.
@@ -173,6 +220,8 @@ class Scene:
         background: linear RGB where nothing is hit.
         start: where to look from by default.
         notices: one line each: what the file asked for and could not be had.
+        starts: where vehicles may start; no two have one name.
+        landmarks: what can be recognised by its colours; no two have one name.
     """
 
     name: str
@@ -183,6 +232,8 @@ class Scene:
     background: tuple[float, float, float]
     start: StartPose
     notices: tuple[str, ...] = ()
+    starts: tuple[NamedStart, ...] = ()
+    landmarks: tuple[Landmark, ...] = ()
 
     @property
     def triangle_count(self) -> int:

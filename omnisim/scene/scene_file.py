@@ -2,22 +2,61 @@
 
 from __future__ import annotations
 
+import difflib
+import itertools
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from omnisim.errors import SceneError
 from omnisim.toml_file import Number, Table, read_toml
 
 Level = Annotated[Number, Field(ge=0.0)]
+Positive = Annotated[Number, Field(gt=0.0)]
+Name = Annotated[str, Field(min_length=1, strict=True)]
+Point = tuple[Number, Number, Number]
+LinearRgb = tuple[Level, Level, Level]
 
 
 class Start(Table):
     """Where to look from when nobody says."""
 
-    position_m: tuple[Number, Number, Number]
+    position_m: Point
     yaw_deg: Number = 0.0
+
+
+class NamedStart(Table):
+    """Where a vehicle may start: its base."""
+
+    name: Name
+    position_m: Point
+    yaw_deg: Number = 0.0
+
+
+class Band(Table):
+    """A landmark's colour up to a height above its base."""
+
+    color: Name
+    top_m: Positive
+
+
+class Landmark(Table):
+    """Something that can be recognised by its colours: bands from bottom to top."""
+
+    name: Name
+    position_m: Point
+    footprint_m: tuple[Positive, Positive]
+    bands: Annotated[tuple[Band, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _bands_rise(self) -> Landmark:
+        for lower, upper in itertools.pairwise(self.bands):
+            if not lower.top_m < upper.top_m:
+                raise ValueError(
+                    f"top_m = {upper.top_m:g}: want more than {lower.top_m:g} below it"
+                )
+        return self
 
 
 class SceneFile(Table):
@@ -29,13 +68,46 @@ class SceneFile(Table):
         meters_per_unit: size of the mesh file's unit; by default the one its format has.
         background: linear RGB where nothing is hit.
         start: where to look from when nobody says.
+        starts: where vehicles may start, by name.
+        palette: linear RGB of the colours that landmarks name.
+        landmarks: what can be recognised by its colours.
     """
 
     file: str
     up_axis: Literal["x", "y", "z"] | None = None
-    meters_per_unit: Annotated[Number, Field(gt=0.0)] | None = None
-    background: tuple[Level, Level, Level] | None = None
+    meters_per_unit: Positive | None = None
+    background: LinearRgb | None = None
     start: Start | None = None
+    starts: tuple[NamedStart, ...] = ()
+    palette: dict[Name, LinearRgb] = Field(default_factory=dict)
+    landmarks: tuple[Landmark, ...] = ()
+
+    @field_validator("starts", "landmarks")
+    @classmethod
+    def _names_once(cls, tables: tuple[NamedStart | Landmark, ...]) -> tuple:
+        names = [table.name for table in tables]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"name = {name!r}: want each name once")
+        return tables
+
+    @field_validator("landmarks")
+    @classmethod
+    def _colors_known(
+        cls, landmarks: tuple[Landmark, ...], info: ValidationInfo
+    ) -> tuple[Landmark, ...]:
+        palette = info.data.get("palette")
+        if palette is None:  # it is wrong itself, which is being said
+            return landmarks
+        for landmark in landmarks:
+            for band in landmark.bands:
+                if band.color not in palette:
+                    near = difflib.get_close_matches(band.color, palette, n=1)
+                    hint = f"; did you mean {near[0]!r}?" if near else ""
+                    raise ValueError(
+                        f"{landmark.name}: color = {band.color!r}: want a name in [palette]{hint}"
+                    )
+        return landmarks
 
 
 def read_scene_file(path: Path) -> SceneFile:

@@ -5,6 +5,24 @@ import trimesh
 from omnisim.errors import SceneError
 from omnisim.scene import builtin_scenes, load_scene
 
+PLACES = """file = "box.stl"
+[[starts]]
+name = "dock"
+position_m = [1, 2.5, 0]
+yaw_deg = 90
+[[starts]]
+name = "door"
+position_m = [0, 0, 0]
+[palette]
+white = [0.9, 0.9, 0.9]
+red = [0.8, 0, 0]
+[[landmarks]]
+name = "pole"
+position_m = [3, -2, 0]
+footprint_m = [0.1, 0.2]
+bands = [{ color = "white", top_m = 0.25 }, { color = "red", top_m = 1.5 }]
+"""
+
 
 @pytest.fixture
 def folder(tmp_path):
@@ -26,6 +44,54 @@ def test_scene_file_says_what_the_mesh_cannot(folder):
     assert load_scene(folder).start.yaw_deg == 90.0  # the folder stands for its scene.toml
 
 
+def test_scene_file_lists_starts_and_landmarks(folder):
+    path = folder / "scene.toml"
+    path.write_text(PLACES)
+    scene = load_scene(path)
+    dock, door = scene.starts
+    assert (dock.name, dock.position_m, dock.yaw_deg) == ("dock", (1.0, 2.5, 0.0), 90.0)
+    assert (door.name, door.yaw_deg) == ("door", 0.0)
+    (pole,) = scene.landmarks
+    assert (pole.name, pole.position_m) == ("pole", (3.0, -2.0, 0.0))
+    assert pole.footprint_m == (0.1, 0.2)
+    assert [(band.color, band.bottom_m, band.top_m) for band in pole.bands] == [
+        ("white", 0.0, 0.25),
+        ("red", 0.25, 1.5),
+    ]
+    assert pole.bands[1].linear_rgb == (0.8, 0.0, 0.0)
+    assert pole.height_m == 1.5
+
+
+def test_a_scene_without_starts_and_landmarks_has_none(folder):
+    assert load_scene(folder / "box.stl").starts == ()
+    assert load_scene(folder / "box.stl").landmarks == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"door"', '"dock"', r"scene\.toml: starts: name = 'dock': want each name once$"),
+        ('"door"', "7", r"starts\.1\.name = 7: want a valid string$"),
+        ('"door"', '""', r"starts\.1\.name: String should have at least 1 character$"),
+        ("yaw_deg", "yaw", r"starts\.0\.yaw: unknown key; did you mean 'yaw_deg'\?$"),
+        ("red =", "rod =", r"pole: color = 'red': want a name in \[palette\]; did you mean 'rod'"),
+        ("0.8, 0, 0", "0.8, 0", r"palette\.red"),
+        ("[0.1, 0.2]", "[0.1, 0]", r"landmarks\.0\.footprint_m\.1 = 0: want greater than 0$"),
+        (
+            "top_m = 1.5",
+            "top_m = 0.2",
+            r"landmarks\.0: top_m = 0\.2: want more than 0\.25 below it$",
+        ),
+        ("top_m = 1.5", "height = 1.5", r"bands\.1\.height: unknown key; known keys: color, top_m"),
+    ],
+)
+def test_bad_starts_and_landmarks_name_key_and_value(folder, old, new, words):
+    path = folder / "scene.toml"
+    path.write_text(PLACES.replace(old, new))
+    with pytest.raises(SceneError, match=words):
+        load_scene(path)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -36,6 +102,10 @@ def test_scene_file_says_what_the_mesh_cannot(folder):
         ('file = "box.stl"\nmeters_per_unit = "1"', r"meters_per_unit = '1': want a valid number"),
         ('file = "box.stl"\nmeters_per_unit = 0', r"meters_per_unit = 0: want greater than 0"),
         ('file = "box.stl"\n[start]\nposition_m = [1, 2]', r"start\.position_m"),
+        (
+            'file = "box.stl"\n[starts]\nname = "a"',
+            r"starts = \{.*\}: want tables, \[\[starts\]\]$",
+        ),
         ('file = "box.stl"\nbackground = [-1, 0, 0]', r"background\.0 = -1: want"),
         ("file = ", r"scene\.toml: not TOML"),
     ],
