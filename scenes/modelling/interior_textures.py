@@ -79,10 +79,10 @@ def floorboards(size: int, boards: int, colour: Colour, rng: np.random.Generator
 
 def linoleum(size: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
     """Marbled sheet flooring."""
-    flow = fractal_noise(size, size, (4, 9), 4, rng)
+    flow = fractal_noise(size, size, (7, 13), 4, rng)
     veins = smooth_step(0.42, 0.5, flow) - smooth_step(0.5, 0.58, flow)
     image = np.array(colour) * (0.94 + 0.10 * flow)[..., None]
-    return blend(image, np.array([0.93, 0.92, 0.88]), 0.22 * veins)
+    return blend(image, np.array([0.93, 0.92, 0.88]), 0.13 * veins)
 
 
 def terrazzo(size: int, chips: int, ground: Colour, rng: np.random.Generator) -> np.ndarray:
@@ -108,8 +108,8 @@ def concrete(size: int, colour: Colour, rng: np.random.Generator, slabs: int = 1
     """Stained concrete with a few pores, and joints between the slabs where there are several."""
     stains = fractal_noise(size, size, 3, 5, rng)
     image = np.array(colour) * (0.82 + 0.32 * stains)[..., None] * _clouds(size, 0.08, rng)
-    pores = fractal_noise(size, size, size // 8, 1, rng)
-    image *= np.where(pores > 0.93, 0.8, 1.0)[..., None]
+    pores = fractal_noise(size, size, size // 3, 1, rng)
+    image *= np.where(pores > 0.95, 0.86, 1.0)[..., None]
     if slabs > 1:
         _, _, across_y, across_x = _cells(size, size, slabs, slabs)
         joint = 1 - smooth_step(0.004, 0.012, _edge_distance(across_y, across_x))
