@@ -176,20 +176,6 @@ def pallet(a: Atlas) -> Model:
     return Model("pallet", "props", join(parts))
 
 
-def step_ladder(a: Atlas) -> Model:
-    """Open step ladder, 1.6 m."""
-    parts = []
-    for x in (-0.24, 0.24):
-        parts.append(a.block("steel", (0.03, 0.05, 1.66)).moved(pose(x, -0.27, 0.80, roll_deg=-15)))
-        parts.append(
-            a.block("steel", (0.03, 0.04, 1.62)).moved(pose(x * 0.85, 0.27, 0.79, roll_deg=15))
-        )
-    for k in range(1, 7):
-        z = 0.24 * k
-        parts.append(a.block("orange", (0.46, 0.10, 0.025), (0, -0.48 + 0.268 * z, z)))
-    return Model("step_ladder", "props", join(parts))
-
-
 def server_rack(a: Atlas) -> Model:
     """Rack, 0.6 m x 0.9 m x 2 m."""
     body = a.block("black", (0.6, 0.9, 2.0), (0, -0.45, 1.0), "-z")

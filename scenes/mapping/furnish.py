@@ -64,7 +64,7 @@ def _plant(i: Interior, big: bool, x: float, y: float) -> None:
 
 def _lobby(i: Interior) -> None:
     i.stand("reception_desk", i.made(office.reception_desk), 4.0, -6.15)
-    i.stand("office_chair", i.made(office.office_chair, "fabric_red"), 4.1, -6.42, 15)
+    i.stand("office_chair", i.made(office.office_chair, "fabric_red"), 3.6, -6.46, 15)
     i.stand("monitor", i.made(office.monitor, "screen_map"), 4.5, -6.56, 10, 0.75)
     i.put("welcome_sign", i.made(office.picture, "welcome", 1.8, 0.45), pose(4.0, -6.09, 1.75))
     i.stand("door_mat", i.made(office.door_mat), 3.0, -8.36)
@@ -161,7 +161,7 @@ def _office_a(i: Interior) -> None:
 def _office_b(i: Interior) -> None:
     room = "office_b"
     _workplace(i, -3.78, 0.42, 90, "screen_plot", "fabric_green", "oak")
-    i.stand("desk_lamp", i.made(office.desk_lamp), -3.55, 1.05, 60, 0.75)
+    i.stand("desk_lamp", i.made(office.desk_lamp), -3.55, -0.2, 60, 0.75)
     i.lean(
         "bookcase",
         i.made(office.bookcase, ("books_a", "books_c", "books_b", "books_a", "books_c"), "oak"),
@@ -269,7 +269,7 @@ def _lab(i: Interior) -> None:
     _wall_picture(i, "whiteboard", (1.8, 1.0), room, "south", 4.2, 1.15)
     i.lean("fire_extinguisher", i.made(office.fire_extinguisher), room, "west", 12.6, 0.5, 0.0)
     i.stand("pipes", i.made(equipment.pipes, 5.8), 3.0, 10.5, 0, HEIGHT)
-    i.stand("stool", i.made(office.office_chair, "fabric_mustard"), 2.35, 11.7, 200)
+    i.stand("office_chair", i.made(office.office_chair, "fabric_mustard"), 2.35, 11.7, 200)
     i.lean("letter", i.made(office.picture, "sign_north", 0.4, 0.4), room, "west", 11.0, 1.5, 0.0)
 
 

@@ -179,7 +179,6 @@ def _swatches(rng: np.random.Generator) -> dict[str, np.ndarray]:
         "plasterboard": ((0.82, 0.80, 0.74), 0.30),
         "rust": ((0.46, 0.27, 0.17), 0.55),
         "concrete": ((0.56, 0.55, 0.53), 0.34),
-        "cork": ((0.68, 0.50, 0.32), 0.30),
     }
     woods: dict[str, Colour] = {
         "beech": (0.80, 0.62, 0.42),

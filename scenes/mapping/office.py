@@ -369,11 +369,6 @@ def door_mat(a: Atlas) -> Model:
     return Model("door_mat", "props", a.block("black", (1.8, 1.0, 0.012), (0, 0, 0.006), "-z"))
 
 
-def pinned(a: Atlas, name: str, wide: float, high: float) -> Model:
-    """A sheet on a wall."""
-    return Model(f"sheet_{name}_{round(100 * wide)}", "props", a.picture(name, wide, high, -0.005))
-
-
 def hanging_sign(a: Atlas, name: str, wide: float, high: float) -> Model:
     """Sign under the ceiling, z = 0, the same on both faces."""
     front = a.board(name, "white", wide, high, 0.02).shifted(0, 0.01, -high - 0.12)
