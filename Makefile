@@ -1,8 +1,10 @@
 # Two commands do everything on a fresh Debian or Ubuntu machine with Python and make:
 #   make demo   installs what is missing and renders a first picture
 #   make test   installs what is missing and runs the tests
+# And one proves the geometry:
+#   make validate
 
-.PHONY: help demo test lint setup system clean
+.PHONY: help demo test validate readme lint setup system clean
 
 # The first Python that is new enough; say PYTHON=... to choose another.
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -13,9 +15,11 @@ BIN := $(VENV)/bin
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 help:
-	@echo "make demo   install what is missing and render a first picture"
-	@echo "make test   install what is missing and run the tests"
-	@echo "make clean  remove what these two made"
+	@echo "make demo       install what is missing and render a first picture"
+	@echo "make test       install what is missing and run the tests"
+	@echo "make validate   install what is missing and prove the geometry: out/validation"
+	@echo "make readme     the same, and put numbers and figures into README"
+	@echo "make clean      remove what these made"
 
 demo: setup
 	@mkdir -p out
@@ -24,6 +28,13 @@ demo: setup
 
 test: setup lint
 	$(BIN)/python -m pytest
+
+validate: setup
+	@mkdir -p out
+	$(BIN)/omnisim validate -o out/validation
+
+readme: validate
+	$(BIN)/python .ci/renew_readme.py out/validation
 
 lint: setup
 	$(BIN)/ruff check .
