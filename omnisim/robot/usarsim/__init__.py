@@ -1,0 +1,1 @@
+"""Robots out of USARSim's configuration, USARBot.ini, as robot files."""
