@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -175,9 +176,7 @@ def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted
 def _load_body(robot: Robot) -> Scene | None:
     if robot.body is None:
         return None
-    path = robot.folder / robot.body
-    if not path.is_file():
-        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: no such file beside it")
+    path = _beside(robot.folder, robot.body, f"{robot.source}: body")
     try:
         return load_scene(path)
     except SceneError as reason:
@@ -185,13 +184,21 @@ def _load_body(robot: Robot) -> Scene | None:
         raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
 
 
+def _beside(folder: Path, name: str, key: str) -> Path:
+    path = folder / name
+    try:
+        is_there = path.is_file()
+    except OSError as reason:  # a name too long, a folder without permission
+        raise RobotFileError(f"{key} = {name!r}: cannot be read: {reason.strerror}") from None
+    if not is_there:
+        raise RobotFileError(f"{key} = {name!r}: no such file beside it")
+    return path
+
+
 def _mounted_camera(mount: OmniCameraMount, folder: Path, where: str) -> MountedCamera:
     sensor = OmniCamera()
     if mount.file is not None:
-        path = folder / mount.file
-        if not path.is_file():
-            raise RobotFileError(f"{where}: file = {mount.file!r}: no such file beside it")
-        sensor = OmniCamera.from_file(path)
+        sensor = OmniCamera.from_file(_beside(folder, mount.file, f"{where}: file"))
     base_from_rig = mount.base_from_mount @ sensor.base_from_rig
     return MountedCamera(
         mount.name, dataclasses.replace(sensor, base_from_rig=base_from_rig), mount.hides
@@ -212,7 +219,7 @@ def _scanner(mount: SensorMount) -> LaserScanner:
         return scanner if mount.noise else scanner.without_noise()
     if isinstance(mount, RangeScannerMount):
         return LaserScanner.usarsim(
-            mount.scan_fov_rad,
+            min(mount.scan_fov_rad, 2.0 * math.pi),  # a turn, whose last digit is rounded up
             mount.resolution_rad,
             mount.max_range_m,
             mount.min_range_m,

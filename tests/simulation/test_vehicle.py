@@ -91,6 +91,8 @@ def test_scanners_are_as_asked_for():
     assert usarsim.scanner == LaserScanner.usarsim()
     assert vehicle.body is None
     assert vehicle.body_seen_by(lms) is None
+    around = vehicle_of({**robot["usarsim"], "scan_fov_rad": 6.2832}).scanner().scanner
+    assert around.field_of_view_deg == 360.0
 
 
 def test_sensors_by_name():
@@ -152,6 +154,7 @@ def test_what_cannot_be_mounted(load, tmp_path, sensors, words):
     ("body", "words"),
     [
         ("none.glb", "body = 'none.glb': no such file beside it"),
+        ("a" * 300, "cannot be read: File name too long"),
         ("courtyard", "body = 'courtyard': no such file beside it"),
         ("empty.glb", "body = 'empty.glb': is an empty file"),
         ("words.glb", "body = 'words.glb': "),
