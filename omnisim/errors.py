@@ -21,6 +21,10 @@ class SensorFileError(OmnisimError):
     """A sensor file with an unknown key or a value that makes no sense."""
 
 
+class RobotFileError(OmnisimError):
+    """A robot file, or a USARSim configuration, with something that no robot can have."""
+
+
 class TrajectoryError(OmnisimError):
     """Poses, times or wheel readings that no robot can have, or a file of them that is not one."""
 

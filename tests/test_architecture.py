@@ -13,6 +13,7 @@ LAYERS = (
     {"cli"},
     {"validation"},
     {"plots"},
+    {"simulation"},
     {"sensors", "perception", "robot"},
     {"gpu"},
     {"scene", "cameras"},

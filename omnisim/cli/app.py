@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from omnisim import __version__
 from omnisim.cli.choices import RangeMode, ViewKind
+from omnisim.cli.consoles import err, out
+from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
-
-out = Console(highlight=False, soft_wrap=True, emoji=False)
-err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 app = typer.Typer(
     name="omnisim",
@@ -25,6 +23,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+app.add_typer(robot_app)
 
 DeviceOption = Annotated[
     int | None,

@@ -1,4 +1,4 @@
-"""The robot: where it goes, how it drives there, and what its wheels report.
+"""The robot: its file, where it goes, how it drives there, and what its wheels report.
 
 Poses are world_from_base (`omnisim.frames`); turns and headings count counter-clockwise, seen from
 above. Nothing here knows of pictures or of the GPU.
@@ -6,30 +6,35 @@ above. Nothing here knows of pictures or of the GPU.
 
 from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
 from omnisim.robot.kinematics import Kinematics, check_drivable, find_excess
+from omnisim.robot.locate import builtin_robots, find_robot
 from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry
 from omnisim.robot.odometry_files import read_odometry, write_odometry
-from omnisim.robot.robots import PIONEER_2_AT, SUPER_SCOUT, Robot
+from omnisim.robot.robot_file import Footprint, Robot, load_robot, parse_robot, read_robot
 from omnisim.robot.timing import time_poses
 from omnisim.robot.trajectory import Trajectory, check_continuous
 from omnisim.robot.trajectory_files import read_recording, read_trajectory, write_trajectory
 from omnisim.robot.waypoints import lap_and_diagonal
 
 __all__ = [
-    "PIONEER_2_AT",
-    "SUPER_SCOUT",
+    "Footprint",
     "Kinematics",
     "Odometry",
     "OdometryErrors",
     "Robot",
     "Trajectory",
+    "builtin_robots",
     "check_continuous",
     "check_drivable",
     "drive_in_steps",
     "drive_with_period",
     "find_excess",
+    "find_robot",
     "lap_and_diagonal",
+    "load_robot",
+    "parse_robot",
     "read_odometry",
     "read_recording",
+    "read_robot",
     "read_trajectory",
     "simulate_odometry",
     "time_poses",

@@ -6,9 +6,10 @@ import pytest
 from omnisim.errors import TrajectoryError
 from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
 from omnisim.robot.kinematics import Kinematics, find_excess, steps_between
-from omnisim.robot.robots import PIONEER_2_AT, SUPER_SCOUT
+from omnisim.robot.robot_file import load_robot
 from omnisim.robot.waypoints import check_waypoints, lap_and_diagonal
 
+PIONEER_2_AT, SUPER_SCOUT = load_robot("p2at"), load_robot("superscout")
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 QUARTER = math.pi / 2
 

@@ -8,9 +8,8 @@ from omnisim.errors import TrajectoryError
 from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
 from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry, wheel_readings
 from omnisim.robot.odometry_files import read_odometry, write_odometry
-from omnisim.robot.robots import PIONEER_2_AT, SUPER_SCOUT
 from omnisim.robot.trajectory import Trajectory
-from tests.robot.test_drive_plan import paper_lap
+from tests.robot.test_drive_plan import PIONEER_2_AT, SUPER_SCOUT, paper_lap
 
 PERFECT = OdometryErrors()
 # simulate_odometry with seed 2008 along 2 m, noise 1

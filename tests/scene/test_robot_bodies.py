@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from omnisim.robot import load_robot
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode
 from omnisim.sensors import OmniCamera
@@ -166,17 +167,10 @@ def test_only_the_glass_is_blended(name):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_robot_file_says_what_it_must(name):
-    robot = robot_table(name)
-    assert robot["name"] == name
-    assert robot["kinematics"].keys() == {
-        "type",
-        "track_m",
-        "wheel_diameter_m",
-        "max_speed_mps",
-        "max_turn_rate_dps",
-    }
+    robot = load_robot(name)
+    assert robot.name == name
     wanted = {"p2at": ["omnicam", "lms200"], "superscout": ["omnicam"]}
-    assert [sensor["name"] for sensor in robot["sensors"]] == wanted[name]
+    assert [mount.name for mount in robot.mounts] == wanted[name]
 
 
 def test_laser_scanner_is_around_its_scan_and_sees_past_the_robot():

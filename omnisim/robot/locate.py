@@ -1,0 +1,45 @@
+"""From what a user calls a robot to the file that describes it."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from omnisim.errors import RobotFileError
+from omnisim.resources import SCENES
+
+ROBOT_FILE = "robot.toml"
+
+
+def builtin_robots() -> list[str]:
+    """Names of the built-in robots, sorted."""
+    return sorted(path.parent.name for path in SCENES.glob(f"*/{ROBOT_FILE}"))
+
+
+def find_robot(source: str | Path) -> Path:
+    """The robot file of a path, of a folder with a `robot.toml`, or of a built-in name.
+
+    Raises:
+        RobotFileError: there is none, or it is not a file that can be read.
+    """
+    try:
+        return _find(Path(source), str(source))
+    except OSError as reason:  # a folder without permission, a name too long
+        raise RobotFileError(f"{source}: cannot be read: {reason.strerror}") from None
+
+
+def _find(path: Path, name: str) -> Path:
+    if path.is_dir() and (path / ROBOT_FILE).is_file():
+        return path / ROBOT_FILE
+    if path.is_file():
+        return path
+    names = builtin_robots()
+    if name in names:
+        return SCENES / name / ROBOT_FILE
+    if path.is_dir():
+        raise RobotFileError(f"{path}: is a folder without a {ROBOT_FILE}: want a robot file")
+    if path.exists():
+        raise RobotFileError(f"{path}: is not a regular file")
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else "built-in: " + ", ".join(names)
+    raise RobotFileError(f"{name}: no such robot file, and no built-in robot; {hint}")

@@ -1,0 +1,178 @@
+"""The robot file: how a robot drives, what its wheels report, its body and its sensors, in TOML.
+
+`scenes/p2at/robot.toml` has every table.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from omnisim.errors import RobotFileError, TrajectoryError
+from omnisim.robot.kinematics import Drive, Kinematics
+from omnisim.robot.locate import find_robot
+from omnisim.robot.odometry import OdometryErrors
+from omnisim.robot.sensor_mounts import Name, SensorMount, parse_mounts
+from omnisim.toml_file import Number, Table, parse_table, read_toml
+
+Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
+Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
+Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+
+
+class _KinematicsTable(Table):
+    """Track and wheels are the body's; nothing here drives by them."""
+
+    type: Drive
+    track_m: Length | None = None
+    wheel_diameter_m: Length | None = None
+    max_speed_mps: Limit
+    max_turn_rate_dps: Limit
+    max_acceleration_mps2: Limit
+    max_turn_acceleration_dps2: Limit
+
+
+class _OdometryTable(Table):
+    """`OdometryErrors`, with its angles in degrees."""
+
+    distance_scale: Scale = 1.0
+    turn_scale: Scale = 1.0
+    drift_deg_per_m: Drift = 0.0
+    distance_noise_m_per_sqrt_m: Noise = 0.0
+    turn_noise_deg_per_sqrt_m: Noise = 0.0
+    turn_noise_deg_per_sqrt_rad: Noise = 0.0
+    distance_tick_m: Noise = 0.0
+    turn_tick_deg: Noise = 0.0
+
+
+class _FootprintTable(Table):
+    length_m: Length
+    width_m: Length
+    height_m: Length
+
+
+class _RobotTable(Table):
+    name: Name
+    title: Name | None = None
+    body: Name | None = None
+    kinematics: _KinematicsTable | None = None
+    odometry: _OdometryTable = _OdometryTable()
+    footprint: _FootprintTable | None = None
+    sensors: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """What a robot takes up, about its base.
+
+    Attributes:
+        length_m, width_m: on the ground, along x and y.
+        height_m: to its highest point.
+    """
+
+    length_m: float
+    width_m: float
+    height_m: float
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What a robot file says.
+
+    Attributes:
+        source: the file, or what the table was called.
+        folder: that its other files are relative to.
+        name: short, as in file names.
+        title: what people call it.
+        body: name of its mesh file, or None: nothing to be seen.
+        kinematics: its limits, or None: nobody plans its ways.
+        odometry: the errors of its wheels.
+        footprint: what it takes up, or None: not said.
+        mounts: its sensors and where they are.
+    """
+
+    source: str
+    folder: Path
+    name: str
+    title: str
+    body: str | None
+    kinematics: Kinematics | None
+    odometry: OdometryErrors
+    footprint: Footprint | None
+    mounts: tuple[SensorMount, ...]
+
+
+def load_robot(source: str | Path) -> Robot:
+    """Read the robot file of a path, of a folder, or of a built-in name.
+
+    Raises:
+        RobotFileError: naming file, key, value and what was wanted.
+    """
+    return read_robot(find_robot(source))
+
+
+def read_robot(path: Path) -> Robot:
+    """Read and check a robot file.
+
+    Raises:
+        RobotFileError: naming file, key, value and what was wanted.
+    """
+    return _robot(read_toml(path, _RobotTable, RobotFileError), str(path), path.parent)
+
+
+def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Robot:
+    """Check a table with the keys of a robot file; `source` names it in messages.
+
+    Raises:
+        RobotFileError: naming source, key, value and what was wanted.
+    """
+    return _robot(parse_table(table, _RobotTable, RobotFileError, source), source, folder)
+
+
+def _robot(table: _RobotTable, source: str, folder: Path) -> Robot:
+    try:
+        kinematics = None if table.kinematics is None else _kinematics(table.kinematics)
+        odometry = _odometry(table.odometry)
+    except TrajectoryError as reason:  # such as a tick that is too small
+        raise RobotFileError(f"{source}: {reason}") from None
+    footprint = table.footprint
+    return Robot(
+        source=source,
+        folder=folder,
+        name=table.name,
+        title=table.title or table.name,
+        body=table.body,
+        kinematics=kinematics,
+        odometry=odometry,
+        footprint=None if footprint is None else Footprint(**dict(footprint)),
+        mounts=parse_mounts(table.sensors, source),
+    )
+
+
+def _kinematics(table: _KinematicsTable) -> Kinematics:
+    return Kinematics(
+        table.type,
+        max_speed_mps=table.max_speed_mps,
+        max_turn_rate_radps=math.radians(table.max_turn_rate_dps),
+        max_acceleration_mps2=table.max_acceleration_mps2,
+        max_turn_acceleration_radps2=math.radians(table.max_turn_acceleration_dps2),
+    )
+
+
+def _odometry(table: _OdometryTable) -> OdometryErrors:
+    return OdometryErrors(
+        distance_scale=table.distance_scale,
+        turn_scale=table.turn_scale,
+        drift_radpm=math.radians(table.drift_deg_per_m),
+        distance_noise_m_per_sqrt_m=table.distance_noise_m_per_sqrt_m,
+        turn_noise_rad_per_sqrt_m=math.radians(table.turn_noise_deg_per_sqrt_m),
+        turn_noise_rad_per_sqrt_rad=math.radians(table.turn_noise_deg_per_sqrt_rad),
+        distance_tick_m=table.distance_tick_m,
+        turn_tick_rad=math.radians(table.turn_tick_deg),
+    )

@@ -1,0 +1,120 @@
+"""What a robot file says of its sensors: which they are, and where.
+
+The tables of `[[sensors]]`, by `type`. What they describe is built where sensors are known, in
+`omnisim.simulation`; here they are numbers and names.
+"""
+
+from __future__ import annotations
+
+import difflib
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim import frames
+from omnisim.errors import RobotFileError
+from omnisim.toml_file import Number, Table, parse_table
+
+Name = Annotated[str, Field(min_length=1, strict=True)]
+# No robot is larger; metres, not millimetres.
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+Positive = Annotated[Number, Field(gt=0.0)]
+Level = Annotated[Number, Field(ge=0.0)]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
+
+
+class SensorMount(Table):
+    """The keys that all sensors have.
+
+    Attributes:
+        name: no two sensors of a robot have the same.
+        position_m: in the base frame; of a camera's effective viewpoint or a scan's origin.
+        roll_deg, pitch_deg, yaw_deg: of the sensor in the base frame.
+        hides: nodes of the body that this sensor does not see, such as its own housing.
+    """
+
+    name: Name
+    position_m: tuple[Coordinate, Coordinate, Coordinate]
+    roll_deg: Number = 0.0
+    pitch_deg: Number = 0.0
+    yaw_deg: Number = 0.0
+    hides: tuple[Name, ...] = ()
+
+    @property
+    def base_from_mount(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the sensor in the base frame."""
+        return frames.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+
+
+class OmniCameraMount(SensorMount):
+    """A catadioptric camera.
+
+    Attributes:
+        file: its sensor file, relative to the robot file; without one it is the paper's camera.
+    """
+
+    type: Literal["omnicamera"]
+    file: Name | None = None
+
+
+class Lms200Mount(SensorMount):
+    """A SICK LMS200, set up by `resolution_deg` and `mode`; `seed` says which device."""
+
+    type: Literal["lms200"]
+    resolution_deg: Literal[1.0, 0.5, 0.25] = 0.5
+    mode: Literal["mm", "cm"] = "mm"
+    noise: Annotated[bool, Field(strict=True)] = True
+    seed: Seed = 0
+
+
+class RangeScannerMount(SensorMount):
+    """A range scanner as USARSim's configuration has it; by default its SICK LMS200.
+
+    Attributes:
+        scan_fov_rad, resolution_rad: ScanFov, Resolution.
+        max_range_m, min_range_m: MaxRange, MinRange.
+        noise_share: Noise, a share of the range.
+        seed: which device.
+    """
+
+    type: Literal["usarsim_range_scanner"]
+    scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
+    resolution_rad: Positive = 0.01745
+    max_range_m: Positive = 20.0
+    min_range_m: Level = 0.0
+    noise_share: Level = 0.001
+    seed: Seed = 0
+
+
+_TYPES: dict[str, type[SensorMount]] = {
+    "omnicamera": OmniCameraMount,
+    "lms200": Lms200Mount,
+    "usarsim_range_scanner": RangeScannerMount,
+}
+
+
+def parse_mounts(tables: tuple[dict[str, Any], ...], source: str) -> tuple[SensorMount, ...]:
+    """Check the tables of `[[sensors]]`; `source` names the file in messages.
+
+    Raises:
+        RobotFileError: an unknown type or key, a value that makes no sense, or a name again.
+    """
+    mounts: list[SensorMount] = []
+    for index, table in enumerate(tables):
+        name, kind = table.get("name"), table.get("type")
+        where = (
+            f"{source}: sensor {name!r}" if isinstance(name, str) else f"{source}: sensors.{index}"
+        )
+        if "type" not in table:
+            raise RobotFileError(f"{where}: type: missing; want one of {', '.join(_TYPES)}")
+        if not isinstance(kind, str) or kind not in _TYPES:
+            near = difflib.get_close_matches(str(kind), _TYPES, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"want one of {', '.join(_TYPES)}"
+            raise RobotFileError(f"{where}: type = {kind!r}: unknown sensor type; {hint}")
+        mount = parse_table(table, _TYPES[kind], RobotFileError, where)
+        if any(mount.name == other.name for other in mounts):
+            raise RobotFileError(f"{where}: a second sensor of this name: want each name once")
+        mounts.append(mount)
+    return tuple(mounts)

@@ -1,0 +1,209 @@
+"""The parts of a robot in USARBot.ini: class, name, and place, in our axes and units.
+
+USARSim: metres and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and yaw
+(Z) in that frame. Ours has the same x, and y and z the other way round: roll stays, pitch and yaw
+change sign.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim import frames
+from omnisim.robot.formats.table import quote
+from omnisim.robot.usarsim.ini import Entry, Struct, Value, parse_struct
+
+# Farther from its robot no sensor is: such numbers are in another unit.
+FARTHEST_M = 10.0
+ON_CHASSIS = {"", "hard", "none"}
+
+
+@dataclass(frozen=True)
+class Units:
+    """What a file's numbers mean.
+
+    Attributes:
+        meters: of a unit of length.
+        radians: of a unit of angle.
+        up: the file's z points up.
+    """
+
+    meters: float
+    radians: float
+    up: bool
+
+    @property
+    def are_unreal(self) -> bool:
+        """They are the engine's own."""
+        return self.up
+
+
+SI_UNITS = Units(1.0, 1.0, up=False)
+# The engine's own: z up, 65536 to a turn, and 250 to a metre, as the names of USARSim's maps say.
+UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, up=True)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something that is mounted on a robot.
+
+    Attributes:
+        entry: the line that says so.
+        class_name: with its package, as in USARBot.SICKLMS.
+        name: its own.
+        position_m: from USARSim's origin of the robot; x forward, y left, z up.
+        roll_deg, pitch_deg, yaw_deg: in the same frame.
+        parent: the part that it sits on, or None: the chassis.
+        unread: names of values that are not understood.
+    """
+
+    entry: Entry
+    class_name: str
+    name: str
+    position_m: tuple[float, float, float]
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    parent: str | None
+    unread: tuple[str, ...]
+
+    @property
+    def short_class(self) -> str:
+        """The class without its package, in lower case."""
+        return self.class_name.rpartition(".")[2].lower()
+
+    @property
+    def forward(self) -> NDArray[np.float64]:
+        """Where it looks (3,), unit."""
+        return frames.pose((0, 0, 0), self.roll_deg, self.pitch_deg, self.yaw_deg)[:3, 0]
+
+    def __str__(self) -> str:
+        return f"{self.entry.key} {self.name!r} ({self.class_name})"
+
+
+def read_part(entry: Entry, units: Units) -> Part:
+    """The part of an entry.
+
+    Raises:
+        RobotFileError: naming file, line, what was found and what was wanted.
+    """
+    struct = parse_struct(entry)
+    class_name = _word(entry, struct, "ItemClass")
+    name = _word(entry, struct, "ItemName")
+    parent = struct.get("parent", ("", ""))[1]
+    parent = _bare(parent) if isinstance(parent, str) else "(...)"
+    known = {"itemclass", "itemname", "position", "direction", "parent"}
+    x, y, z = _position_m(entry, struct, units)
+    roll, pitch, yaw = _direction_rad(entry, struct, units)
+    return Part(
+        entry=entry,
+        class_name=class_name,
+        name=name,
+        position_m=(_clean(x), _clean(-y), _clean(z if units.up else -z)),
+        roll_deg=_clean(math.degrees(roll)),
+        pitch_deg=_clean(-math.degrees(pitch)),
+        yaw_deg=_clean(-math.degrees(yaw)),
+        parent=None if parent.lower() in ON_CHASSIS else parent,
+        unread=tuple(written for key, (written, _) in struct.items() if key not in known),
+    )
+
+
+def number(entry: Entry, name: str, value: Value) -> float:
+    """A finite number.
+
+    Raises:
+        RobotFileError: naming file, line, what was found.
+    """
+    try:
+        found = float(_bare(value)) if isinstance(value, str) else math.nan
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        shown = quote(value) if isinstance(value, str) else "(...)"
+        raise entry.fault(f"{name} = {shown}: want a finite number")
+    return found
+
+
+def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
+    """A length in metres.
+
+    Raises:
+        RobotFileError: naming file, line, what was found.
+    """
+    return number(entry, name, value) * units.meters
+
+
+def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
+    """An angle in radians.
+
+    Raises:
+        RobotFileError: not a number, or one that is in the other unit.
+    """
+    found = number(entry, name, value)
+    if units.are_unreal and found != round(found):
+        raise entry.fault(
+            f"{name} = {found:g}: want whole numbers, 65536 to a turn; "
+            "radians are read without --unreal-units"
+        )
+    if not units.are_unreal and abs(found) > 2.0 * math.pi + 0.01:
+        raise entry.fault(
+            f"{name} = {found:g}: want radians, at most a turn; "
+            "65536 to a turn are read with --unreal-units"
+        )
+    return found * units.radians
+
+
+def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
+    place = []
+    for label, value in _axes(entry, struct, "Position"):
+        meters = length_m(entry, label, value, units)
+        if abs(meters) > FARTHEST_M:
+            hint = "" if units.are_unreal else "; 250 to a metre are read with --unreal-units"
+            raise entry.fault(f"{label} = {meters:g} m: want at most {FARTHEST_M:g} m{hint}")
+        place.append(meters)
+    return place
+
+
+def _direction_rad(entry: Entry, struct: Struct, units: Units) -> list[float]:
+    axes = _axes(entry, struct, "Direction")
+    return [angle_rad(entry, label, value, units) for label, value in axes]
+
+
+def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
+    """What X, Y and Z are called, and their values; what is not given is 0, as in the engine."""
+    written, inner = struct.get(name.lower(), (name, {}))
+    if isinstance(inner, str):
+        raise entry.fault(f"{written}={quote(inner)}: want {name}=(X=,Y=,Z=)")
+    named = {"roll": "x", "pitch": "y", "yaw": "z"} if name == "Direction" else {}
+    found: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
+    for key, (label, value) in inner.items():
+        axis = named.get(key, key)
+        if axis not in found:
+            raise entry.fault(f"{written}: {label}: want X, Y and Z")
+        found[axis] = (f"{written} {label}", value)
+    return list(found.values())
+
+
+def _word(entry: Entry, struct: Struct, name: str) -> str:
+    value = struct.get(name.lower(), (name, ""))[1]
+    word = _bare(value) if isinstance(value, str) else ""
+    if not word:
+        raise entry.fault(f"{entry.key}: no {name}: want {name}=...")
+    return word
+
+
+def _bare(value: str) -> str:
+    """A value without its quotes: "a", class'a', a."""
+    found = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
+    word = (found[1] or found[2] or "") if found else value
+    return "".join(letter if letter.isprintable() else " " for letter in word).strip()
+
+
+def _clean(value: float) -> float:
+    """Without what converting has added in the last digits, and without −0."""
+    return round(value, 9) + 0.0

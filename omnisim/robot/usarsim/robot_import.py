@@ -1,0 +1,173 @@
+"""From a robot's section in USARBot.ini to a robot file.
+
+Laser scanners become `usarsim_range_scanner`, the parts of an omnidirectional camera together one
+`omnicamera`. Everything else is named in the notices.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.errors import RobotFileError
+from omnisim.robot.usarsim.camera_parts import find_cameras
+from omnisim.robot.usarsim.ini import Entry, Section, parse_struct, read_ini
+from omnisim.robot.usarsim.notices import Notices
+from omnisim.robot.usarsim.parts import SI_UNITS, UNREAL_UNITS, Part, Units, read_part
+from omnisim.robot.usarsim.robot_text import Sensor, robot_text
+from omnisim.robot.usarsim.scanner_parts import find_scanner
+
+SENSOR_KEYS = ("sensors", "cameras")
+_NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class ImportedRobot:
+    """A robot file's text, and what it leaves out.
+
+    Attributes:
+        section: where it comes from.
+        text: TOML.
+        notices: one line each, with file and line number.
+    """
+
+    section: str
+    text: str
+    notices: tuple[str, ...]
+
+
+def import_robot(
+    path: Path,
+    robot_class: str | None = None,
+    unreal_units: bool = False,
+    origin_height_m: float | None = None,
+) -> ImportedRobot:
+    """Turn a robot of USARBot.ini into a robot file.
+
+    Args:
+        path: the configuration.
+        robot_class: such as P2AT; may be left out where the file has one robot.
+        unreal_units: lengths are 250 to a metre with z up, and angles 65536 to a turn.
+        origin_height_m: of USARSim's origin of the robot above the ground.
+
+    Raises:
+        RobotFileError: naming file, line, what was found and what was wanted.
+    """
+    if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
+        raise RobotFileError(f"origin height {origin_height_m:g} m: want a number up to 10")
+    sections = read_ini(path)
+    section = _robot_section(path, sections, robot_class)
+    units = UNREAL_UNITS if unreal_units else SI_UNITS
+    left_out = Notices()
+    parts = _parts(section, units, left_out)
+    sensors = _sensors(parts, sections, units, left_out)
+    _check_names(sensors)
+    if not sensors:
+        left_out.add(section.line, f"[{section.name}] has no camera or scanner that omnisim knows")
+    if origin_height_m is None:
+        left_out.add(
+            section.line,
+            "heights count from USARSim's origin of the robot, taken as on the ground: "
+            "--origin-height says how high it is",
+        )
+    notices = left_out.in_order()
+    comments = [f"line {line}: {words}" for line, words in notices]
+    text = robot_text(section.name, path.name, sensors, origin_height_m or 0.0, comments)
+    return ImportedRobot(
+        section.name, text, tuple(f"{path}:{line}: {words}" for line, words in notices)
+    )
+
+
+def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None) -> Section:
+    robots = {
+        key: section
+        for key, section in sections.items()
+        if any(section.values_of(name) for name in SENSOR_KEYS)
+    }
+    short = {section.name.rpartition(".")[2]: section for section in robots.values()}
+    if wanted is not None:
+        for key in (wanted.lower(), f"usarbot.{wanted.lower()}"):
+            if key in robots:
+                return robots[key]
+            if key in sections:
+                found = sections[key]
+                raise RobotFileError(f"{path}:{found.line}: [{found.name}] has no Sensors= line")
+        near = difflib.get_close_matches(wanted, short, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(short) or 'none'}"
+        raise RobotFileError(f"{path}:1: no robot of class {wanted!r}; {hint}")
+    if not robots:
+        first = next(iter(sections.values()))
+        raise RobotFileError(f"{path}:{first.line}: no section of it has a Sensors= line")
+    if len(robots) > 1:
+        line = list(robots.values())[1].line
+        raise RobotFileError(
+            f"{path}:{line}: a second robot: want --class with one of {', '.join(short)}"
+        )
+    return next(iter(robots.values()))
+
+
+def _parts(section: Section, units: Units, left_out: Notices) -> list[Part]:
+    """Everything with a class and a place; what is no such thing is noted."""
+    parts, plain = [], []
+    for entry in section.entries:
+        if entry.key.lower() in SENSOR_KEYS:
+            parts.append(read_part(entry, units))
+        elif not entry.value.startswith("("):
+            plain.append(entry)
+        else:
+            part = _other_part(entry, units)
+            if part is not None:
+                parts.append(part)
+                continue
+            named = _NAME.search(entry.value)
+            name = f" {named[1]!r}" if named else ""
+            left_out.add(entry.line, f"{entry.key}{name}: left out")
+    if plain:
+        keys = ", ".join(dict.fromkeys(entry.key for entry in plain))
+        left_out.add(plain[0].line, f"[{section.name}] {keys}: left out")
+    return parts
+
+
+def _other_part(entry: Entry, units: Units) -> Part | None:
+    """A part that is not listed as a sensor, or None: it has no class, or no place that is one."""
+    if "itemclass" not in parse_struct(entry) or entry.key.startswith(("-", "!")):
+        return None
+    try:
+        return read_part(entry, units)
+    except RobotFileError:  # it is none of ours: what its lamps and grippers mean does not matter
+        return None
+
+
+def _sensors(
+    parts: list[Part], sections: dict[str, Section], units: Units, left_out: Notices
+) -> list[Sensor]:
+    cameras = find_cameras(parts)
+    taken = {id(part) for _, members in cameras for part in members}
+    sensors = [(members[0].entry.line, camera) for camera, members in cameras]
+    for part in parts:
+        if id(part) not in taken:
+            own = sections.get(part.class_name.lower())
+            scanner = find_scanner(part, own, units, left_out)
+            if scanner is None:
+                continue
+            sensors.append((part.entry.line, scanner))
+        if part.unread:
+            left_out.add(part.entry.line, f"{part}: {', '.join(part.unread)}: left out")
+        if part.parent:
+            left_out.add(
+                part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis"
+            )
+    return [sensor for _, sensor in sorted(sensors, key=lambda item: item[0])]
+
+
+def _check_names(sensors: list[Sensor]) -> None:
+    lines: dict[str, int] = {}
+    for sensor in sensors:
+        if sensor.name in lines:
+            raise sensor.entry.fault(
+                f"ItemName {sensor.name!r} again, as in line {lines[sensor.name]}: "
+                "want each name once"
+            )
+        lines[sensor.name] = sensor.entry.line

@@ -1,0 +1,255 @@
+"""A vehicle: a robot with its body and its sensors, ready to be driven through a scene."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OpticsError, RobotFileError, SceneError
+from omnisim.robot.kinematics import Kinematics
+from omnisim.robot.odometry import OdometryErrors
+from omnisim.robot.robot_file import Footprint, Robot, load_robot
+from omnisim.robot.sensor_mounts import (
+    Lms200Mount,
+    OmniCameraMount,
+    RangeScannerMount,
+    SensorMount,
+)
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.enclosure import enclosing_nodes
+from omnisim.sensors import LaserScanner, OmniCamera
+
+
+@dataclass(frozen=True, eq=False)
+class MountedCamera:
+    """A camera on its vehicle.
+
+    Attributes:
+        name: no two sensors of a vehicle have the same.
+        sensor: whose `base_from_rig` is the robot file's mount and the sensor file's, composed.
+        hides: nodes of the body that it does not see.
+    """
+
+    name: str
+    sensor: OmniCamera
+    hides: tuple[str, ...] = ()
+
+    @property
+    def origin_m(self) -> NDArray[np.float64]:
+        """Effective viewpoint (3,), base."""
+        return self.sensor.base_from_rig[:3, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class MountedScanner:
+    """A laser scanner on its vehicle.
+
+    Attributes:
+        name: no two sensors of a vehicle have the same.
+        scanner: what it measures.
+        base_from_scanner: (4, 4).
+        hides: nodes of the body that it does not see.
+    """
+
+    name: str
+    scanner: LaserScanner
+    base_from_scanner: NDArray[np.float64]
+    hides: tuple[str, ...] = ()
+
+    @property
+    def origin_m(self) -> NDArray[np.float64]:
+        """Where its beams start (3,), base."""
+        return self.base_from_scanner[:3, 3]
+
+
+Mounted = TypeVar("Mounted", MountedCamera, MountedScanner)
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """A robot with its body and its sensors.
+
+    Attributes:
+        name: short, as in file names.
+        title: what people call it.
+        body: in the base frame, or None: nothing to be seen.
+        kinematics: its limits, or None: nobody plans its ways.
+        odometry: the errors of its wheels.
+        footprint: what it takes up, or None: not said.
+        cameras, scanners: its sensors, in the order of the robot file.
+    """
+
+    name: str
+    title: str
+    body: Scene | None
+    kinematics: Kinematics | None
+    odometry: OdometryErrors
+    footprint: Footprint | None
+    cameras: tuple[MountedCamera, ...]
+    scanners: tuple[MountedScanner, ...]
+
+    @classmethod
+    def load(cls, source: str | Path) -> Vehicle:
+        """Load the vehicle of a robot file, of a folder with one, or of a built-in name.
+
+        Raises:
+            RobotFileError: naming file, sensor or key, and what was wanted.
+            SensorFileError: naming the sensor file, key, value and what was wanted.
+        """
+        return cls.from_robot(load_robot(source))
+
+    @classmethod
+    def from_robot(cls, robot: Robot) -> Vehicle:
+        """Build what a robot file describes.
+
+        Raises:
+            RobotFileError: a file that is missing or no body, a sensor that cannot be, that stands
+                inside the body, or that hides what the body does not have.
+            SensorFileError: naming the sensor file, key, value and what was wanted.
+        """
+        body = _load_body(robot)
+        cameras, scanners = [], []
+        for mount in robot.mounts:
+            where = f"{robot.source}: sensor {mount.name!r}"
+            _check_hidden(mount, body, where)
+            if isinstance(mount, OmniCameraMount):
+                camera = _mounted_camera(mount, robot.folder, where)
+                _check_outside(body, camera, where)
+                cameras.append(camera)
+            else:
+                scanner = _mounted_scanner(mount, where)
+                _check_outside(body, scanner, where)
+                scanners.append(scanner)
+        return cls(
+            name=robot.name,
+            title=robot.title,
+            body=body,
+            kinematics=robot.kinematics,
+            odometry=robot.odometry,
+            footprint=robot.footprint,
+            cameras=tuple(cameras),
+            scanners=tuple(scanners),
+        )
+
+    def camera(self, name: str | None = None) -> MountedCamera:
+        """The camera of a name; without one, the first.
+
+        Raises:
+            RobotFileError: there is none.
+        """
+        return _named(self.cameras, name, f"robot {self.name!r}: camera")
+
+    def scanner(self, name: str | None = None) -> MountedScanner:
+        """The laser scanner of a name; without one, the first.
+
+        Raises:
+            RobotFileError: there is none.
+        """
+        return _named(self.scanners, name, f"robot {self.name!r}: scanner")
+
+    def body_seen_by(self, mounted: MountedCamera | MountedScanner) -> Scene | None:
+        """The body without what a sensor hides, or None: nothing is left."""
+        if self.body is None:
+            return None
+        shown = tuple(i for i in self.body.instances if i.name not in mounted.hides)
+        return dataclasses.replace(self.body, instances=shown) if shown else None
+
+
+def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted:
+    if name is None and sensors:
+        return sensors[0]
+    names = [sensor.name for sensor in sensors]
+    if name in names:
+        return sensors[names.index(name)]
+    near = difflib.get_close_matches(name or "", names, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(names) or 'none'}"
+    raise RobotFileError(f"{what}{'' if name is None else f' {name!r}'}: not there; {hint}")
+
+
+def _load_body(robot: Robot) -> Scene | None:
+    if robot.body is None:
+        return None
+    path = _beside(robot.folder, robot.body, f"{robot.source}: body")
+    try:
+        return load_scene(path)
+    except SceneError as reason:
+        words = str(reason).removeprefix(f"{path}: ")
+        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
+
+
+def _beside(folder: Path, name: str, key: str) -> Path:
+    path = folder / name
+    try:
+        is_there = path.is_file()
+    except OSError as reason:  # a name too long, a folder without permission
+        raise RobotFileError(f"{key} = {name!r}: cannot be read: {reason.strerror}") from None
+    if not is_there:
+        raise RobotFileError(f"{key} = {name!r}: no such file beside it")
+    return path
+
+
+def _mounted_camera(mount: OmniCameraMount, folder: Path, where: str) -> MountedCamera:
+    sensor = OmniCamera()
+    if mount.file is not None:
+        sensor = OmniCamera.from_file(_beside(folder, mount.file, f"{where}: file"))
+    base_from_rig = mount.base_from_mount @ sensor.base_from_rig
+    return MountedCamera(
+        mount.name, dataclasses.replace(sensor, base_from_rig=base_from_rig), mount.hides
+    )
+
+
+def _mounted_scanner(mount: SensorMount, where: str) -> MountedScanner:
+    try:
+        scanner = _scanner(mount)
+    except OpticsError as reason:
+        raise RobotFileError(f"{where}: {str(reason).removeprefix('scanner: ')}") from None
+    return MountedScanner(mount.name, scanner, mount.base_from_mount, mount.hides)
+
+
+def _scanner(mount: SensorMount) -> LaserScanner:
+    if isinstance(mount, Lms200Mount):
+        scanner = LaserScanner.lms200(mount.resolution_deg, mount.mode, mount.seed)
+        return scanner if mount.noise else scanner.without_noise()
+    if isinstance(mount, RangeScannerMount):
+        return LaserScanner.usarsim(
+            min(mount.scan_fov_rad, 2.0 * math.pi),  # a turn, whose last digit is rounded up
+            mount.resolution_rad,
+            mount.max_range_m,
+            mount.min_range_m,
+            mount.noise_share,
+            mount.seed,
+        )
+    raise TypeError(f"no scanner is made of a {type(mount).__name__}")
+
+
+def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
+    nodes = [] if body is None else list(dict.fromkeys(i.name for i in body.instances))
+    for name in mount.hides:
+        if name not in nodes:
+            near = difflib.get_close_matches(name, nodes, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(nodes) or 'none'}"
+            raise RobotFileError(f"{where}: hides {name!r}: no such node in the body; {hint}")
+
+
+def _check_outside(body: Scene | None, mounted: MountedCamera | MountedScanner, where: str) -> None:
+    """Refuse a sensor in a part that it would see from within."""
+    if body is None:
+        return
+    if isinstance(mounted, MountedCamera):
+        near_m, what = mounted.sensor.near_m, "effective viewpoint"
+    else:
+        near_m, what = 0.0, "origin"
+    around = enclosing_nodes(body, mounted.origin_m, near_m, mounted.hides)
+    if around:
+        x, y, z = mounted.origin_m.tolist()
+        raise RobotFileError(
+            f"{where}: its {what} ({x:g}, {y:g}, {z:g}) m is inside of the body's "
+            f"{', '.join(around)}: move it, or name in hides what it does not see"
+        )

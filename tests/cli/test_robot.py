@@ -1,0 +1,145 @@
+"""`omnisim robot` as a person uses it."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from omnisim.robot import load_robot
+
+SAMPLE = Path(__file__).resolve().parents[1] / "robot" / "usarsim" / "sample.ini"
+SCANNER = "(ItemClass=class'USARBot.SICKLMS',ItemName=\"a\",Position=(X=0.1,Y=0,Z=-0.2))"
+
+
+@pytest.fixture
+def sample(tmp_path):
+    shutil.copy(SAMPLE, tmp_path / "USARBot.ini")
+
+
+def test_list(omnisim):
+    status, out, error = omnisim("robot", "list")
+    assert (status, error) == (0, "")
+    assert out == (
+        "p2at        Pioneer 2 AT: skid steering, 1.2 m/s, 300 °/s; omnicam, lms200\n"
+        "superscout  Nomad Super Scout II: differential drive, 1 m/s, 90 °/s; omnicam\n"
+    )
+
+
+def test_check_says_what_there_is(omnisim):
+    status, out, error = omnisim("robot", "check", "p2at")
+    assert (status, error) == (0, "")
+    assert out.splitlines() == [
+        "p2at: good",
+        "  robot    p2at, Pioneer 2 AT",
+        "  body     p2at.glb, 9956 triangles, 18 nodes",
+        "  drive    skid steering, 1.2 m/s, 300 °/s",
+        "  wheels   report with errors",
+        "  size     0.626 × 0.505 × 0.67 m",
+        "  camera   omnicam, 360 × 360 px, effective viewpoint (-0.08, 0, 0.65) m",
+        "  scanner  lms200, 361 beams at 0.5° to 8.19 m, origin (0.16, 0, 0.361) m, "
+        "does not see lms200",
+    ]
+
+
+def test_check_of_little(omnisim, tmp_path):
+    (tmp_path / "a.toml").write_text('name = "cart"\n')
+    assert omnisim("robot", "check", "a.toml") == (
+        0,
+        "a.toml: good\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
+        "  wheels   report the truth\n",
+        "",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "a.toml: no such robot file, and no built-in robot"),
+        ("name = 1", "a.toml: name = 1: want a valid string"),
+        ('name = "a"\nbody = "b.glb"', "a.toml: body = 'b.glb': no such file beside it"),
+    ],
+)
+def test_check_of_bad_files_is_one_line(omnisim, tmp_path, text, words):
+    if text is not None:
+        (tmp_path / "a.toml").write_text(text)
+    status, out, error = omnisim("robot", "check", "a.toml")
+    assert (status, out) == (1, "")
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.usefixtures("sample")
+def test_import_writes_a_robot_and_names_the_rest(omnisim, tmp_path):
+    status, out, error = omnisim(
+        "robot", "import", "USARBot.ini", "--class", "OmniP2AT", "-o", "robot.toml",
+        "--origin-height", 0.12,
+    )  # fmt: skip
+    assert status == 0
+    assert out == (
+        "robot.toml: omnip2at of [USARBot.OmniP2AT], Omni (omnicamera), "
+        "Scanner1 (usarsim_range_scanner)\n"
+    )
+    lines = error.splitlines()
+    assert len(lines) == 10
+    assert all(line.startswith("note: USARBot.ini:") for line in lines)
+    assert "note: USARBot.ini:24: Sensors 'F1' (USARBot.SonarSensor): left out" in lines
+    assert [mount.name for mount in load_robot(tmp_path).mounts] == ["Omni", "Scanner1"]
+    status, out, error = omnisim("robot", "check", ".")
+    assert (status, error) == (0, "")
+    assert "181 beams at 0.9998° to 20 m, origin (0.16, 0, 0.361) m" in out
+
+
+def test_import_in_the_units_of_the_engine(omnisim, tmp_path):
+    line = SCANNER.replace("0.1", "40").replace("-0.2", "50")
+    (tmp_path / "a.ini").write_text(f"[USARBot.P2AT]\nSensors={line}\n")
+    status, out, error = omnisim("robot", "import", "a.ini", "-o", "a.toml")
+    assert (status, out) == (1, "")
+    assert "a.ini:2: Position X = 40 m: want at most 10 m; 250 to a metre are read with" in error
+    assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
+    assert load_robot(tmp_path / "a.toml").mounts[0].position_m == (0.16, 0.0, 0.2)
+
+
+@pytest.mark.usefixtures("sample")
+@pytest.mark.parametrize(
+    ("text", "arguments", "words"),
+    [
+        (b"", ["-o", "r.toml"], "a.ini:1: nothing in it"),
+        (b"\x89PNG\r\n\x1a\n\x00", ["-o", "r.toml"], "a.ini:2: not a text file"),
+        (b"{}", ["-o", "r.toml"], "a.ini:1: '{}': want [section]"),
+        (b"[a]\nb=1\n", ["-o", "r.toml"], "a.ini:1: no section of it has a Sensors= line"),
+        (b"[a]\nSensors=(a=1\n", ["-o", "r.toml"], "a.ini:2: Sensors: a parenthesis is not cl"),
+        (b"[a]\nSensors=()\n", ["-o", "r.toml"], "a.ini:2: Sensors: no ItemClass"),
+        (b"[a]\nSensors=()\n", ["-o", "r.toml", "--class", "b"], "a.ini:1: no robot of class 'b'"),
+        (None, ["-o", "r.toml"], "a.ini: cannot be read: No such file"),
+        (b"[a]\n", ["-o", "r.ini"], "r.ini: unknown format for a robot file: want .toml"),
+        (b"[a]\n", ["-o", "none/r.toml"], "the folder none does not exist: create it first"),
+    ],
+)
+def test_bad_import_is_one_line_and_no_file(omnisim, tmp_path, text, arguments, words):
+    if text is not None:
+        (tmp_path / "a.ini").write_bytes(text)
+    before = sorted(tmp_path.iterdir())
+    status, out, error = omnisim("robot", "import", "a.ini", *arguments)
+    assert (status, out) == (1, "")
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_import_leaves_what_was_there(omnisim, tmp_path):
+    (tmp_path / "r.toml").write_text("mine")
+    (tmp_path / "a.ini").write_text("[a]\n")
+    assert omnisim("robot", "import", "a.ini", "-o", "r.toml")[0] == 1
+    assert omnisim("robot", "import", "none.ini", "-o", "r.toml")[0] == 1
+    assert (tmp_path / "r.toml").read_text() == "mine"
+    (tmp_path / "r.toml").write_text(f"[USARBot.P2AT]\nSensors={SCANNER}\n")
+    _, _, error = omnisim("robot", "import", "r.toml", "-o", "r.toml")
+    assert "r.toml: is the configuration itself: want another name" in error
+    assert "SICKLMS" in (tmp_path / "r.toml").read_text()
+
+
+def test_wrong_usage_is_status_2(omnisim):
+    assert omnisim("robot", "import", "a.ini")[0] == 2
+    assert omnisim("robot", "fly")[0] == 2

@@ -1,0 +1,182 @@
+"""The vehicle: a robot file's sensors as objects, and what cannot be mounted."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from omnisim.errors import RobotFileError, SensorFileError
+from omnisim.frames import pose
+from omnisim.resources import SCENES
+from omnisim.robot import builtin_robots, parse_robot
+from omnisim.sensors import LaserScanner
+from omnisim.simulation import Vehicle
+
+CAMERA = {"name": "omni", "type": "omnicamera", "position_m": (0.0, 0.0, 1.0)}
+SCANNER = {"name": "scan", "type": "lms200", "position_m": (0.0, 0.0, 1.0)}
+CUBE = """o cube
+v -1 -1 -1\nv 1 -1 -1\nv -1 1 -1\nv 1 1 -1\nv -1 -1 1\nv 1 -1 1\nv -1 1 1\nv 1 1 1
+f 1 3 4 2\nf 5 6 8 7\nf 2 4 8 6\nf 1 5 7 3\nf 3 7 8 4\nf 1 2 6 5
+"""
+
+
+def toml(table):
+    """A table of words, numbers and lists of them as TOML."""
+    tables = ((key, list(v) if isinstance(v, tuple) else v) for key, v in table.items())
+    return "".join(f"{key} = {value!r}\n" for key, value in tables)
+
+
+def vehicle_of(*sensors):
+    """A vehicle without a body."""
+    return Vehicle.from_robot(parse_robot({"name": "a", "sensors": sensors}, "robot"))
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Writes a robot file of sensors, with a cube of 2 m about its base as body, and loads it."""
+    (tmp_path / "body.obj").write_text(CUBE)
+
+    def write_and_load(*sensors, body="body.obj"):
+        text = f'name = "cart"\nbody = "{body}"\n' if body else 'name = "cart"\n'
+        text += "".join("[[sensors]]\n" + toml(sensor) for sensor in sensors)
+        (tmp_path / "robot.toml").write_text(text)
+        return Vehicle.load(tmp_path)
+
+    return write_and_load
+
+
+def test_built_in_robots_are_whole():
+    for name in builtin_robots():
+        vehicle = Vehicle.load(name)
+        assert vehicle.name == name
+        assert vehicle.body.triangle_count > 3000
+        assert vehicle.camera().name == "omnicam"
+        height_m = vehicle.body.bounds_m()[1, 2]
+        assert height_m == pytest.approx(vehicle.footprint.height_m, abs=1e-3)
+
+
+def test_the_pioneer():
+    pioneer = Vehicle.load("p2at")
+    assert pioneer.camera("omnicam").origin_m.tolist() == [-0.08, 0.0, 0.65]
+    assert pioneer.camera().sensor.samples == 4  # of its sensor file
+    laser = pioneer.scanner("lms200")
+    assert laser.scanner == LaserScanner.lms200()
+    np.testing.assert_array_equal(laser.base_from_scanner, pose((0.160, 0.0, 0.361)))
+    seen = {instance.name for instance in pioneer.body_seen_by(laser).instances}
+    whole = {instance.name for instance in pioneer.body.instances}
+    assert whole - seen == {"lms200"}
+    assert pioneer.body_seen_by(pioneer.camera()).instances == pioneer.body.instances
+
+
+def test_mounts_are_composed(load, tmp_path):
+    """A sensor file's own mounting, seen from a mount that is turned to the left."""
+    (tmp_path / "s.toml").write_text(
+        "[mirror.mounting]\nposition_m = [0.5, 0, 0.25]\nroll_deg = 10\n"
+    )
+    mount = {**CAMERA, "position_m": (1.0, 2.0, 3.0), "yaw_deg": 90.0, "file": "s.toml"}
+    camera = load(mount).camera()
+    np.testing.assert_allclose(camera.origin_m, (1.0, 2.5, 3.25), atol=1e-15)
+    expected = pose((1, 2, 3), yaw_deg=90) @ pose((0.5, 0, 0.25), roll_deg=10)
+    np.testing.assert_allclose(camera.sensor.base_from_rig, expected, atol=1e-15)
+
+
+def test_scanners_are_as_asked_for():
+    robot = {
+        "lms": {**SCANNER, "resolution_deg": 0.25, "mode": "cm", "noise": False, "seed": 3},
+        "usarsim": {"name": "b", "type": "usarsim_range_scanner", "position_m": (0, 0, 0)},
+    }
+    vehicle = vehicle_of(*robot.values())
+    lms, usarsim = vehicle.scanners
+    assert lms.scanner == LaserScanner.lms200(0.25, "cm", 3).without_noise()
+    assert usarsim.scanner == LaserScanner.usarsim()
+    assert vehicle.body is None
+    assert vehicle.body_seen_by(lms) is None
+    around = vehicle_of({**robot["usarsim"], "scan_fov_rad": 6.2832}).scanner().scanner
+    assert around.field_of_view_deg == 360.0
+
+
+def test_sensors_by_name():
+    vehicle = vehicle_of(CAMERA, SCANNER)
+    assert vehicle.camera("omni") is vehicle.camera()
+    with pytest.raises(RobotFileError, match=r"^robot 'a': camera 'omi': not there; did you mean"):
+        vehicle.camera("omi")
+    with pytest.raises(RobotFileError, match=r"^robot 'a': scanner: not there; it has none$"):
+        vehicle_of().scanner()
+
+
+def test_a_body_that_is_hidden_whole_is_not_seen(load):
+    vehicle = load({**SCANNER, "position_m": (0.0, 0.0, 0.0), "hides": ("cube",)})
+    assert vehicle.body_seen_by(vehicle.scanner()) is None
+
+
+OUTSIDE, INSIDE = {"position_m": (0.0, 0.0, 1.01)}, {"position_m": (0.0, 0.0, 0.9)}
+
+
+@pytest.mark.parametrize(
+    ("sensors", "words"),
+    [
+        ([{**CAMERA, **OUTSIDE}, {**SCANNER, **OUTSIDE}], None),
+        ([{**CAMERA, **INSIDE, "hides": ("cube",)}], None),
+        (
+            [{**CAMERA, **INSIDE}],
+            r"sensor 'omni': its effective viewpoint \(0, 0, 0.9\) m is inside of the body's cube: "
+            "move it, or name in hides what it does not see",
+        ),
+        (
+            [{**SCANNER, **INSIDE}],
+            r"sensor 'scan': its origin \(0, 0, 0.9\) m is inside of the bod",
+        ),
+        ([{**SCANNER, "hides": ("cub",)}], "hides 'cub': no such node in the body; did you mean"),
+        ([{**SCANNER, "hides": ("x",)}], "hides 'x': no such node in the body; it has cube"),
+        ([{**CAMERA, "file": "s.toml"}], "sensor 'omni': file = 's.toml': no such file beside it"),
+        ([SCANNER, {**CAMERA, "name": "scan"}], "sensor 'scan': a second sensor of this name"),
+        (
+            [{**SCANNER, "type": "usarsim_range_scanner", "resolution_rad": 1e-9}],
+            "sensor 'scan': resolution_deg = 5.72958e-08: want more than 0, and fewer",
+        ),
+        (
+            [{**SCANNER, "type": "usarsim_range_scanner", "min_range_m": 30}],
+            "sensor 'scan': range_min_m = 30, range_max_m = 20: want 0 <=",
+        ),
+    ],
+)
+def test_what_cannot_be_mounted(load, tmp_path, sensors, words):
+    if words is None:
+        load(*sensors)
+        return
+    with pytest.raises(RobotFileError, match=words) as caught:
+        load(*sensors)
+    assert str(caught.value).startswith(f"{tmp_path / 'robot.toml'}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("none.glb", "body = 'none.glb': no such file beside it"),
+        ("a" * 300, "cannot be read: File name too long"),
+        ("courtyard", "body = 'courtyard': no such file beside it"),
+        ("empty.glb", "body = 'empty.glb': is an empty file"),
+        ("words.glb", "body = 'words.glb': "),
+        ("words.xyz3", "body = 'words.xyz3': unknown scene format '.xyz3'"),
+    ],
+)
+def test_bad_bodies(load, tmp_path, body, words):
+    (tmp_path / "empty.glb").touch()
+    for name in ("words.glb", "words.xyz3"):
+        (tmp_path / name).write_text("no mesh at all")
+    with pytest.raises(RobotFileError, match=words) as caught:
+        load(body=body)
+    assert str(caught.value).startswith(f"{tmp_path / 'robot.toml'}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bad_sensor_file_is_named(load, tmp_path):
+    (tmp_path / "s.toml").write_text("[mirror]\nk = 1\n")
+    with pytest.raises(SensorFileError, match=r"s\.toml: mirror\.k = 1"):
+        load({**CAMERA, "file": "s.toml"})
+
+
+def test_a_robot_can_be_copied(tmp_path):
+    shutil.copytree(SCENES / "p2at", tmp_path / "mine")
+    assert Vehicle.load(tmp_path / "mine").name == "p2at"
