@@ -20,6 +20,7 @@ from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
 from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.surface_program import SurfacePrograms
 from omnisim.mirrors import tessellate
 from omnisim.scene import Scene
 from omnisim.sensors.omnicamera import OmniCamera
@@ -65,15 +66,17 @@ class Renderer:
         sensor, context = self.camera, self._context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
+        buffers = SceneBuffers(context, self.scene)
         self._cube = CubePass(
             context,
-            self.scene,
-            SceneBuffers(context, self.scene),
+            buffers,
+            SurfacePrograms(buffers, self.scene.lighting),
             plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP, sensor.face_size_px),
             sensor.near_m,
             sensor.far_m,
             sensor.samples,
             self._unlit,
+            self.scene.background,
         )
         capture: Capture
         if sensor.polygons is None:
