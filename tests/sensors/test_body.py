@@ -7,6 +7,7 @@ import pytest
 
 from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
 from omnisim.frames import pose
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
 from tests.scenes import room, scene_of
 from tests.vehicles import (
@@ -17,7 +18,9 @@ from tests.vehicles import (
     body,
     box,
     merged,
+    mounted_on_p2at,
     moved,
+    p2at_body,
     surroundings,
     without,
 )
@@ -147,3 +150,44 @@ def test_pictures_and_scans_name_the_body():
     assert scan.metadata["world_from_base"] == frame.metadata["world_from_base"] == base.tolist()
     with Renderer(scene_of([room()]), CAMERA) as renderer:
         assert "body" not in renderer.render(base).metadata
+
+
+def test_the_p2at_sees_itself_in_the_middle_and_nowhere_else():
+    """Its README: camera, deck, and the laser scanner out to 57 degrees from straight down."""
+    camera, _ = mounted_on_p2at(240)
+    camera = camera.with_polygons(None)
+    v, u = np.mgrid[:240, :240]
+    rays = camera.camera.ray_from_pixel(np.stack((u, v), axis=-1).astype(float))
+    theta_deg = np.full((240, 240), 180.0)
+    theta_deg[rays.valid] = np.degrees(np.arccos(-rays.directions[rays.valid][:, 2]))
+    scene = load_scene("courtyard")
+    with Stage(scene, p2at_body()) as stage, Renderer(scene, camera) as alone:
+        renderer = Renderer(stage, camera)
+        no_scanner = Renderer(stage, camera, hidden={"lms200"})
+        for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
+            ours = renderer.render(base).rgba
+            is_body = np.any(ours != alone.render(base).rgba, axis=-1)
+            assert np.all(is_body[theta_deg < 19.0])
+            assert 50.0 < theta_deg[is_body].max() < 60.0
+            # the laser scanner is ahead: at the top of the picture, in the middle
+            rows, columns = np.nonzero(np.any(ours != no_scanner.render(base).rgba, axis=-1))
+            assert rows.max() < 110
+            assert 100 < columns.min() < columns.max() < 140
+
+
+def test_the_p2ats_scanner_does_not_hit_the_robot():
+    _, base_from_scanner = mounted_on_p2at(64)
+    scene = load_scene("courtyard")
+    hidden = {"lms200"}
+    with (
+        Stage(scene, p2at_body()) as stage,
+        LaserRenderer(stage, SCANNER, hidden=hidden) as scanner,
+        LaserRenderer(stage, SCANNER) as blind,
+        LaserRenderer(scene, SCANNER) as alone,
+    ):
+        for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
+            at = base @ base_from_scanner
+            scan = scanner.scan(at, world_from_base=base)
+            np.testing.assert_array_equal(scan.ranges_m, alone.scan(at).ranges_m)
+            assert scan.hit.sum() > 100
+            assert blind.scan(at, world_from_base=base).ranges_m.max() < 0.2  # its own housing
