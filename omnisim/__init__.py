@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from omnisim.frame import Frame
     from omnisim.frames import pose
     from omnisim.scene import Scene, load_scene
-    from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan
+    from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
@@ -29,6 +29,7 @@ _HOMES = {
     "load_scene": "omnisim.scene",
     "OmniCamera": "omnisim.sensors",
     "Renderer": "omnisim.sensors",
+    "Stage": "omnisim.sensors",
 }
 __all__ = [
     "Frame",
@@ -39,6 +40,7 @@ __all__ = [
     "Renderer",
     "Scan",
     "Scene",
+    "Stage",
     "__version__",
     "load_scene",
     "pose",

@@ -74,6 +74,7 @@ def _open(device: int | None) -> moderngl.Context:
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
+    context.gc_mode = "context_gc"  # what nobody holds any more is freed by `context.gc()`
     return context
 
 

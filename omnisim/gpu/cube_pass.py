@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 
 import moderngl
 import numpy as np
@@ -12,14 +13,23 @@ from omnisim.cube import FACE_FROM_RIG
 from omnisim.errors import GraphicsError
 from omnisim.gpu.face_plan import Face, FacePlan
 from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
-from omnisim.gpu.scene_buffers import SceneBuffers, is_blended
-from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.surface_program import SurfaceProgram, variant_of
-from omnisim.scene.model import Scene
+from omnisim.gpu.scene_buffers import Placement, SceneBuffers, is_blended
+from omnisim.gpu.surface_program import SurfacePrograms, variant_of
+from omnisim.gpu.uniforms import columns_first
 
 
 class CubePass:
     """Draws the faces into one atlas texture.
+
+    Args:
+        context: where.
+        buffers: the scene and its movers; other passes may draw from them, too.
+        surfaces: their programs, lit by the scene's lamps.
+        plan: the faces.
+        near_m, far_m, samples: of the virtual cameras.
+        unlit: show plain base colours.
+        background: linear RGB where nothing is hit.
+        hidden: names of the movers' instances that are not drawn.
 
     Attributes:
         plan: the faces and their places.
@@ -27,21 +37,24 @@ class CubePass:
 
     Raises:
         GraphicsError: the atlas is larger than the GPU allows.
+        SceneError: a hidden name that no mover has.
     """
 
     def __init__(
         self,
         context: moderngl.Context,
-        scene: Scene,
         buffers: SceneBuffers,
+        surfaces: SurfacePrograms,
         plan: FacePlan,
         near_m: float,
         far_m: float,
         samples: int,
         unlit: bool,
+        background: tuple[float, float, float],
+        hidden: Collection[str] = (),
     ):
-        self._context, self._scene, self._buffers, self.plan = context, scene, buffers, plan
-        self._near_m, self._far_m, self._unlit = near_m, far_m, unlit
+        self._context, self._buffers, self.plan = context, buffers, plan
+        self._near_m, self._far_m, self._background = near_m, far_m, background
         size = (plan.width_px, plan.height_px)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > limit:
@@ -70,26 +83,34 @@ class CubePass:
                 f"samples do not fit on this GPU ({reason}): make the picture, "
                 "virtual_cameras.size_px or virtual_cameras.samples smaller"
             ) from None
-        self._programs = {
-            variant: SurfaceProgram(build_program(context, *variant.files), buffers, scene, variant)
-            for variant in {variant_of(draw.material, unlit) for draw in buffers.draws}
-        }
+        self._programs = [surfaces[variant_of(draw.material, unlit)] for draw in buffers.draws]
+        blended = [is_blended(draw.material) for draw in buffers.draws]
+        shown = buffers.shown(hidden)
+        self._opaque = np.flatnonzero(shown & ~np.array(blended))
+        self._blended = np.flatnonzero(shown & np.array(blended))
 
-    def render(self, world_from_rig: NDArray[np.float64]) -> moderngl.Texture:
-        """Draw all faces from a pose (4, 4) and return the atlas."""
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_movers: Sequence[NDArray[np.float64]] = (),
+    ) -> moderngl.Texture:
+        """Draw all faces from a pose (4, 4), movers at theirs, and return the atlas."""
         context, target = self._context, self._target
         viewpoint_m = world_from_rig[:3, 3]
-        here_from_mesh = self._buffers.world_from_mesh.copy()
-        here_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
-        for program in self._programs.values():
+        placement = self._buffers.place(viewpoint_m, world_from_movers)
+        for program in set(self._programs):
             program.set_viewpoint(viewpoint_m)
-        order = self._order(viewpoint_m)
+        order = self._order(placement)
+        matrices = (
+            columns_first(placement.here_from_mesh),
+            columns_first(placement.normal_from_mesh),
+        )
 
         target.use()
         target.scissor = None
         target.viewport = (0, 0, *target.size)
         target.depth_mask = True
-        target.clear(*self._scene.background, 1.0, depth=CLEARED_DEPTH)
+        target.clear(*self._background, 1.0, depth=CLEARED_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = DEPTH_FUNCTION
         # y of the clip space runs down the picture, so triangles turn the other way round
@@ -98,7 +119,7 @@ class CubePass:
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
         for face in self.plan.faces:
-            self._draw_face(face, world_from_rig, here_from_mesh, order)
+            self._draw_face(face, world_from_rig, placement, matrices, order)
         target.scissor = None
         target.depth_mask = True
         context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
@@ -117,29 +138,30 @@ class CubePass:
         framebuffer.read_into(pixels, region, components=3, dtype="f4")
         return pixels
 
-    def _order(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.intp]:
+    def _order(self, placement: Placement) -> NDArray[np.intp]:
         """Draws in the order to draw them: opaque ones as they stand, blended from far to near."""
-        draws = self._buffers.draws
-        opaque = sum(not is_blended(draw.material) for draw in draws)
-        distances = np.linalg.norm(self._buffers.centres_m[opaque:] - viewpoint_m, axis=1)
-        blended = opaque + np.argsort(-distances, kind="stable")
+        distances = np.linalg.norm(placement.centres_m[self._blended], axis=1)
+        blended = self._blended[np.argsort(-distances, kind="stable")]
         for index in blended:
-            self._buffers.sort_blended(draws[index], viewpoint_m)
-        return np.concatenate((np.arange(opaque), blended))
+            self._buffers.sort_blended(self._buffers.draws[index], placement.here_from_mesh[index])
+        return np.concatenate((self._opaque, blended))
 
     def _draw_face(
         self,
         face: Face,
         world_from_rig: NDArray[np.float64],
-        here_from_mesh: NDArray[np.float64],
+        placement: Placement,
+        matrices: tuple[NDArray[np.float32], NDArray[np.float32]],
         order: NDArray[np.intp],
     ) -> None:
         context, target = self._context, self._target
         face_from_here = np.eye(4)
         face_from_here[:3, :3] = FACE_FROM_RIG[face.index] @ world_from_rig[:3, :3].T
         clip_from_face = projection(face, self._near_m, self._far_m)
-        clip_from_mesh = (clip_from_face @ face_from_here) @ here_from_mesh
-        centres = (self._buffers.centres_m - world_from_rig[:3, 3]) @ face_from_here[:3, :3].T
+        clip_from_mesh = (clip_from_face @ face_from_here) @ placement.here_from_mesh
+        clip_matrices = columns_first(clip_from_mesh)
+        here_matrices, normal_matrices = matrices
+        centres = placement.centres_m @ face_from_here[:3, :3].T
         seen = reaches(face, centres, self._buffers.radii_m, self._near_m, self._far_m)
         tile = (face.left_px, face.top_px, face.tile_px, face.tile_px)
         target.viewport = target.scissor = tile
@@ -152,8 +174,9 @@ class CubePass:
             target.depth_mask = not is_blended(material)
             toggle = context.enable if is_blended(material) else context.disable
             toggle(moderngl.BLEND)
-            program = self._programs[variant_of(material, self._unlit)]
-            program.draw(draw, clip_from_mesh[index], here_from_mesh[index])
+            self._programs[index].draw(
+                draw, clip_matrices[index], here_matrices[index], normal_matrices[index]
+            )
 
 
 def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import moderngl
@@ -68,9 +69,14 @@ class Pipeline:
         encode["u_linear"] = 0
         self._encode = context.vertex_array(encode, [])
 
-    def render(self, world_from_rig: NDArray[np.float64], linear: bool = False) -> Picture:
-        """Render from a pose (4, 4); the linear picture is read back where asked for."""
-        atlas = self._cube.render(world_from_rig)
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        linear: bool = False,
+        world_from_movers: Sequence[NDArray[np.float64]] = (),
+    ) -> Picture:
+        """Render from a pose (4, 4), movers at theirs; linear colours where they are asked for."""
+        atlas = self._cube.render(world_from_rig, world_from_movers)
         captured = self._fine_target or self._linear_target
         captured.use()
         captured.clear()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 
 import moderngl
 import numpy as np
@@ -31,13 +32,15 @@ class RangePass:
 
     Args:
         context: where.
-        buffers: the scene; other passes may draw from it too.
+        buffers: the scene and its movers; other passes may draw from them, too.
         angles_rad: (n,) of the beams in the scanner's frame, counter-clockwise from its x axis,
             equally spaced, from −π at the lowest to π at the most.
         reach_m: surfaces farther away need not be found; may be infinite.
+        hidden: names of the movers' instances that beams go through.
 
     Raises:
         GraphicsError: a scene that is too large for the GPU's shaders to read.
+        SceneError: a hidden name that no mover has.
     """
 
     def __init__(
@@ -46,8 +49,10 @@ class RangePass:
         buffers: SceneBuffers,
         angles_rad: NDArray[np.float64],
         reach_m: float = math.inf,
+        hidden: Collection[str] = (),
     ):
         self._context, self._buffers, self._reach_m = context, buffers, reach_m
+        self._shown = buffers.shown(hidden)
         limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         largest = max(buffers.vertices.size, buffers.indices.size)
         if largest > limit:
@@ -67,29 +72,28 @@ class RangePass:
             program["u_angle_min"] = angles_rad[0]
             program["u_angle_increment"] = increment_rad
 
-    def cast(self, world_from_scanner: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4); +inf where a beam hits nothing."""
+    def cast(
+        self,
+        world_from_scanner: NDArray[np.float64],
+        world_from_movers: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in metres from a pose (4, 4), movers at theirs; +inf: nothing is hit."""
+        buffers = self._buffers
+        placement = buffers.place(world_from_scanner[:3, 3], world_from_movers)
+        scanner_from_here = np.eye(4)
+        scanner_from_here[:3, :3] = world_from_scanner[:3, :3].T
+        matrices = columns_first(scanner_from_here @ placement.here_from_mesh)
+        centres_m = placement.centres_m @ scanner_from_here[:3, :3].T
+        met = self._shown & self._may_meet(centres_m, buffers.radii_m)
         self._ranges.write(self._nothing_hit)
         self._beams.bind_to_storage_buffer(_BEAMS)
         self._ranges.bind_to_storage_buffer(_RANGES)
-        self._cast_into(self._buffers, world_from_scanner)
-        self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
-        return np.frombuffer(self._ranges.read(), dtype="<f4").astype(np.float64)
-
-    def _cast_into(self, buffers: SceneBuffers, world_from_scanner: NDArray[np.float64]) -> None:
-        """Shorten the ranges to what is in `buffers`, whose world may be a moving body's own."""
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.indices.bind_to_storage_buffer(_INDICES)
-        scanner_from_world = world_from_scanner[:3, :3].T
-        centres_m = (buffers.centres_m - world_from_scanner[:3, 3]) @ scanner_from_world.T
-        here_from_mesh = buffers.world_from_mesh[:, :3].copy()
-        here_from_mesh[:, :, 3] -= world_from_scanner[:3, 3]  # in float64: far off counts too
-        scanner_from_mesh = np.zeros_like(buffers.world_from_mesh)
-        scanner_from_mesh[:, :3] = scanner_from_world @ here_from_mesh
-        scanner_from_mesh[:, 3, 3] = 1.0
-        matrices = columns_first(scanner_from_mesh)
-        for index in np.flatnonzero(self._may_meet(centres_m, buffers.radii_m)):
+        for index in np.flatnonzero(met):
             self._cast_draw(buffers.draws[index], matrices[index])
+        self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
+        return np.frombuffer(self._ranges.read(), dtype="<f4").astype(np.float64)
 
     def _may_meet(
         self, centres_m: NDArray[np.float64], radii_m: NDArray[np.float64]

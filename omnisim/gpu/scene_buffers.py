@@ -1,16 +1,22 @@
-"""The scene on the GPU: one vertex buffer, one index buffer, textures, and a list of draws."""
+"""A scene and what moves in it on the GPU: one vertex buffer, one index buffer, textures, draws.
+
+A mover is a scene in a frame of its own, which has a pose in the world that may be another one in
+each frame. Its geometry stays where it is; only matrices change.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError
+from omnisim.errors import GraphicsError, SceneError
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
-from omnisim.scene.model import AlphaMode, Material, Mesh, Scene, Wrap
+from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
 
 _VERTEX = np.dtype(  # read word by word in shaders/scene/range.comp
     [
@@ -28,63 +34,126 @@ class Draw:
     """One instance of one mesh, ready to draw.
 
     Attributes:
+        name: of the instance.
+        mover: index of the mover that it belongs to; None: it stands in the world.
         mesh: its mesh.
         first, count: its indices in the index buffer.
         base: first vertex of its mesh in the vertex buffer.
         material: how it looks.
         texture: bound for it.
-        world_from_mesh: (4, 4) float64.
+        own_from_mesh: (4, 4) float64, into the world or the mover's frame.
         normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
         mirrored: its triangles turn the other way round in the world.
-        centre_m, radius_m: its bounding sphere in the world.
+        centre_m, radius_m: its bounding sphere in the world or the mover's frame.
     """
 
+    name: str
+    mover: int | None
     mesh: Mesh
     first: int
     count: int
     base: int
     material: Material
     texture: moderngl.Texture
-    world_from_mesh: NDArray[np.float64]
+    own_from_mesh: NDArray[np.float64]
     normal_from_mesh: NDArray[np.float64]
     mirrored: bool
     centre_m: NDArray[np.float64]
     radius_m: float
 
 
+class Placement(NamedTuple):
+    """Where the draws are in one frame, in the axes of the world.
+
+    Attributes:
+        here_from_mesh: (n, 4, 4); origin at the viewpoint.
+        normal_from_mesh: (n, 3, 3), see `Draw`.
+        centres_m: (n, 3) of the bounding spheres, from the viewpoint.
+    """
+
+    here_from_mesh: NDArray[np.float64]
+    normal_from_mesh: NDArray[np.float64]
+    centres_m: NDArray[np.float64]
+
+
 class SceneBuffers:
-    """Uploads a scene once; the passes draw from it.
+    """Uploads a scene and its movers once; the passes of all sensors draw from it.
+
+    Args:
+        context: where.
+        scene: what stands in the world.
+        movers: what moves in it; their lamps, backgrounds and starts count for nothing.
 
     Attributes:
         vertices, indices: the two buffers.
         draws: opaque and masked instances, then blended ones; within each by material.
-        centres_m: (n, 3) and radii_m: (n,) of the draws' bounding spheres.
-        world_from_mesh: (n, 4, 4) of the draws.
+        radii_m: (n,) of the draws' bounding spheres.
 
     Raises:
         GraphicsError: a texture past the limits of the GPU.
     """
 
-    def __init__(self, context: moderngl.Context, scene: Scene):
+    def __init__(self, context: moderngl.Context, scene: Scene, movers: Sequence[Scene] = ()):
         self._context = context
         self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
         self._white = self._upload_pixels(np.full((1, 1, 4), 255, dtype=np.uint8))
-        firsts, bases = self._upload_meshes(scene)
+        parts = (scene, *movers)
+        places = self._upload_meshes(parts)
         draws = [
-            self._draw(scene, index, firsts[index], bases[scene.instances[index].mesh])
-            for index in range(len(scene.instances))
+            self._draw(part, instance, None if number == 0 else number - 1, *places[number][index])
+            for number, part in enumerate(parts)
+            for index, instance in enumerate(part.instances)
         ]
-        rank = {id(material): rank for rank, material in enumerate(scene.materials)}
+        materials = [material for part in parts for material in part.materials]
+        rank = {id(material): rank for rank, material in enumerate(materials)}
         draws.sort(key=lambda draw: (is_blended(draw.material), rank[id(draw.material)]))
         self.draws = tuple(draws)
-        self.centres_m = np.array([draw.centre_m for draw in draws])
         self.radii_m = np.array([draw.radius_m for draw in draws])
-        self.world_from_mesh = np.array([draw.world_from_mesh for draw in draws])
+        self._own = (
+            np.array([draw.own_from_mesh for draw in draws]),
+            np.array([draw.normal_from_mesh for draw in draws]),
+            np.array([draw.centre_m for draw in draws]),
+        )
+        moving = [index for index, draw in enumerate(draws) if draw.mover is not None]
+        self._moving = np.array(moving, dtype=np.intp)
+        self._mover_of_moving = np.array([draws[index].mover for index in moving], dtype=np.intp)
 
     @property
     def context(self) -> moderngl.Context:
         """The OpenGL context that holds it."""
         return self._context
+
+    def place(
+        self,
+        viewpoint_m: NDArray[np.float64],
+        world_from_movers: Sequence[NDArray[np.float64]] = (),
+    ) -> Placement:
+        """Where the draws are, seen from (3,), world, when each mover is at its pose (4, 4)."""
+        world_from_mesh, normal_from_mesh, centres_m = (values.copy() for values in self._own)
+        if self._moving.size:
+            moving = self._moving
+            world_from_own = np.stack(world_from_movers)[self._mover_of_moving]
+            turn = world_from_own[:, :3, :3]
+            world_from_mesh[moving] = world_from_own @ world_from_mesh[moving]
+            # a rotation is its own matrix of cofactors
+            normal_from_mesh[moving] = turn @ normal_from_mesh[moving]
+            centres_m[moving] = (turn @ centres_m[moving, :, None])[..., 0]
+            centres_m[moving] += world_from_own[:, :3, 3]
+        world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
+        return Placement(world_from_mesh, normal_from_mesh, centres_m - viewpoint_m)
+
+    def shown(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
+        """Which draws (n,) are left without the movers' instances of these names.
+
+        Raises:
+            SceneError: a name that no mover has.
+        """
+        names = {draw.name for draw in self.draws if draw.mover is not None}
+        for name in sorted(hidden):
+            if name not in names:
+                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
+                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
+        return np.array([draw.mover is None or draw.name not in hidden for draw in self.draws])
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """The vertex array that feeds a program; attributes it does not use are skipped."""
@@ -100,66 +169,72 @@ class SceneBuffers:
         content = [(self.vertices, " ".join(layout), *names)]
         return self._context.vertex_array(program, content, self.indices, index_element_size=4)
 
-    def sort_blended(self, draw: Draw, viewpoint_m: NDArray[np.float64]) -> None:
-        """Put the triangles of a blended draw into the index buffer from far to near."""
+    def sort_blended(self, draw: Draw, here_from_mesh: NDArray[np.float64]) -> None:
+        """Put the triangles of a blended draw into the index buffer from far to near.
+
+        Args:
+            draw: which.
+            here_from_mesh: (4, 4), to where the origin is the viewpoint.
+        """
         mesh = draw.mesh
         centres = mesh.positions[mesh.triangles].mean(axis=1, dtype=np.float64)
-        world = centres @ draw.world_from_mesh[:3, :3].T + draw.world_from_mesh[:3, 3]
-        order = np.argsort(-np.sum((world - viewpoint_m) ** 2, axis=1), kind="stable")
+        here = centres @ here_from_mesh[:3, :3].T + here_from_mesh[:3, 3]
+        order = np.argsort(-np.sum(here**2, axis=1), kind="stable")
         self.indices.write(
             (mesh.triangles[order] + np.uint32(draw.base)).astype("<u4"), offset=4 * draw.first
         )
 
-    def _upload_meshes(self, scene: Scene) -> tuple[list[int], list[int]]:
-        """Fill the buffers; return the first index of each instance, first vertex of each mesh.
+    def _upload_meshes(self, parts: Sequence[Scene]) -> list[list[tuple[int, int]]]:
+        """Fill the buffers; return for each part, for each of its instances, the first index and
+        the first vertex of its mesh.
 
         Instances of a mesh share its indices, but blended ones, whose order is their own.
         """
-        vertices = np.zeros(sum(len(mesh.positions) for mesh in scene.meshes), dtype=_VERTEX)
-        bases, base = [], 0
-        for mesh in scene.meshes:
-            part = vertices[base : base + len(mesh.positions)]
-            part["in_position"] = mesh.positions
-            part["in_color"] = 1.0
-            if mesh.normals is not None:
-                part["in_normal"] = mesh.normals
-            if mesh.texture_coordinates is not None:
-                part["in_texture_coordinate"] = mesh.texture_coordinates
-            if mesh.colors is not None:
-                part["in_color"] = mesh.colors
-            bases.append(base)
-            base += len(mesh.positions)
-        parts, firsts, first = [], [], 0
-        shared: dict[int, int] = {}
-        for instance in scene.instances:
-            mesh = scene.meshes[instance.mesh]
-            own = is_blended(scene.materials[mesh.material])
-            if own or instance.mesh not in shared:
-                parts.append(mesh.triangles.ravel() + np.uint32(bases[instance.mesh]))
-                shared[instance.mesh] = first
-                first += mesh.triangles.size
-            firsts.append(shared[instance.mesh])
+        count = sum(len(mesh.positions) for part in parts for mesh in part.meshes)
+        vertices = np.zeros(count, dtype=_VERTEX)
+        indices: list[NDArray[np.uint32]] = []
+        places: list[list[tuple[int, int]]] = []
+        base = first = 0
+        for part in parts:
+            bases = []
+            for mesh in part.meshes:
+                _fill(vertices[base : base + len(mesh.positions)], mesh)
+                bases.append(base)
+                base += len(mesh.positions)
+            shared: dict[int, int] = {}
+            places.append([])
+            for instance in part.instances:
+                mesh = part.meshes[instance.mesh]
+                own = is_blended(part.materials[mesh.material])
+                if own or instance.mesh not in shared:
+                    indices.append(mesh.triangles.ravel() + np.uint32(bases[instance.mesh]))
+                    shared[instance.mesh] = first
+                    first += mesh.triangles.size
+                places[-1].append((shared[instance.mesh], bases[instance.mesh]))
         self.vertices = self._context.buffer(vertices)
-        self.indices = self._context.buffer(np.concatenate(parts).astype("<u4"))
-        return firsts, bases
+        self.indices = self._context.buffer(np.concatenate(indices).astype("<u4"))
+        return places
 
-    def _draw(self, scene: Scene, index: int, first: int, base: int) -> Draw:
-        instance = scene.instances[index]
-        mesh = scene.meshes[instance.mesh]
-        material = scene.materials[mesh.material]
+    def _draw(
+        self, part: Scene, instance: Instance, mover: int | None, first: int, base: int
+    ) -> Draw:
+        mesh = part.meshes[instance.mesh]
+        material = part.materials[mesh.material]
         linear = instance.world_from_mesh[:3, :3]
         mirrored = bool(np.linalg.det(linear) < 0.0)
         cofactors = np.array([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
         middle = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
         reach = np.linalg.norm(mesh.positions - middle, axis=1).max()
         return Draw(
+            name=instance.name,
+            mover=mover,
             mesh=mesh,
             first=first,
             base=base,
             count=mesh.triangles.size,
             material=material,
             texture=self._texture(material, mesh),
-            world_from_mesh=instance.world_from_mesh,
+            own_from_mesh=instance.world_from_mesh,
             normal_from_mesh=-cofactors if mirrored else cofactors,
             mirrored=mirrored,
             centre_m=linear @ middle + instance.world_from_mesh[:3, 3],
@@ -197,6 +272,17 @@ class SceneBuffers:
                 texture.write(level_pixels.tobytes(), level=level)
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
+
+
+def _fill(vertices: NDArray[np.void], mesh: Mesh) -> None:
+    vertices["in_position"] = mesh.positions
+    vertices["in_color"] = 1.0
+    if mesh.normals is not None:
+        vertices["in_normal"] = mesh.normals
+    if mesh.texture_coordinates is not None:
+        vertices["in_texture_coordinate"] = mesh.texture_coordinates
+    if mesh.colors is not None:
+        vertices["in_color"] = mesh.colors
 
 
 def is_blended(material: Material) -> bool:

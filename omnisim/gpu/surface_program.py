@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene_buffers import Draw, SceneBuffers
-from omnisim.gpu.uniforms import columns_first
-from omnisim.scene.model import MAX_LIGHTS, AlphaMode, LightKind, Material, Scene
+from omnisim.gpu.shader_files import build_program
+from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind, Material
 
 _KINDS = {LightKind.DIRECTIONAL: 0, LightKind.POINT: 1, LightKind.SPOT: 2}
 _NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
@@ -48,10 +48,10 @@ class SurfaceProgram:
         self,
         program: moderngl.Program,
         buffers: SceneBuffers,
-        scene: Scene,
+        lighting: Lighting,
         variant: SurfaceVariant,
     ):
-        self._program, self._variant, self._lighting = program, variant, scene.lighting
+        self._program, self._variant, self._lighting = program, variant, lighting
         self._vertex_array = buffers.vertex_array(program)
         self._clip_from_mesh = program["u_clip_from_mesh"]
         self._base_color = program["u_base_color"]
@@ -74,17 +74,18 @@ class SurfaceProgram:
     def draw(
         self,
         draw: Draw,
-        clip_from_mesh: NDArray[np.float64],
-        here_from_mesh: NDArray[np.float64],
+        clip_from_mesh: NDArray[np.float32],
+        here_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Draw one instance; matrices (4, 4)."""
-        self._clip_from_mesh.write(columns_first(clip_from_mesh))
+        """Draw one instance; matrices (4, 4) and (3, 3), columns first."""
+        self._clip_from_mesh.write(clip_from_mesh)
         self._base_color.value = draw.material.base_color
         if self._variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff.value = draw.material.alpha_cutoff
         if self._variant.lit:
-            self._here_from_mesh.write(columns_first(here_from_mesh))
-            self._normal_from_mesh.write(columns_first(draw.normal_from_mesh))
+            self._here_from_mesh.write(here_from_mesh)
+            self._normal_from_mesh.write(normal_from_mesh)
         draw.texture.use(0)
         self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
 
@@ -108,3 +109,23 @@ class SurfaceProgram:
             ("u_light_limits", limits),
         ):
             self._program[name].write(values)
+
+
+class SurfacePrograms:
+    """The variants of the surface shader that were asked for, each compiled once.
+
+    All cameras that look at the same buffers share them: what differs from one to the next is set
+    in every frame.
+    """
+
+    def __init__(self, buffers: SceneBuffers, lighting: Lighting):
+        self._buffers, self._lighting = buffers, lighting
+        self._programs: dict[SurfaceVariant, SurfaceProgram] = {}
+
+    def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
+        if variant not in self._programs:
+            program = build_program(self._buffers.context, *variant.files)
+            self._programs[variant] = SurfaceProgram(
+                program, self._buffers, self._lighting, variant
+            )
+        return self._programs[variant]

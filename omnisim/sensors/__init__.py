@@ -5,5 +5,6 @@ from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.renderer import Renderer
 from omnisim.sensors.scan import Scan
+from omnisim.sensors.stage import Stage
 
-__all__ = ["LaserRenderer", "LaserScanner", "OmniCamera", "Renderer", "Scan"]
+__all__ = ["LaserRenderer", "LaserScanner", "OmniCamera", "Renderer", "Scan", "Stage"]

@@ -2,103 +2,93 @@
 
 from __future__ import annotations
 
-from types import TracebackType
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim import __version__
-from omnisim.errors import GraphicsError
+from omnisim.errors import OmnisimError
 from omnisim.frames import check_pose
-from omnisim.gpu.context import open_context
 from omnisim.gpu.range_pass import RangePass
-from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
+from omnisim.sensors.stage import OnStage, Stage
 
 
-class LaserRenderer:
+class LaserRenderer(OnStage):
     """Takes a scanner's scans of a scene; loads and compiles everything once.
 
-    Use it as a context manager, or `close` it: it holds an OpenGL context.
+    Use it as a context manager, or `close` it: it holds memory of the GPU.
 
     Args:
-        scene: what there is to hit.
+        scene: what there is to hit, or a stage that has it and that other sensors share.
         scanner: by default an LMS200.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
-        buffers: of the scene, where a camera's renderer has them already. The scanner then shares
-            their context; whoever opened it closes it, after this renderer's last scan.
+        body: what moves with the vehicle, in its base frame; a stage brings its own.
+        hidden: names of the body's instances that beams go through: the scanner's own housing.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
+            stage has chosen already.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
+        SceneError: a hidden name that the body does not have.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | Stage,
         scanner: LaserScanner | None = None,
         *,
+        body: Scene | None = None,
+        hidden: Collection[str] = (),
         device: int | None = None,
-        buffers: SceneBuffers | None = None,
     ):
-        self.scene = scene
         self.scanner = LaserScanner() if scanner is None else scanner
         self._angles_rad = np.radians(self.scanner.angles_deg)
-        self._closed, self._is_context_ours = False, buffers is None
-        self._context = open_context(device) if buffers is None else buffers.context
-        try:
-            with self._context:
-                self._ranges = RangePass(
-                    self._context,
-                    SceneBuffers(self._context, scene) if buffers is None else buffers,
-                    self._angles_rad,
-                    self.scanner.reach_m,
-                )
-        except BaseException:
-            self.close()
-            raise
+        super().__init__(scene, body, hidden, device)
 
-    def scan(self, world_from_scanner: ArrayLike, scan_number: int = 0) -> Scan:
+    def _build(self, stage: Stage) -> None:
+        self._ranges = RangePass(
+            stage.context, stage.buffers, self._angles_rad, self.scanner.reach_m, self.hidden
+        )
+
+    def _forget(self) -> None:
+        del self._ranges
+
+    def scan(
+        self,
+        world_from_scanner: ArrayLike,
+        scan_number: int = 0,
+        *,
+        world_from_base: ArrayLike | None = None,
+    ) -> Scan:
         """Take one scan.
 
         Args:
             world_from_scanner: (4, 4) pose of the scanner, see `omnisim.frames.pose`.
             scan_number: of the drive; the noise depends on it and on the scanner's seed alone.
+            world_from_base: (4, 4) pose of the body, if there is one: where the vehicle is. A
+                scanner that is mounted on it at `base_from_scanner` is at
+                `world_from_base @ base_from_scanner`.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, a number that is none, or the renderer is
-                closed.
+            OmnisimError: a matrix that is not a pose, a body without one, a number that is none,
+                or the renderer or its stage is closed.
         """
-        if self._closed:
-            raise GraphicsError("this renderer is closed: open a new one")
         pose = check_pose(world_from_scanner)
-        with self._context:  # another renderer's may be current
-            true_ranges_m = self._ranges.cast(pose)
+        base = None if world_from_base is None else check_pose(world_from_base)
+        if self.body is not None and base is None:
+            raise OmnisimError("scan: world_from_base is missing: where is the body?")
+        with self._current() as stage:
+            true_ranges_m = self._ranges.cast(pose, stage.movers_at(base))
         ranges_m = self.scanner.measure(true_ranges_m, scan_number)
         metadata = {
             "omnisim": __version__,
             "scene": self.scene.name,
+            **self._about_body(),
             "scan_number": int(scan_number),
         }
+        if self.body is not None:
+            metadata["world_from_base"] = base.tolist()
         return Scan(self._angles_rad, ranges_m, self.scanner, pose, metadata)
-
-    def close(self) -> None:
-        """Give the OpenGL context back if it is its own; of no use afterwards."""
-        if not self._closed:
-            self._closed = True
-            if self._is_context_ours:
-                self._context.release()
-
-    def __enter__(self) -> LaserRenderer:
-        """Enter a `with` block."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close at the end of the block."""
-        self.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from types import TracebackType
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -15,65 +15,65 @@ from omnisim.errors import GraphicsError
 from omnisim.frame import Frame
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP, check_pose
 from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
-from omnisim.gpu.context import open_context
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
-from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.mirrors import tessellate
 from omnisim.scene import Scene
 from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.stage import OnStage, Stage
 from omnisim.srgb import srgb_from_linear
 
 
-class Renderer:
+class Renderer(OnStage):
     """Renders a sensor's pictures of a scene; loads and compiles everything once.
 
-    Use it as a context manager, or `close` it: it holds an OpenGL context.
+    Use it as a context manager, or `close` it: it holds memory of the GPU.
 
     Args:
-        scene: what there is to see.
+        scene: what there is to see, or a stage that has it and that other sensors share.
         camera: the sensor; by default the paper's.
+        body: what moves with the vehicle, in its base frame; a stage brings its own.
+        hidden: names of the body's instances that are not drawn.
         unlit: show plain base colours, without lights.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
+            stage has chosen already.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
+        SceneError: a hidden name that the body does not have.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | Stage,
         camera: OmniCamera | None = None,
         *,
+        body: Scene | None = None,
+        hidden: Collection[str] = (),
         unlit: bool = False,
         device: int | None = None,
     ):
-        self.scene = scene
         self.camera = OmniCamera() if camera is None else camera
         self._unlit = unlit
-        self._context = open_context(device)
-        self._closed = self._rendered = False
-        try:
-            with self._context:
-                self._build()
-        except BaseException:
-            self.close()
-            raise
+        self._rendered = False
+        super().__init__(scene, body, hidden, device)
 
-    def _build(self) -> None:
-        sensor, context = self.camera, self._context
+    def _build(self, stage: Stage) -> None:
+        sensor, context = self.camera, stage.context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
         self._cube = CubePass(
             context,
-            self.scene,
-            SceneBuffers(context, self.scene),
+            stage.buffers,
+            stage.surfaces,
             plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP, sensor.face_size_px),
             sensor.near_m,
             sensor.far_m,
             sensor.samples,
             self._unlit,
+            self.scene.background,
+            self.hidden,
         )
         capture: Capture
         if sensor.polygons is None:
@@ -90,21 +90,24 @@ class Renderer:
             sensor.supersampling,
         )
 
+    def _forget(self) -> None:
+        del self._cube, self._pipeline
+
     def render(self, world_from_base: ArrayLike, linear: bool = False) -> Frame:
         """Render one frame.
 
         Args:
-            world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`.
+            world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
+                there, too.
             linear: also read back linear floats, which EXR needs.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, or the renderer is closed.
+            OmnisimError: a matrix that is not a pose, or the renderer or its stage is closed.
         """
-        self._check_open()
         base = check_pose(world_from_base)
         world_from_rig = base @ self.camera.base_from_rig
-        with self._context:  # another renderer's may be current
-            picture = self._pipeline.render(world_from_rig, linear)
+        with self._current() as stage:
+            picture = self._pipeline.render(world_from_rig, linear, stage.movers_at(base))
         self._rendered = True
         return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
 
@@ -112,40 +115,16 @@ class Renderer:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
         Raises:
-            GraphicsError: there was no frame yet, or the renderer is closed.
+            GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
-        self._check_open()
-        if not self._rendered:
-            raise GraphicsError("there are no faces yet: render a frame first")
-        with self._context:
+        with self._current():
+            if not self._rendered:
+                raise GraphicsError("there are no faces yet: render a frame first")
             linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
             for name, pixels in linear.items()
         }
-
-    def close(self) -> None:
-        """Give the OpenGL context back; the renderer is of no use afterwards."""
-        if not self._closed:
-            self._closed = True
-            self._context.release()
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise GraphicsError("this renderer is closed: open a new one")
-
-    def __enter__(self) -> Renderer:
-        """Enter a `with` block."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close at the end of the block."""
-        self.close()
 
     def _metadata(
         self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]
@@ -155,6 +134,7 @@ class Renderer:
         return {
             "omnisim": __version__,
             "scene": self.scene.name,
+            **self._about_body(),
             "camera": self.camera.camera.parameters(),
             "polygons": self.camera.polygons or "exact",
             "supersampling": self.camera.supersampling,

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer
+from omnisim import LaserRenderer, LaserScanner
 from omnisim.errors import GraphicsError, OmnisimError, OutputError
 from omnisim.frames import pose
 from omnisim.gpu.scene_buffers import SceneBuffers
@@ -172,21 +172,6 @@ def test_a_real_scanners_scan_is_noisy_rounded_and_repeatable():
     assert np.any(scans[0].ranges_m != scans[1].ranges_m)
     np.testing.assert_array_equal(scans[0].ranges_m, LaserScanner().measure(true_m, 0))
     assert scans[1].metadata["scan_number"] == 1
-
-
-def test_camera_and_scanner_share_a_scene_on_the_gpu():
-    scene = load_scene("courtyard")
-    camera = OmniCamera().resized(64)
-    at = camera.base_pose(scene.start.position_m)
-    alone = scan_of(scene, EXACT, at)
-    with Renderer(scene, camera) as renderer:
-        before = renderer.render(at)
-        scanner = LaserRenderer(scene, EXACT, buffers=renderer._cube._buffers)
-        np.testing.assert_array_equal(scanner.scan(at).ranges_m, alone.ranges_m)
-        np.testing.assert_array_equal(renderer.render(at).rgba, before.rgba)
-        np.testing.assert_array_equal(scanner.scan(at).ranges_m, alone.ranges_m)
-        scanner.close()
-        np.testing.assert_array_equal(renderer.render(at).rgba, before.rgba)
 
 
 def test_the_file_says_all(tmp_path):

@@ -1,0 +1,182 @@
+"""A scene and the vehicle's body on the GPU, for any number of sensors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import GraphicsError
+from omnisim.gpu.context import open_context
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.scene import Scene
+
+
+class Closing(ABC):
+    """Something to close, at the end of a `with` block at the latest."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give back what it holds; a second time does nothing."""
+
+    def __enter__(self) -> Self:
+        """Enter a `with` block."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close at the end of the block."""
+        self.close()
+
+
+class Stage(Closing):
+    """Holds the OpenGL context, one copy of the scene and its body, and the programs that draw.
+
+    Make the sensors' renderers from it, and close it after them; a renderer whose stage is closed
+    says so. Sensors take turns: a stage and its renderers belong to one thread.
+
+    Args:
+        scene: what stands in the world, with its lamps and background.
+        body: what moves with the vehicle, in its base frame (x forward, y left, z up, origin on
+            the ground); its lamps and background count for nothing.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
+
+    Attributes:
+        scene, body: as given.
+        context, buffers, surfaces: for the passes.
+
+    Raises:
+        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
+    """
+
+    def __init__(self, scene: Scene, body: Scene | None = None, *, device: int | None = None):
+        self.scene, self.body = scene, body
+        self.context = open_context(device)
+        self._closed = False
+        try:
+            with self.context:
+                self.buffers = SceneBuffers(self.context, scene, () if body is None else (body,))
+                self.surfaces = SurfacePrograms(self.buffers, scene.lighting)
+        except BaseException:
+            self.close()
+            raise
+
+    def movers_at(
+        self, world_from_base: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], ...]:
+        """Poses (4, 4) of what moves, for the passes, when the vehicle is at its own."""
+        return () if self.body is None or world_from_base is None else (world_from_base,)
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make its context the current one for a `with` block: another stage's may be.
+
+        Raises:
+            GraphicsError: the stage is closed.
+        """
+        if self._closed:
+            raise GraphicsError("this stage is closed: open a new one")
+        with self.context:
+            yield
+
+    def collect(self) -> None:
+        """Free what closed renderers had on the GPU."""
+        if not self._closed:
+            with self.context:
+                self.context.gc()
+
+    def close(self) -> None:
+        """Give the OpenGL context back, and all that is in it."""
+        if not self._closed:
+            self._closed = True
+            self.context.release()
+
+
+class OnStage(Closing):
+    """What the renderers of all sensors share: a stage, their own or one they share, and its end.
+
+    Args:
+        scene: becomes a stage of its own; or a stage that somebody else closes.
+        body: for a stage of its own.
+        hidden: names of the body's instances that this sensor does not see.
+        device: for a stage of its own.
+
+    Raises:
+        GraphicsError: from opening a stage, or a stage and what only it can choose.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | Stage,
+        body: Scene | None,
+        hidden: Collection[str],
+        device: int | None,
+    ):
+        self.hidden = frozenset(hidden)
+        self._closed = False
+        self._is_stage_ours = not isinstance(scene, Stage)
+        if not isinstance(scene, Stage):
+            self._stage = Stage(scene, body, device=device)
+        elif body is None and device is None:
+            self._stage = scene
+        else:
+            raise GraphicsError("a stage has its body and its device: give them to the stage")
+        try:
+            with self._stage.current():
+                self._build(self._stage)
+        except BaseException:
+            if self._is_stage_ours:
+                self._stage.close()
+            raise
+
+    @property
+    def scene(self) -> Scene:
+        """What there is to see."""
+        return self._stage.scene
+
+    @property
+    def body(self) -> Scene | None:
+        """What moves with the vehicle."""
+        return self._stage.body
+
+    @abstractmethod
+    def _build(self, stage: Stage) -> None:
+        """Make the passes; the stage's context is current."""
+
+    @abstractmethod
+    def _forget(self) -> None:
+        """Let go of the passes."""
+
+    @contextmanager
+    def _current(self) -> Iterator[Stage]:
+        if self._closed:
+            raise GraphicsError("this renderer is closed: open a new one")
+        with self._stage.current():
+            yield self._stage
+
+    def close(self) -> None:
+        """Give back what it holds on the GPU, and the stage if it is its own."""
+        if self._closed:
+            return
+        self._closed = True
+        self._forget()
+        if self._is_stage_ours:
+            self._stage.close()
+        else:
+            self._stage.collect()
+
+    def _about_body(self) -> dict[str, Any]:
+        """For the metadata."""
+        if self.body is None:
+            return {}
+        return {"body": self.body.name, "hidden": sorted(self.hidden)}

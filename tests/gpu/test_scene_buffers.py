@@ -1,0 +1,39 @@
+"""Where the draws of a scene and its movers are, against one scene that holds all of them."""
+
+import numpy as np
+import pytest
+
+from omnisim.errors import SceneError
+from omnisim.frames import pose
+from omnisim.gpu.scene_buffers import SceneBuffers
+from tests.vehicles import body, merged, surroundings
+
+VIEWPOINT_M = np.array([0.3, -2.0, 1.0])
+
+
+def test_movers_are_placed_as_if_they_stood_there(context):
+    scene, movers = surroundings(), (body(), body())
+    poses = (pose((1.0, 2.0, 0.5), 10.0, 20.0, 30.0), pose((-1.0, 0.0, 0.0), yaw_deg=200.0))
+    still = merged(merged(scene, movers[0], poses[0]), movers[1], poses[1])
+    buffers, expected = SceneBuffers(context, scene, movers), SceneBuffers(context, still)
+    assert [draw.name for draw in buffers.draws] == [draw.name for draw in expected.draws]
+    assert [draw.mirrored for draw in buffers.draws] == [draw.mirrored for draw in expected.draws]
+    np.testing.assert_allclose(buffers.radii_m, expected.radii_m, rtol=1e-12)
+    assert buffers.vertices.read() == expected.vertices.read()
+    assert buffers.indices.read() == expected.indices.read()
+    for _ in range(2):  # the second time as the first
+        placement = buffers.place(VIEWPOINT_M, poses)
+        for ours, theirs in zip(placement, expected.place(VIEWPOINT_M), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-14)
+
+
+def test_instances_of_movers_are_hidden_by_name(context):
+    buffers = SceneBuffers(context, surroundings(), (body(),))
+    assert buffers.shown().all()
+    shown = buffers.shown({"hull", "tube"})
+    assert {draw.name for draw, kept in zip(buffers.draws, shown, strict=True) if not kept} == {
+        "hull",
+        "tube",
+    }
+    with pytest.raises(SceneError, match="hidden: 'object 0': no part of the body: it has box"):
+        buffers.shown({"object 0"})  # of the scene

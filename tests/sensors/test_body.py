@@ -1,0 +1,193 @@
+"""A body that moves with the vehicle: against scenes in which it stands where the vehicle is."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
+from omnisim.frames import pose
+from omnisim.scene import load_scene
+from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
+from tests.scenes import room, scene_of
+from tests.vehicles import (
+    BASE_FROM_SCANNER,
+    CAMERA,
+    POSES,
+    SCANNER,
+    body,
+    box,
+    merged,
+    mounted_on_p2at,
+    moved,
+    p2at_body,
+    surroundings,
+    without,
+)
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+
+def picture(scene, world_from_base, **options):
+    with Renderer(scene, CAMERA, **options) as renderer:
+        return renderer.render(world_from_base).rgba
+
+
+def ranges(scene, world_from_base, **options):
+    with LaserRenderer(scene, SCANNER, **options) as renderer:
+        at = world_from_base @ BASE_FROM_SCANNER
+        return renderer.scan(at, world_from_base=world_from_base).ranges_m
+
+
+@pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
+def test_a_body_is_seen_as_if_it_stood_there(offset_m):
+    """All poses with one renderer: what it draws is that of the pose, not of the one before."""
+    world_from_scene = pose(offset_m)
+    scene = moved(surroundings(), world_from_scene)
+    empty = picture(scene, world_from_scene @ POSES["tilted"])
+    with Stage(scene, body()) as stage:
+        camera, scanner = Renderer(stage, CAMERA), LaserRenderer(stage, SCANNER)
+        for name, scene_from_base in POSES.items():
+            base = world_from_scene @ scene_from_base
+            one = merged(scene, body(), base)
+            rgba = camera.render(base).rgba
+            # one rounding in float32, of a normal, is at most one step of 8 bits
+            difference = np.abs(rgba.astype(int) - picture(one, base))
+            assert difference.max() <= 1, name
+            assert np.count_nonzero(difference) < 1e-3 * difference.size, name
+            scan = scanner.scan(base @ BASE_FROM_SCANNER, world_from_base=base)
+            np.testing.assert_array_equal(scan.ranges_m, ranges(one, base), err_msg=name)
+            assert scan.ranges_m.min() < 0.3, name  # it is the body
+            if name == "tilted":
+                changed = np.any(rgba != empty, axis=-1)
+                assert 0.05 < changed.mean() < 0.7
+
+
+def test_the_body_goes_where_the_vehicle_goes():
+    """Nothing but the body is near: its picture is the same wherever the vehicle is."""
+    nothing = without(scene_of([room(), box("far", 0)], [Material()]), "object 0")
+    nothing = moved(nothing, pose((1e5, 0.0, 0.0)))
+    with Renderer(nothing, CAMERA, body=body()) as renderer:
+        at_origin = renderer.render(pose()).rgba
+        far = renderer.render(pose((700.0, -3e4, 5.0))).rgba
+    assert np.ptp(at_origin[at_origin[..., 3] > 0][:, :3]) > 100
+    np.testing.assert_array_equal(at_origin, far)
+    with LaserRenderer(nothing, SCANNER, body=body()) as scanner:
+        seen = []
+        for base in POSES.values():
+            scan = scanner.scan(base @ BASE_FROM_SCANNER, world_from_base=base)
+            seen.append(scan.ranges_m)
+    assert 10 < np.isfinite(seen[0]).sum() < len(seen[0])
+    for one in seen[1:]:
+        np.testing.assert_array_equal(np.isfinite(one), np.isfinite(seen[0]))
+        hit = np.isfinite(one)
+        np.testing.assert_allclose(one[hit], seen[0][hit], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("hidden", [{"hull"}, {"tail", "tube"}, {"cage", "hull", "box"}])
+def test_hidden_instances_vanish_for_that_sensor_alone(hidden):
+    scene, base = surroundings(), POSES["tilted"]
+    rest = without(body(), *hidden)
+    with Stage(scene, body()) as stage:
+        one, other = Renderer(stage, CAMERA, hidden=hidden), Renderer(stage, CAMERA)
+        scanner = LaserRenderer(stage, SCANNER, hidden=hidden)
+        np.testing.assert_array_equal(one.render(base).rgba, picture(scene, base, body=rest))
+        np.testing.assert_array_equal(other.render(base).rgba, picture(scene, base, body=body()))
+        assert np.any(one.render(base).rgba != other.render(base).rgba)
+        scan = scanner.scan(base @ BASE_FROM_SCANNER, world_from_base=base)
+        np.testing.assert_array_equal(scan.ranges_m, ranges(scene, base, body=rest))
+        assert scan.metadata["hidden"] == sorted(hidden)
+        assert one.render(base).metadata["hidden"] == sorted(hidden)
+
+
+def level_pane(name, z_m, material=0):
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+    return Mesh(name, corners + np.array([0, 0, z_m], dtype=np.float32), triangles, material)
+
+
+@pytest.mark.parametrize("is_body_nearer", [True, False])
+def test_glass_of_scene_and_body_blend_from_far_to_near(is_body_nearer):
+    def glass(red, green, alpha):
+        return Material("", (red, green, 0.0, alpha), alpha_mode=AlphaMode.BLEND)
+
+    floor = level_pane("floor", -3.0, 1)
+    scene = scene_of([level_pane("window", -2.0), floor], [glass(1, 0, 0.25), Material()])
+    vehicle = scene_of([level_pane("tube", 0.0)], [glass(0, 1, 0.5)])
+    sensor = OmniCamera(polygons=None, base_from_rig=pose((0.0, 0.0, 0.5))).resized(91)
+    red, green = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+    if is_body_nearer:
+        expected = 0.5 * green + 0.5 * (0.25 * red + 0.75 * np.ones(3))
+        base = pose((0.0, 0.0, -1.5))
+    else:  # the window is between the vehicle's tube and its camera
+        expected = 0.25 * red + 0.75 * (0.5 * green + 0.5 * np.ones(3))
+        base = pose((0.0, 0.0, -2.25))
+    with Renderer(scene, sensor, body=vehicle) as renderer:
+        color = renderer.render(base, linear=True).linear[45, 45]
+    np.testing.assert_allclose(color, expected, atol=2e-3)
+
+
+def test_light_and_background_are_the_scenes():
+    scene = dataclasses.replace(
+        scene_of([box("far", 0)], lighting=Lighting((0.5, 0.5, 0.5), ())), background=(0, 0, 1)
+    )
+    scene = moved(scene, pose((50.0, 0.0, 0.0)))
+    vehicle = scene_of([level_pane("deck", 0.0)], lighting=Lighting((9.0, 0.0, 0.0), ()))
+    sensor = OmniCamera(polygons=None, base_from_rig=pose((0.0, 0.0, 1.0))).resized(91)
+    with Renderer(scene, sensor, body=vehicle) as renderer:
+        linear = renderer.render(pose(), linear=True).linear
+    np.testing.assert_allclose(linear[45, 45], 0.5, atol=1e-3)
+    np.testing.assert_allclose(linear[45, 2], (0, 0, 1), atol=1e-3)
+
+
+def test_pictures_and_scans_name_the_body():
+    base = pose((0.5, 0.0, 0.0))
+    with Stage(scene_of([room()]), body()) as stage:
+        scan = LaserRenderer(stage, SCANNER).scan(base, world_from_base=base)
+        frame = Renderer(stage, CAMERA, hidden={"tail"}).render(base)
+    assert scan.metadata["body"] == frame.metadata["body"] == "body"
+    assert frame.metadata["hidden"] == ["tail"]
+    assert scan.metadata["world_from_base"] == frame.metadata["world_from_base"] == base.tolist()
+    with Renderer(scene_of([room()]), CAMERA) as renderer:
+        assert "body" not in renderer.render(base).metadata
+
+
+def test_the_p2at_sees_itself_in_the_middle_and_nowhere_else():
+    """Its README: camera, deck, and the laser scanner out to 57 degrees from straight down."""
+    camera, _ = mounted_on_p2at(240)
+    camera = camera.with_polygons(None)
+    v, u = np.mgrid[:240, :240]
+    rays = camera.camera.ray_from_pixel(np.stack((u, v), axis=-1).astype(float))
+    theta_deg = np.full((240, 240), 180.0)
+    theta_deg[rays.valid] = np.degrees(np.arccos(-rays.directions[rays.valid][:, 2]))
+    scene = load_scene("courtyard")
+    with Stage(scene, p2at_body()) as stage, Renderer(scene, camera) as alone:
+        renderer = Renderer(stage, camera)
+        no_scanner = Renderer(stage, camera, hidden={"lms200"})
+        for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
+            ours = renderer.render(base).rgba
+            is_body = np.any(ours != alone.render(base).rgba, axis=-1)
+            assert np.all(is_body[theta_deg < 19.0])
+            assert 50.0 < theta_deg[is_body].max() < 60.0
+            # the laser scanner is ahead: at the top of the picture, in the middle
+            rows, columns = np.nonzero(np.any(ours != no_scanner.render(base).rgba, axis=-1))
+            assert rows.max() < 110
+            assert 100 < columns.min() < columns.max() < 140
+
+
+def test_the_p2ats_scanner_does_not_hit_the_robot():
+    _, base_from_scanner = mounted_on_p2at(64)
+    scene = load_scene("courtyard")
+    hidden = {"lms200"}
+    with (
+        Stage(scene, p2at_body()) as stage,
+        LaserRenderer(stage, SCANNER, hidden=hidden) as scanner,
+        LaserRenderer(stage, SCANNER) as blind,
+        LaserRenderer(scene, SCANNER) as alone,
+    ):
+        for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
+            at = base @ base_from_scanner
+            scan = scanner.scan(at, world_from_base=base)
+            np.testing.assert_array_equal(scan.ranges_m, alone.scan(at).ranges_m)
+            assert scan.hit.sum() > 100
+            assert blind.scan(at, world_from_base=base).ranges_m.max() < 0.2  # its own housing
