@@ -33,5 +33,9 @@ class GraphicsError(OmnisimError):
     """No OpenGL, too old an OpenGL, a size past its limits, or a shader that does not compile."""
 
 
+class RunError(OmnisimError):
+    """A folder that is no run, or another one's, or a drive that cannot be made."""
+
+
 class OutputError(OmnisimError):
     """A picture, mesh, scan or plot that cannot be written, or read back."""

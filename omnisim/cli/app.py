@@ -120,6 +120,67 @@ def render(
 
 
 @app.command()
+def drive(
+    scene: Annotated[
+        str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a built-in scene.")
+    ],
+    robot: Annotated[
+        str, typer.Option("--robot", help="A robot file, or the name of a built-in robot.")
+    ],
+    path: Annotated[
+        str,
+        typer.Option(
+            "--path",
+            help="A path of the scene, or a file: .tum .kitti .csv, or EuRoC's; a .csv of x_m and "
+            "y_m alone has waypoints.",
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder of the run; gone on with if it is there.")
+    ],
+    seed: Annotated[int, typer.Option("--seed", help="Of the odometry's noise.")] = 0,
+    step: Annotated[
+        float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
+    ] = 0.41,
+    turn_step: Annotated[
+        float, typer.Option("--turn-step", metavar="DEG", help="Longest step of a turn.")
+    ] = 12.0,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Steps a second instead, or of a file."),
+    ] = None,
+    ignore_limits: Annotated[
+        bool, typer.Option("--ignore-limits", help="Drive what the robot could not.")
+    ] = False,
+    polygons: Annotated[
+        str | None,
+        typer.Option("-n", "--polygons", metavar="POLYGONS|exact", help="Of the mirror's mesh."),
+    ] = None,
+    size: Annotated[
+        int | None, typer.Option("--size", metavar="PX", help="Pixels of the shorter side.")
+    ] = None,
+    unlit: Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Throw another run away that is in the folder.")
+    ] = False,
+    up: Annotated[
+        str | None,
+        typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
+    ] = None,
+    device: DeviceOption = None,
+) -> None:
+    """Drive a robot along a path and record pictures, scans, odometry and ground truth."""
+    from omnisim.cli.drive import DriveRequest, run
+    from omnisim.simulation.route import Route
+
+    route = Route(path, step, turn_step, rate, ignore_limits)
+    request = DriveRequest(
+        scene, robot, output, route, seed, polygons, size, unlit, force, up, device
+    )
+    run(request, out, err)
+
+
+@app.command()
 def unwarp(
     picture: Annotated[
         Path,

@@ -23,6 +23,7 @@ from omnisim.scene.model import (
     Landmark,
     NamedStart,
     Scene,
+    ScenePath,
     StartPose,
     bounds_m,
 )
@@ -99,6 +100,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         start=_start(settings, bounds_m(read.meshes, instances)),
         notices=tuple(_one_line(f"{path.name}: {notice}") for notice in dict.fromkeys(notices)),
         starts=tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts),
+        paths=tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths),
         landmarks=_landmarks(settings),
     )
 

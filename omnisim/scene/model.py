@@ -209,6 +209,21 @@ class Landmark:
         return self.bands[-1].top_m
 
 
+@dataclass(frozen=True)
+class ScenePath:
+    """Where a vehicle may drive.
+
+    Attributes:
+        name: no two paths of a scene have the same.
+        waypoints_m: (x, y) of its corners on the ground, world, one after the other.
+        start_yaw_deg: heading at the first of them, or None: towards the second.
+    """
+
+    name: str
+    waypoints_m: tuple[tuple[float, float], ...]
+    start_yaw_deg: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that can be seen.
@@ -221,6 +236,7 @@ class Scene:
         start: where to look from by default.
         notices: one line each: what the file asked for and could not be had.
         starts: where vehicles may start; no two have one name.
+        paths: where vehicles may drive; no two have one name.
         landmarks: what can be recognised by its colours; no two have one name.
     """
 
@@ -233,6 +249,7 @@ class Scene:
     start: StartPose
     notices: tuple[str, ...] = ()
     starts: tuple[NamedStart, ...] = ()
+    paths: tuple[ScenePath, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
 
     @property

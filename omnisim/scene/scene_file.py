@@ -59,6 +59,14 @@ class Landmark(Table):
         return self
 
 
+class ScenePath(Table):
+    """Where a vehicle may drive: corners on the ground, one after the other."""
+
+    name: Name
+    waypoints_m: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2)]
+    start_yaw_deg: Number | None = None
+
+
 class SceneFile(Table):
     """The keys of a scene's TOML.
 
@@ -69,6 +77,7 @@ class SceneFile(Table):
         background: linear RGB where nothing is hit.
         start: where to look from when nobody says.
         starts: where vehicles may start, by name.
+        paths: where vehicles may drive, by name.
         palette: linear RGB of the colours that landmarks name.
         landmarks: what can be recognised by its colours.
     """
@@ -79,12 +88,13 @@ class SceneFile(Table):
     background: LinearRgb | None = None
     start: Start | None = None
     starts: tuple[NamedStart, ...] = ()
+    paths: tuple[ScenePath, ...] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
     landmarks: tuple[Landmark, ...] = ()
 
-    @field_validator("starts", "landmarks")
+    @field_validator("starts", "paths", "landmarks")
     @classmethod
-    def _names_once(cls, tables: tuple[NamedStart | Landmark, ...]) -> tuple:
+    def _names_once(cls, tables: tuple[NamedStart | ScenePath | Landmark, ...]) -> tuple:
         names = [table.name for table in tables]
         for name in names:
             if names.count(name) > 1:

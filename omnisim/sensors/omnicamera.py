@@ -140,6 +140,13 @@ class OmniCamera:
         """The camera of the finer picture that is averaged to this one's."""
         return _scaled(self.camera, self.supersampling)
 
+    @property
+    def base_from_optical(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the camera's optical frame on its vehicle."""
+        pose = self.base_from_rig.copy()
+        pose[:3, :3] = pose[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
+        return pose
+
     def with_polygons(self, polygons: int | None) -> OmniCamera:
         """The same sensor with another mesh; None captures exactly.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, camera_from_parameters
 from omnisim.errors import OmnisimError, OutputError
-from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP, check_pose
+from omnisim.frames import check_pose
 from omnisim.image_files import read_image
 from omnisim.sensors.coverage import covered_pixels
 from omnisim.sensors.omnicamera import OmniCamera
@@ -58,7 +58,7 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
     polygons: int | None
     if sensor is not None:
         camera: CentralCamera = sensor.camera
-        base_from_optical = sensor.base_from_rig[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP
+        base_from_optical = sensor.base_from_optical[:3, :3]
         polygons = sensor.polygons
     elif not isinstance(metadata.get("camera"), dict):
         raise OutputError(

@@ -1,0 +1,83 @@
+"""`omnisim drive`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from omnisim.cli.options import parse_polygons
+from omnisim.scene import load_scene
+from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class DriveRequest:
+    """The arguments of the command, as its help explains them."""
+
+    scene: str
+    robot: str
+    output: Path
+    route: Route
+    seed: int
+    polygons: str | None
+    size_px: int | None
+    unlit: bool
+    force: bool
+    up_axis: str | None
+    device: int | None
+
+
+class _Rate(ProgressColumn):
+    """Steps a second."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.1f} steps/s" if task.speed else "", style="cyan")
+
+
+def run(request: DriveRequest, out: Console, err: Console) -> None:
+    """Drive, and say where the run is; what is there already is kept.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    scene = load_scene(request.scene, request.up_axis)
+    for notice in scene.notices:
+        err.print("note: ", notice, sep="", markup=False)
+    polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
+    vehicle = with_cameras(Vehicle.load(request.robot), request.size_px, polygons)
+    drive = Drive(scene, vehicle, request.route, request.seed, request.unlit, request.device)
+    plan = drive.plan()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=32),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        steps = plan.record(request.output, request.force)
+        before = done = next(steps)
+        task = progress.add_task(f"{vehicle.name} in {scene.name}", total=len(plan.truth))
+        progress.update(task, completed=before)
+        for done in steps:
+            progress.update(task, completed=done)
+    went_on = f", {before} of them there before" if before else ""
+    out.print(
+        f"{request.output}: {done} steps{went_on}; {plan.truth.path_length_m:.2f} m in "
+        f"{plan.truth.duration_s:.1f} s",
+        markup=False,
+    )

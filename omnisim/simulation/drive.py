@@ -1,0 +1,199 @@
+"""A drive: a vehicle along a path through a scene, everything that its sensors tell, on disk."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from omnisim import __version__
+from omnisim.errors import RunError
+from omnisim.gpu.context import graphics_info
+from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
+from omnisim.robot.odometry import Odometry
+from omnisim.scene import Scene
+from omnisim.sensors import LaserRenderer, Renderer
+from omnisim.sensors.stage import Stage
+from omnisim.simulation.fingerprint import fingerprint
+from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.simulation.sensor_toml import sensor_toml
+from omnisim.simulation.vehicle import MountedCamera, Vehicle
+
+MANIFEST_FORMAT = 1
+LARGEST_SEED = 2**63 - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What is driven: everything that the run's files follow from.
+
+    Attributes:
+        scene: where.
+        vehicle: with its sensors.
+        route: along what path.
+        seed: of the odometry's noise; a scanner's noise has its own, from the robot file.
+        unlit: show plain base colours.
+        device: EGL's number of the GPU, or None.
+    """
+
+    scene: Scene
+    vehicle: Vehicle
+    route: Route
+    seed: int = 0
+    unlit: bool = False
+    device: int | None = None
+
+    def plan(self) -> Plan:
+        """Work out where the vehicle is at each step, and what its wheels report.
+
+        Raises:
+            TrajectoryError: a path that cannot be driven.
+            RunError: a seed that is none.
+        """
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise RunError(f"seed {self.seed}: want a whole number from 0 on")
+        truth = plan_route(self.scene, self.vehicle, self.route)
+        odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
+        return Plan(self, truth, odometry)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A drive that is worked out, but for what the sensors see.
+
+    Attributes:
+        drive: what is driven.
+        truth: poses of the base.
+        odometry: what the wheels report.
+    """
+
+    drive: Drive
+    truth: Trajectory
+    odometry: Odometry
+
+    def record(self, folder: Path, force: bool = False) -> Iterator[int]:
+        """Render what is missing in the folder, step by step; yields how many steps are there.
+
+        The first number is how many were there before. Killed and called again it goes on, and
+        ends with the same bytes as if it had never stopped.
+
+        Args:
+            folder: of the run.
+            force: throw another run away that is there.
+
+        Raises:
+            RunError: another run is there.
+            OmnisimError: OpenGL is not there, or a file cannot be written.
+        """
+        drive, vehicle = self.drive, self.drive.vehicle
+        with ExitStack() as stack:
+            stage = stack.enter_context(Stage(drive.scene, vehicle.body, device=drive.device))
+            run = RunFolder.open(
+                folder, self.manifest(graphics_info(stage.context).renderer), force
+            )
+            self._write_records(run)
+            cameras = {
+                camera.name: stack.enter_context(
+                    Renderer(stage, camera.sensor, hidden=camera.hides, unlit=drive.unlit)
+                )
+                for camera in vehicle.cameras
+            }
+            scanners = {
+                scanner.name: stack.enter_context(
+                    LaserRenderer(stage, scanner.scanner, hidden=scanner.hides)
+                )
+                for scanner in vehicle.scanners
+            }
+            yield run.steps_done()
+            for step, world_from_base in enumerate(self.truth.world_from_base):
+                if run.is_done(step):
+                    continue
+                for name, renderer in cameras.items():
+                    target = run.file(name, step, ".png")
+                    if not target.exists():
+                        renderer.render(world_from_base).save(target)
+                for mounted in vehicle.scanners:
+                    target = run.file(mounted.name, step, ".csv")
+                    if not target.exists():
+                        world_from_scanner = world_from_base @ mounted.base_from_scanner
+                        scan = scanners[mounted.name].scan(
+                            world_from_scanner, step, world_from_base=world_from_base
+                        )
+                        scan.save_csv(target)
+                yield step + 1
+
+    def manifest(self, renderer: str) -> dict[str, Any]:
+        """What makes the run, as JSON can hold it.
+
+        Args:
+            renderer: what draws, by OpenGL's name of it: others round differently.
+        """
+        drive, vehicle = self.drive, self.drive.vehicle
+        return {
+            "format": MANIFEST_FORMAT,
+            "omnisim": __version__,
+            "scene": {"name": drive.scene.name, "contents": fingerprint(drive.scene)},
+            "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
+            "path": {
+                "name": drive.route.path,
+                "poses": fingerprint(self.truth.times_s, self.truth.world_from_base),
+                "length_m": round(self.truth.path_length_m, 6),
+                "duration_s": round(self.truth.duration_s, 6),
+            },
+            "steps": len(self.truth),
+            "seed": drive.seed,
+            "unlit": drive.unlit,
+            "cameras": [camera.name for camera in vehicle.cameras],
+            "scanners": [scanner.name for scanner in vehicle.scanners],
+            "renderer": renderer,
+            "libraries": {
+                "python": platform.python_version(),
+                **{name: metadata.version(name) for name in ("moderngl", "numpy", "trimesh")},
+            },
+        }
+
+    def _write_records(self, run: RunFolder) -> None:
+        """What is known before the first step."""
+        if not (run.path / GROUND_TRUTH).exists():
+            write_trajectory(run.path / GROUND_TRUTH, self.truth)
+        if not (run.path / ODOMETRY).exists():
+            write_odometry(run.path / ODOMETRY, self.odometry)
+        for camera in self.drive.vehicle.cameras:
+            run.write_text(f"{camera.name}/sensor.toml", sensor_toml(camera.sensor))
+            run.write_text(f"{camera.name}/calibration.json", _calibration(camera))
+
+
+def _calibration(camera: MountedCamera) -> str:
+    told = {
+        "camera": camera.sensor.camera.parameters(),
+        "polygons": camera.sensor.polygons or "exact",
+        "base_from_optical": camera.sensor.base_from_optical.tolist(),
+    }
+    return json.dumps(told, indent=2) + "\n"
+
+
+def with_cameras(vehicle: Vehicle, size_px: int | None, polygons: int | str | None) -> Vehicle:
+    """The vehicle with other pictures: of another size, or by another mesh.
+
+    Args:
+        vehicle: is left as it is.
+        size_px: pixels of the shorter side, or None: as it is.
+        polygons: of the mirror's mesh, None: exactly; or "same": as it is.
+
+    Raises:
+        OpticsError: a size or polygon count that cannot be.
+    """
+    cameras = []
+    for camera in vehicle.cameras:
+        sensor = camera.sensor if size_px is None else camera.sensor.resized(size_px)
+        if polygons != "same":
+            sensor = sensor.with_polygons(polygons)
+        cameras.append(dataclasses.replace(camera, sensor=sensor))
+    return dataclasses.replace(vehicle, cameras=tuple(cameras))

@@ -1,0 +1,48 @@
+"""A camera as the text of its sensor file."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from omnisim.robot.rotations import roll_pitch_yaw_from_rotation
+from omnisim.sensors import OmniCamera
+
+
+def sensor_toml(sensor: OmniCamera) -> str:
+    """The sensor file that describes a camera, mounting included; every key is there."""
+    camera, mirror = sensor.camera, sensor.camera.mirror
+    x, y, z = (float(value) for value in sensor.base_from_rig[:3, 3])
+    angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.base_from_rig[:3, :3]))
+    roll, pitch, yaw = (float(angle) for angle in angles)
+    u, v = (float(value) for value in camera.principal_point_px)
+    polygons = '"exact"' if sensor.polygons is None else sensor.polygons
+    size = '"auto"' if sensor.face_size_px is None else sensor.face_size_px
+    return f"""[mirror]
+shape = "hyperbolic"
+k = {mirror.k!r}
+c = {mirror.c!r}
+meters_per_unit = {mirror.meters_per_unit!r}
+theta_max_deg = {math.degrees(mirror.theta_max_rad)!r}
+polygons = {polygons}
+
+[mirror.mounting]
+position_m = [{x!r}, {y!r}, {z!r}]
+roll_deg = {roll!r}
+pitch_deg = {pitch!r}
+yaw_deg = {yaw!r}
+
+[virtual_cameras]
+size_px = {size}
+near_m = {sensor.near_m!r}
+far_m = {float(sensor.far_m)!r}
+samples = {sensor.samples}
+
+[camera]
+width_px = {camera.width_px}
+height_px = {camera.height_px}
+focal_length_px = {camera.focal_length_px!r}
+principal_point_px = [{u!r}, {v!r}]
+supersampling = {sensor.supersampling}
+"""
