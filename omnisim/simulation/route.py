@@ -117,8 +117,8 @@ def _along(
 def _kinematics(vehicle: Vehicle, where: str) -> Kinematics:
     if vehicle.kinematics is None:
         raise TrajectoryError(
-            f"{where}: has no times, and robot {vehicle.name!r} has no [kinematics] to drive it by: "
-            "add them to one of the two"
+            f"{where}: has no times, and robot {vehicle.name!r} has no [kinematics] to drive "
+            "it by: add them to one of the two"
         )
     return vehicle.kinematics
 

@@ -14,7 +14,7 @@ Every file appears only when it is whole, so whatever is there is finished.
 from __future__ import annotations
 
 import json
-import shutil
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from omnisim.errors import RunError
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
 PARTIAL = ".omnisim-*.partial"
+OURS = re.compile(r"\d{6,}\.(png|csv)|sensor\.toml|calibration\.json|\.omnisim-.*\.partial")
 # Who made it, for the record: other versions of these may go on with a run.
 FOR_THE_RECORD = ("libraries",)
 
@@ -141,11 +142,16 @@ class RunFolder:
 
     def _clear(self, manifest: dict[str, Any]) -> None:
         """Remove what a run has put here, the manifest last, and nothing else."""
-        for kind, suffix in (("cameras", ".png"), ("scanners", ".csv")):
+        for kind in ("cameras", "scanners"):
             for name in manifest.get(kind, ()):
                 folder = self.path / name
-                if folder.parent == self.path and folder.is_dir() and not folder.is_symlink():
-                    shutil.rmtree(folder)
+                if folder.parent != self.path or folder.is_symlink() or not folder.is_dir():
+                    continue
+                for file in folder.iterdir():
+                    if OURS.fullmatch(file.name):
+                        file.unlink()
+                if not any(folder.iterdir()):
+                    folder.rmdir()
         for name in (GROUND_TRUTH, ODOMETRY, MANIFEST):
             (self.path / name).unlink(missing_ok=True)
 

@@ -15,7 +15,8 @@ def sensor_toml(sensor: OmniCamera) -> str:
     camera, mirror = sensor.camera, sensor.camera.mirror
     x, y, z = (float(value) for value in sensor.base_from_rig[:3, 3])
     angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.base_from_rig[:3, :3]))
-    roll, pitch, yaw = (float(angle) for angle in angles)
+    # 1e-12°: what the way through radians leaves behind is not worth printing
+    roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
     u, v = (float(value) for value in camera.principal_point_px)
     polygons = '"exact"' if sensor.polygons is None else sensor.polygons
     size = '"auto"' if sensor.face_size_px is None else sensor.face_size_px
@@ -24,7 +25,7 @@ shape = "hyperbolic"
 k = {mirror.k!r}
 c = {mirror.c!r}
 meters_per_unit = {mirror.meters_per_unit!r}
-theta_max_deg = {math.degrees(mirror.theta_max_rad)!r}
+theta_max_deg = {round(math.degrees(mirror.theta_max_rad), 12)!r}
 polygons = {polygons}
 
 [mirror.mounting]

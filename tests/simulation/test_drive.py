@@ -1,0 +1,262 @@
+"""Drives: what they leave on disk, killed at any moment and gone on with."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.errors import OutputError, RunError
+from omnisim.image_files import read_image
+from omnisim.robot import read_odometry, read_trajectory
+from omnisim.scene import load_scene
+from omnisim.sensors import OmniCamera
+from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.route import Route
+from omnisim.simulation.run_folder import RunFolder
+from omnisim.simulation.sensor_toml import sensor_toml
+from omnisim.simulation.vehicle import Vehicle
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
+ARGUMENTS = ["drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "48"]
+ARGUMENTS += ["--step", "1.2", "--turn-step", "45"]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("soccer")
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return with_cameras(Vehicle.load("p2at"), 48, "same")
+
+
+def _record(drive, folder, force=False):
+    """Record all; returns the steps that were there before, and at the end."""
+    steps = list(drive.plan().record(folder, force))
+    return steps[0], steps[-1]
+
+
+def _bytes(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def _ranges(folder, step):
+    lines = (folder / "lms200" / f"{step:06d}.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines if not line.startswith("#")]
+    assert rows[0] == ["beam", "angle_deg", "range_m"]
+    return np.array([float(row[2]) for row in rows[1:]])
+
+
+@pytest.fixture(scope="module")
+def whole(scene, vehicle, tmp_path_factory):
+    """A run that was never interrupted."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    _record(Drive(scene, vehicle, ROUTE, seed=7), folder)
+    return folder
+
+
+def test_everything_is_there(whole, vehicle):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    steps = manifest["steps"]
+    assert manifest["seed"] == 7
+    assert manifest["libraries"]["numpy"] == np.__version__
+    truth = read_trajectory(whole / "ground_truth.tum")
+    assert len(truth) == steps
+    odometry = read_odometry(whole / "odometry.csv")
+    assert len(odometry.times_s) == steps
+    sensor = OmniCamera.from_file(whole / "omnicam" / "sensor.toml")
+    assert sensor.camera == vehicle.camera("omnicam").sensor.camera
+    calibration = json.loads((whole / "omnicam" / "calibration.json").read_text())
+    assert calibration["camera"]["xi"] == pytest.approx(0.9954942)
+    for step in (0, steps - 1):
+        pixels, metadata = read_image(whole / "omnicam" / f"{step:06d}.png")
+        assert pixels.shape == (48, 48, 3)
+        # TUM's nine decimals
+        np.testing.assert_allclose(
+            metadata["world_from_base"], truth.world_from_base[step], atol=1e-8
+        )
+        mount = np.array(calibration["base_from_optical"])
+        np.testing.assert_allclose(
+            metadata["world_from_optical"],
+            np.array(metadata["world_from_base"]) @ mount,
+            atol=1e-12,
+        )
+        assert len(_ranges(whole, step)) == 361
+    assert not list(whole.rglob(".omnisim-*"))
+
+
+def test_the_robot_sees_itself_and_its_laser_does_not(whole):
+    """The blue of the LMS200's housing is in the middle of the picture, towards the top."""
+    pixels, _ = read_image(whole / "omnicam" / "000000.png")
+    front, behind = pixels[14:22, 21:27].mean(axis=(0, 1)), pixels[26:32, 21:27].mean(axis=(0, 1))
+    assert front[2] > 1.5 * front[0]
+    assert behind[2] < 1.3 * behind[0]
+    # nothing of the robot stands in the beams
+    assert _ranges(whole, 0).min() > 0.3
+
+
+def test_another_seed_is_another_odometry_and_the_same_pictures(scene, vehicle, whole, tmp_path):
+    drive = Drive(scene, vehicle, Route("lap", step_m=1.2, step_deg=45.0), seed=8)
+    steps = drive.plan().record(tmp_path / "run")
+    for _ in range(3):
+        next(steps)
+    steps.close()
+    other = _bytes(tmp_path / "run")
+    same = _bytes(whole)
+    assert other["odometry.csv"] != same["odometry.csv"]
+    assert other["ground_truth.tum"] == same["ground_truth.tum"]
+    assert other["omnicam/000001.png"] == same["omnicam/000001.png"]
+    assert other["lms200/000001.csv"] == same["lms200/000001.csv"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path, seed):
+    """SIGKILL from outside, at a random moment of start, planning, rendering or writing."""
+    moments = random.Random(seed)
+    folder = tmp_path / "run"
+    command = [sys.executable, "-c", "from omnisim.cli.app import main; main()"]
+    command += [*ARGUMENTS, "--seed", "7", "-o", str(folder)]
+    for _ in range(3):
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path
+        )
+        # when it has written so many files, and a moment later
+        wanted, patience = moments.randint(0, 30), time.monotonic() + 60.0
+        while process.poll() is None and time.monotonic() < patience:
+            if folder.is_dir() and sum(1 for _ in folder.rglob("*")) >= wanted:
+                break
+            time.sleep(0.01)
+        time.sleep(moments.uniform(0.0, 0.3))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    assert _bytes(folder) == _bytes(whole)
+
+
+def test_a_finished_run_stays_as_it_is(scene, vehicle, whole):
+    before = {path: path.stat().st_mtime_ns for path in whole.rglob("*")}
+    there, done = _record(Drive(scene, vehicle, ROUTE, seed=7), whole)
+    assert there == done == json.loads((whole / "manifest.json").read_text())["steps"]
+    assert {path: path.stat().st_mtime_ns for path in whole.rglob("*")} == before
+
+
+def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    before = _bytes(folder)
+    others = {
+        "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
+        r"path\.poses was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
+        r"robot\.contents was": Drive(scene, with_cameras(vehicle, 64, "same"), ROUTE, seed=7),
+        "unlit was False, is True": Drive(scene, vehicle, ROUTE, seed=7, unlit=True),
+    }
+    for words, drive in others.items():
+        with pytest.raises(RunError, match=f"{words}.*another run is in this folder") as info:
+            next(drive.plan().record(folder))
+        assert "\n" not in str(info.value)
+    assert _bytes(folder) == before
+
+
+def test_force_throws_the_other_run_away_and_nothing_else(scene, vehicle, whole, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "notes.txt").write_text("mine")
+    (folder / "omnicam" / "sketch.txt").write_text("mine, too")
+    steps = Drive(scene, vehicle, ROUTE, seed=8).plan().record(folder, force=True)
+    assert next(steps) == 0
+    steps.close()
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert (folder / "omnicam" / "sketch.txt").read_text() == "mine, too"
+    assert json.loads((folder / "manifest.json").read_text())["seed"] == 8
+    assert not list(folder.rglob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("notes.txt", "mine", "is not empty and has no manifest.json"),
+        ("manifest.json", "{", "is damaged: not JSON"),
+        ("manifest.json", "[]", "is damaged: not the manifest of a run"),
+    ],
+)
+@pytest.mark.parametrize("force", [False, True])
+def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, words, force):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RunError, match=words):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path, force))
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_places_that_are_none(scene, vehicle, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match="is a file: want a folder"):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "file"))
+    with pytest.raises(RunError, match="create it first"):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "no" / "run"))
+    with pytest.raises(RunError, match="want the folder of a run"):
+        RunFolder.read(tmp_path)
+    with pytest.raises(RunError, match="seed -1: want a whole number"):
+        Drive(scene, vehicle, ROUTE, seed=-1).plan()
+
+
+def test_a_full_disk_is_one_line_and_the_run_goes_on_later(
+    scene, vehicle, whole, tmp_path, monkeypatch
+):
+    """The disk fills up in the middle of a picture."""
+    written = []
+    true_write = Path.write_bytes
+
+    def write(self, data):
+        written.append(self)
+        if len(written) > 5:
+            true_write(self, data[: len(data) // 2])
+            raise OSError(28, os.strerror(28))
+        return true_write(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", write)
+    with pytest.raises(OutputError, match="No space left on device"):
+        _record(Drive(scene, vehicle, ROUTE, seed=7), tmp_path / "run")
+    monkeypatch.undo()
+    assert not list((tmp_path / "run").rglob(".omnisim-*"))
+    there, _ = _record(Drive(scene, vehicle, ROUTE, seed=7), tmp_path / "run")
+    assert there == 5
+    assert _bytes(tmp_path / "run") == _bytes(whole)
+
+
+def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
+    table = {
+        "mirror": {
+            "k": 5.0,
+            "rim_radius_m": 0.03,
+            "polygons": "exact",
+            "mounting": {"position_m": [0.1, -0.2, 0.3], "roll_deg": 4.0, "yaw_deg": -50.0},
+        },
+        "virtual_cameras": {"size_px": 300, "far_m": 70.0, "samples": 4},
+        "camera": {"width_px": 320, "height_px": 240, "principal_point_px": [150.5, 120.25]},
+    }
+    sensor = OmniCamera.from_table(table)
+    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    again = OmniCamera.from_file(tmp_path / "s.toml")
+    assert again.camera.mirror.theta_max_rad == pytest.approx(
+        sensor.camera.mirror.theta_max_rad, abs=1e-12
+    )
+    np.testing.assert_allclose(again.base_from_rig, sensor.base_from_rig, atol=1e-12)
+    for name in ("polygons", "face_size_px", "near_m", "far_m", "samples", "supersampling"):
+        assert getattr(again, name) == getattr(sensor, name)
+    assert again.camera.focal_length_px == sensor.camera.focal_length_px
+    assert again.camera.principal_point_px == sensor.camera.principal_point_px

@@ -1,0 +1,123 @@
+"""Routes: paths of a scene and of files, and those that cannot be driven."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.errors import TrajectoryError
+from omnisim.robot import Trajectory, write_trajectory
+from omnisim.scene import load_scene
+from omnisim.scene.model import ScenePath
+from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.vehicle import Vehicle
+from tests.scenes import room, scene_of
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return Vehicle.load("p2at")
+
+
+@pytest.fixture
+def scene():
+    """The room: x within ±3 m, y within ±2 m."""
+    corner = ScenePath("corner", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), start_yaw_deg=90.0)
+    return dataclasses.replace(scene_of([room()]), paths=(corner,))
+
+
+def _drive(scene, vehicle, path, **options):
+    return plan_route(scene, vehicle, Route(str(path), **options))
+
+
+def test_path_of_the_scene(scene, vehicle):
+    poses = _drive(scene, vehicle, "corner", step_m=0.25, step_deg=30.0)
+    np.testing.assert_allclose(poses.positions_m[0], 0.0, atol=1e-12)
+    assert poses.yaw_rad[0] == pytest.approx(math.pi / 2.0)  # the path's start, not its first leg
+    np.testing.assert_allclose(poses.positions_m[-1], (1.0, 1.0, 0.0), atol=1e-12)
+    assert len(poses) == 1 + 3 + 4 + 3 + 4  # turn, leg, turn, leg
+    assert poses.path_length_m == pytest.approx(2.0)
+
+
+def test_rate_instead_of_steps(scene, vehicle):
+    poses = _drive(scene, vehicle, "corner", rate_hz=10.0)
+    np.testing.assert_allclose(np.diff(poses.times_s), 0.1, atol=1e-9)
+
+
+@pytest.mark.parametrize(("path", "turn"), [("lap", 1.0), ("lap_clockwise", -1.0)])
+def test_the_paper_s_lap(vehicle, path, turn):
+    soccer = load_scene("soccer")
+    poses = _drive(soccer, vehicle, path)
+    assert 80 <= len(poses) <= 120
+    area = 0.5 * np.sum(
+        poses.positions_m[:-1, 0] * poses.positions_m[1:, 1]
+        - poses.positions_m[1:, 0] * poses.positions_m[:-1, 1]
+    )
+    assert area * turn > 6.0  # m²: the way around the field, then a diagonal that encloses none
+
+
+def test_round_of_the_mapping_scene(vehicle):
+    poses = _drive(load_scene("mapping"), vehicle, "round")
+    assert poses.path_length_m > 30.0
+    np.testing.assert_allclose(poses.positions_m[0], poses.positions_m[-1], atol=1e-9)
+
+
+def test_waypoints_from_a_file(scene, vehicle, tmp_path):
+    (tmp_path / "my.csv").write_text("x_m,y_m\n0,0\n1,0\n1,1\n")
+    poses = _drive(scene, vehicle, tmp_path / "my.csv", step_m=0.5, step_deg=45.0)
+    assert len(poses) == 1 + 2 + 2 + 2
+    assert np.all(np.diff(poses.times_s) > 0.0)
+
+
+def test_poses_without_times_are_timed_by_the_robot(scene, vehicle, tmp_path):
+    lines = ["x_m,y_m,yaw_deg"] + [f"{0.1 * k},0,0" for k in range(11)]
+    (tmp_path / "my.csv").write_text("\n".join(lines) + "\n")
+    poses = _drive(scene, vehicle, tmp_path / "my.csv")
+    assert len(poses) == 11
+    assert poses.duration_s > 1.0 / 1.2  # no faster than it can
+
+
+def test_recorded_poses_keep_their_times(scene, vehicle, tmp_path):
+    times = np.arange(5.0)
+    poses = Trajectory.on_ground(times, np.stack((0.3 * times, 0 * times), axis=1), 0 * times)
+    write_trajectory(tmp_path / "a.tum", poses)
+    np.testing.assert_allclose(_drive(scene, vehicle, tmp_path / "a.tum").times_s, times)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x_m,y_m\n0,0\n9,0\n", r"leaves the map at step \d+, \(3\.\d+, 0\.00\) m: test spans"),
+        ("x_m,y_m\n0,0\n", r"my\.csv: waypoints of shape"),
+        ("x_m,y_m\n0,0\nnan,1\n", r"my\.csv.*3.*nan"),
+        ("t_s,x_m,y_m\n0,0,0\n1,2.5,0\n", r"my\.csv:3: .*2\.5"),
+        ("t_s,x_m,y_m\n0,0,0\n1,0.5,0\n0.5,1,0\n", r"my\.csv.*4"),
+        ("t_s,x_m,y_m\n0,0,0\n0.1,0.9,0\n0.2,1.8,0\n", r"my\.csv.*1\.2"),
+        ("", r"my\.csv.*empty"),
+    ],
+)
+def test_bad_files_are_named(scene, vehicle, tmp_path, text, words):
+    scene = dataclasses.replace(scene, name="test")
+    (tmp_path / "my.csv").write_text(text)
+    with pytest.raises(TrajectoryError, match=words) as info:
+        _drive(scene, vehicle, tmp_path / "my.csv")
+    assert "\n" not in str(info.value)
+
+
+def test_limits_may_be_ignored(scene, vehicle, tmp_path):
+    (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n0.1,0.9,0\n0.2,1.8,0\n")
+    assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 3
+
+
+def test_unknown_paths_get_a_hint(scene, vehicle):
+    with pytest.raises(TrajectoryError, match="did you mean 'corner'"):
+        _drive(scene, vehicle, "corners")
+    with pytest.raises(TrajectoryError, match="it has none"):
+        _drive(dataclasses.replace(scene, paths=()), vehicle, "corner")
+
+
+def test_a_robot_that_cannot_plan(scene, vehicle, tmp_path):
+    lame = dataclasses.replace(vehicle, kinematics=None)
+    with pytest.raises(TrajectoryError, match=r"has no \[kinematics\]"):
+        _drive(scene, lame, "corner")
