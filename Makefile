@@ -45,7 +45,7 @@ setup: $(VENV)/.installed
 $(VENV)/.installed: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --editable '.[dev,oracles]'
+		--constraint constraints.txt --editable '.[dev,oracles,video]'
 	@touch $@
 
 # What pip cannot install: OpenGL, and on Debian also Python's own venv. Nothing is installed where

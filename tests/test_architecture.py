@@ -32,6 +32,7 @@ HOMES = {
     "rich": {"cli"},
     "matplotlib": {"plots", "validation"},
     "jinja2": {"validation"},
+    "av": {"plots"},
     "cv2": {"validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},

@@ -149,6 +149,9 @@ def drive(
         float | None,
         typer.Option("--rate", metavar="HZ", help="Steps a second instead, or of a file."),
     ] = None,
+    ground: Annotated[
+        float, typer.Option("--ground", metavar="M", help="Height of the ground of waypoints.")
+    ] = 0.0,
     ignore_limits: Annotated[
         bool, typer.Option("--ignore-limits", help="Drive what the robot could not.")
     ] = False,
@@ -173,11 +176,43 @@ def drive(
     from omnisim.cli.drive import DriveRequest, run
     from omnisim.simulation.route import Route
 
-    route = Route(path, step, turn_step, rate, ignore_limits)
+    route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
         scene, robot, output, route, seed, polygons, size, unlit, force, up, device
     )
     run(request, out, err)
+
+
+@app.command()
+def plot(
+    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Plot: .png .pdf .svg. [dim]RUN/plot.png[/]"),
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option("--scene", help="Its scene, where it is not where it was.")
+    ] = None,
+) -> None:
+    """Draw a run from above: map, path, odometry, landmarks, pictures."""
+    from omnisim.cli.run_views import plot as run
+
+    run(run_folder, output, scene, out, err)
+
+
+@app.command()
+def video(
+    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Film: .mp4 or .mkv.")],
+    camera: Annotated[
+        str | None, typer.Option("--camera", help="Name of a camera. [dim]the first[/]")
+    ] = None,
+    fps: Annotated[float, typer.Option("--fps", help="Pictures a second.")] = 10.0,
+) -> None:
+    """Make a film of a run."""
+    from omnisim.cli.run_views import video as run
+
+    run(run_folder, output, camera, fps, out, err)
 
 
 @app.command()

@@ -38,6 +38,7 @@ class Route:
         step_m, step_deg: longest step along waypoints and on the spot.
         rate_hz: steps a second along waypoints instead, or of a file without times.
         ignore_limits: drive what the robot could not.
+        ground_m: height of the ground that waypoints are on.
     """
 
     path: str
@@ -45,6 +46,7 @@ class Route:
     step_deg: float = DEFAULT_STEP_DEG
     rate_hz: float | None = None
     ignore_limits: bool = False
+    ground_m: float = 0.0
 
 
 def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
@@ -107,9 +109,13 @@ def _along(
         if route.rate_hz is not None:
             if not (math.isfinite(route.rate_hz) and route.rate_hz > 0.0):
                 raise TrajectoryError(f"rate {route.rate_hz:g} Hz: want a number above 0")
-            return drive_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
-        step_rad = math.radians(route.step_deg)
-        return drive_in_steps(waypoints_m, kinematics, route.step_m, step_rad, start_yaw_rad)
+            flat = drive_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
+        else:
+            step_rad = math.radians(route.step_deg)
+            flat = drive_in_steps(waypoints_m, kinematics, route.step_m, step_rad, start_yaw_rad)
+        poses = flat.world_from_base.copy()
+        poses[:, 2, 3] = route.ground_m
+        return Trajectory(flat.times_s, poses)
     except TrajectoryError as reason:
         raise TrajectoryError(f"{where}: {reason}") from None
 

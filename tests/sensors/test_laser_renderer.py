@@ -216,6 +216,8 @@ def test_wrong_use_is_refused():
 COMPARED = {
     "warehouse": ((-6.0, -9.0, 0.2), (6.0, 9.0, 2.0)),
     "courtyard": ((-9.0, -9.0, 0.2), (9.0, 9.0, 2.0)),
+    "soccer": ((-5.5, -4.0, 0.2), (5.5, 4.0, 2.0)),
+    "mapping": ((-3.5, -8.5, 0.2), (10.5, 12.5, 2.0)),
 }
 POSES = 20
 NEAREST_M = 0.25  # that the scanner may come to a surface

@@ -70,6 +70,13 @@ def test_waypoints_from_a_file(scene, vehicle, tmp_path):
     assert np.all(np.diff(poses.times_s) > 0.0)
 
 
+def test_ground_of_waypoints(scene, vehicle):
+    poses = _drive(scene, vehicle, "corner", ground_m=-0.09)
+    np.testing.assert_allclose(poses.positions_m[:, 2], -0.09)
+    with pytest.raises(TrajectoryError, match=r"path 'corner' of .*finite"):
+        _drive(scene, vehicle, "corner", ground_m=math.nan)
+
+
 def test_poses_without_times_are_timed_by_the_robot(scene, vehicle, tmp_path):
     lines = ["x_m,y_m,yaw_deg"] + [f"{0.1 * k},0,0" for k in range(11)]
     (tmp_path / "my.csv").write_text("\n".join(lines) + "\n")

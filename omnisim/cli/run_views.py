@@ -1,0 +1,109 @@
+"""`omnisim plot` and `omnisim video`: what a run looks like."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+
+from omnisim.errors import OutputError, RunError, SceneError
+from omnisim.image_files import read_image
+from omnisim.plots.film import check_film_target, write_film
+from omnisim.plots.plot_file import check_plot_target, write_plot
+from omnisim.plots.run_plot import run_figure, steps_to_show
+from omnisim.robot import Trajectory, read_odometry, read_trajectory
+from omnisim.scene import Scene, load_scene
+from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+
+
+def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err: Console) -> None:
+    """Draw a run from above.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    target = output or folder / "plot.png"
+    run = RunFolder.read(folder)
+    check_plot_target(target)
+    truth = read_trajectory(folder / GROUND_TRUTH)
+    reckoned = read_odometry(folder / ODOMETRY).dead_reckoned().positions_m[:, :2]
+    done = run.steps_done()
+    pictures = {}
+    if run.manifest["cameras"]:
+        camera = run.manifest["cameras"][0]
+        shown = [step for step in steps_to_show(len(truth)) if step < done]
+        pictures = {step: _picture(run.file(camera, step, ".png")) for step in shown}
+    title = _title(
+        run, truth, float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1])), done
+    )
+    figure = run_figure(title, _scene(run, scene, err), truth, reckoned, pictures)
+    write_plot(target, figure)
+    out.print(f"{target}: {done} of {len(truth)} steps", markup=False)
+
+
+def video(
+    folder: Path, output: Path, camera: str | None, rate_hz: float, out: Console, err: Console
+) -> None:
+    """Make a film of a camera's pictures.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    if not 0.1 <= rate_hz <= 240.0:
+        raise OutputError(f"--fps {rate_hz:g}: want 0.1 to 240 pictures a second")
+    run = RunFolder.read(folder)
+    check_film_target(output)
+    names = run.manifest["cameras"]
+    if not names:
+        raise RunError(f"{folder}: this run has no camera")
+    name = names[0] if camera is None else camera
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else "it has " + ", ".join(names)
+        raise RunError(f"{folder}: camera {name!r}: not there; {hint}")
+    done = run.steps_done()
+    if done == 0:
+        raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
+
+    def pictures() -> Iterator[NDArray[Any]]:
+        for step in track(
+            range(done), "film", console=err, transient=True, disable=not err.is_terminal
+        ):
+            yield _picture(run.file(name, step, ".png"))
+
+    count = write_film(output, pictures(), rate_hz)
+    out.print(f"{output}: {count} pictures, {count / rate_hz:.1f} s", markup=False)
+
+
+def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
+    robot, scene, path = (run.manifest[key]["name"] for key in ("robot", "scene", "path"))
+    what = f"{robot} in {Path(scene).name}, {Path(path).name}"
+    length_m = truth.path_length_m
+    there = "" if done == len(truth) else f" ({done} are there)"
+    share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
+    return (
+        f"{what}: {length_m:.2f} m, {len(truth)} steps{there}; "
+        f"odometry ends {error_m:.2f} m off{share}"
+    )
+
+
+def _scene(run: RunFolder, scene: str | None, err: Console) -> Scene | None:
+    """The run's scene, or None with a note: it is not there any more."""
+    try:
+        return load_scene(scene or run.manifest["scene"]["name"])
+    except SceneError as reason:
+        if scene is not None:
+            raise
+        err.print(f"note: drawn without a map: {reason}; pass --scene FILE", markup=False)
+        return None
+
+
+def _picture(path: Path) -> NDArray[Any]:
+    pixels, _ = read_image(path)
+    return pixels

@@ -1,0 +1,112 @@
+"""A run from above: the map, the path, dead reckoning, landmarks, and a strip of its pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omnisim.plots.scene_map import draw_scene_map
+from omnisim.robot import Trajectory
+from omnisim.scene import Scene
+from omnisim.scene.model import Landmark
+from omnisim.srgb import srgb_from_linear
+
+TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
+STRIP = 6  # pictures
+
+
+def run_figure(
+    title: str,
+    scene: Scene | None,
+    truth: Trajectory,
+    reckoned: NDArray[np.float64],
+    pictures: dict[int, NDArray[np.uint8]],
+) -> Figure:
+    """The plot of a run.
+
+    Args:
+        title: one line.
+        scene: its map and landmarks, or None: no map.
+        truth: poses of the base.
+        reckoned: (n, 2) where the wheels think it is.
+        pictures: (height, width, 3) by step, at most a handful.
+    """
+    low, high = _limits(truth, reckoned, scene)
+    size = high - low
+    width_in = 9.0
+    # what the labels leave of the width, for axes of equal scale
+    map_in = float(np.clip((width_in - 0.8) * size[1] / size[0], 3.5, 12.0))
+    strip_in = width_in / max(len(pictures), 1) if pictures else 0.0
+    figure = Figure(figsize=(width_in, map_in + strip_in + 1.1), dpi=110, layout="constrained")
+    grid = figure.add_gridspec(
+        2 if pictures else 1, max(len(pictures), 1),
+        height_ratios=[map_in, strip_in] if pictures else [1.0],
+    )  # fmt: skip
+    axes = figure.add_subplot(grid[0, :])
+    axes.set_title(title, fontsize=10, parse_math=False)
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    if scene is not None:
+        draw_scene_map(axes, scene, low, high, float(np.median(truth.positions_m[:, 2])))
+        for landmark in scene.landmarks:
+            _draw_landmark(axes, landmark)
+    x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
+    axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
+    axes.plot(x, y, "-", color=TRUE, lw=2.2, label="true path")
+    axes.plot(x[0], y[0], "o", color=TRUE, markersize=9, markerfacecolor="white", label="start")
+    yaw = truth.yaw_rad
+    every = max(1, len(x) // 24)
+    axes.quiver(
+        x[::every], y[::every], np.cos(yaw[::every]), np.sin(yaw[::every]),
+        color=TRUE, angles="xy", scale=36.0, width=0.003, zorder=3,
+    )  # fmt: skip
+    for step in pictures:
+        axes.annotate(
+            str(step), (x[step], y[step]), textcoords="offset points", xytext=(7, 7), fontsize=9,
+            color=INK, bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": TRUE, "lw": 0.8},
+        )  # fmt: skip
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    for column, (step, picture) in enumerate(pictures.items()):
+        strip = figure.add_subplot(grid[1, column])
+        strip.set_axis_off()
+        strip.set_title(f"step {step}, {truth.times_s[step]:.1f} s", fontsize=8)
+        strip.imshow(picture)
+    return figure
+
+
+def steps_to_show(steps: int) -> list[int]:
+    """Steps evenly spread over a run, its first and last among them."""
+    return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
+
+
+def _limits(
+    truth: Trajectory, reckoned: NDArray[np.float64], scene: Scene | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (2,) of what is shown: the path with room around it, and landmarks that are near."""
+    places = np.concatenate((truth.positions_m[:, :2], reckoned))
+    low, high = places.min(axis=0), places.max(axis=0)
+    room = max(1.5, 0.25 * float((high - low).max()))
+    low, high = low - room, high + room
+    for landmark in scene.landmarks if scene is not None else ():
+        place = np.array(landmark.position_m[:2])
+        if np.all(place > low - room) and np.all(place < high + room):
+            low, high = np.minimum(low, place - 0.5), np.maximum(high, place + 0.5)
+    return low, high
+
+
+def _draw_landmark(axes: Axes, landmark: Landmark) -> None:
+    """Its bands from the lowest, outside, to the highest, inside."""
+    for index, band in enumerate(landmark.bands):
+        axes.plot(
+            *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,
+            color=srgb_from_linear(band.linear_rgb), markeredgecolor=INK, markeredgewidth=0.6,
+        )  # fmt: skip
+    axes.annotate(
+        landmark.name, landmark.position_m[:2], textcoords="offset points", xytext=(9, -10),
+        fontsize=7, color=INK,
+    )  # fmt: skip

@@ -1,0 +1,119 @@
+"""`omnisim drive`, `plot` and `video` as a person uses them, with wrong arguments too."""
+
+import json
+
+import pytest
+
+from omnisim.image_files import read_image
+
+ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
+DRIVE = ["drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise", *ROUTE]
+
+
+@pytest.fixture
+def run_folder(omnisim, needs_opengl):
+    status, out, error = omnisim(*DRIVE, "-o", "run")
+    assert (status, error) == (0, "")
+    assert "run: " in out
+    return "run"
+
+
+def test_drive_plot_and_video(omnisim, run_folder, tmp_path):
+    status, out, error = omnisim(*DRIVE, "-o", "run")
+    assert (status, error) == (0, "")
+    steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
+    assert f"run: {steps} steps, {steps} of them there before; " in out
+    status, out, error = omnisim("plot", "run")
+    assert (status, error) == (0, "")
+    assert f"run/plot.png: {steps} of {steps} steps" in out
+    pixels, _ = read_image(tmp_path / "run" / "plot.png")
+    assert pixels.std() > 20
+    status, out, error = omnisim("plot", "run", "-o", "plot.svg", "--scene", "soccer")
+    assert (status, error) == (0, "")
+    assert "<svg" in (tmp_path / "plot.svg").read_text()
+    pytest.importorskip("av")
+    status, out, error = omnisim("video", "run", "-o", "run.mp4", "--fps", "5")
+    assert (status, error) == (0, "")
+    assert f"run.mp4: {steps} pictures, {steps / 5:.1f} s" in out
+
+
+def test_the_film_shows_the_pictures(omnisim, run_folder, tmp_path):
+    av = pytest.importorskip("av")
+    omnisim("video", "run", "-o", "run.mp4")
+    with av.open(str(tmp_path / "run.mp4")) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
+    assert len(frames) == steps
+    for step in (0, steps - 1):
+        pixels, _ = read_image(tmp_path / "run" / "omnicam" / f"{step:06d}.png")
+        # colours are coded at half the resolution: compare what is left of 8 × 8 blocks
+        one, other = (p.reshape(4, 8, 4, 8, 3).mean(axis=(1, 3)) for p in (pixels, frames[step]))
+        assert abs(one - other).mean() < 8.0
+
+
+def test_a_run_that_is_not_whole(omnisim, run_folder, tmp_path):
+    for path in sorted((tmp_path / "run" / "omnicam").glob("*.png"))[3:]:
+        path.unlink()
+    steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
+    status, out, _ = omnisim("plot", "run")
+    assert status == 0
+    assert f"3 of {steps} steps" in out
+    status, out, _ = omnisim(*DRIVE, "-o", "run")
+    assert f"{steps} steps, 3 of them there before" in out
+
+
+def test_a_scene_that_is_gone_costs_the_map_only(omnisim, run_folder, tmp_path):
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    manifest["scene"]["name"] = "gone.glb"
+    (tmp_path / "run" / "manifest.json").write_text(json.dumps(manifest))
+    status, _, error = omnisim("plot", "run")
+    assert status == 0
+    assert error.startswith("note: drawn without a map: gone.glb: no such scene file")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["soccer", "--robot", "p2a", "--path", "lap"], "did you mean 'p2at'?"),
+        (["socer", "--robot", "p2at", "--path", "lap"], "did you mean 'soccer'?"),
+        (["soccer", "--robot", "p2at", "--path", "lab"], "did you mean 'lap'?"),
+        (["soccer", "--robot", "p2at", "--path", "gone.csv"], "path 'gone.csv': no such file"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step_m = 0: want more"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: want"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"], "seed -1: want a whole"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"], "size 0: want at least 1"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "-n", "7"], "7 polygons: want 8"),
+        (["soccer", "--robot", "twins.toml", "--path", "lap"], "twins.toml: "),
+        (["soccer", "--robot", "odd.toml", "--path", "lap"], "odd.toml: "),
+    ],
+)
+def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, words):
+    sensor = '[[sensors]]\nname = "a"\ntype = "lms200"\nposition_m = [0.0, 0.0, 1.0]\n'
+    (tmp_path / "twins.toml").write_text(f'name = "twins"\n{sensor}{sensor}')
+    (tmp_path / "odd.toml").write_text(f'name = "odd"\n{sensor.replace("lms200", "sonar")}')
+    status, _, error = omnisim("drive", *arguments, "-o", "run")
+    assert status == 1
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plot", "none"], "none: no such folder: want the folder of a run"),
+        (["plot", "run", "-o", "a.bmp"], "a.bmp: unknown plot format"),
+        (["video", "run", "-o", "a.avi"], "a.avi: unknown film format: want .mp4 or .mkv"),
+        (["video", "run", "-o", "a.mp4", "--camera", "omni"], "did you mean 'omnicam'?"),
+        (["video", "run", "-o", "a.mp4", "--fps", "0"], "--fps 0: want 0.1 to 240"),
+        (["video", "none", "-o", "a.mp4"], "none: no such folder"),
+    ],
+)
+def test_bad_views_get_one_line(omnisim, run_folder, tmp_path, arguments, words):
+    status, _, error = omnisim(*arguments)
+    assert status == 1
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.glob("a.*"))
