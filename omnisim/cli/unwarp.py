@@ -50,7 +50,7 @@ def run(request: UnwarpRequest, out: Console) -> None:
     """
     is_float = is_float_format(request.output)
     check_target(request.output)
-    if request.output.exists() and request.output.samefile(request.picture):
+    if _is_same_file(request.output, request.picture):
         raise OutputError(f"{request.output}: is the picture itself: want another name")
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
     taken = read_picture(request.picture, sensor)
@@ -73,6 +73,13 @@ def run(request: UnwarpRequest, out: Console) -> None:
         ),
         markup=False,
     )
+
+
+def _is_same_file(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except OSError:  # one of them is not there
+        return False
 
 
 def _view(request: UnwarpRequest, taken: TakenPicture) -> View:

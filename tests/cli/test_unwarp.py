@@ -92,6 +92,7 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         (["odd.png", "--to", "cylinder", "-o", "b.png"], "its metadata: camera: k: missing"),
         (["lost.png", "--to", "cylinder", "-o", "b.png"], "world_from_base: want a pose"),
         (["empty.png", "--to", "cylinder", "-o", "b.png"], "empty.png: cannot be read"),
+        (["none.png", "--to", "cylinder", "-o", "a.png"], "none.png: cannot be read"),
     ],
 )
 def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, arguments, words):
@@ -107,3 +108,25 @@ def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, argumen
     assert error.startswith("error: ")
     assert error.count("\n") == 1
     assert not (tmp_path / "b.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"model": ["hyperbolic"]}, "camera: model = ['hyperbolic']: want one of"),
+        ({"model": {}}, "camera: model = {}: want one of"),
+        ({"k": 10**400}, "camera: k = 1000"),
+        ({"focal_length_px": 1e300}, "camera: focal_length_px = 1e+300: want > 0"),
+        ({"focal_length_px": 1e-300}, "camera: focal_length_px = 1e-300: want > 0"),
+        ({"principal_point_px": [1e300, 0.0]}, "want finite numbers"),
+        ({"theta_max_deg": 179.0}, "less than the asymptote"),
+    ],
+)
+def test_metadata_edited_to_nonsense_gets_one_line(omnisim, tmp_path, picture, changed, words):
+    metadata = picture | {"camera": picture["camera"] | changed}
+    write_image(tmp_path / "odd.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
+    status, _, error = omnisim("unwarp", "odd.png", "--to", "cylinder", "-o", "b.png")
+    assert status == 1
+    assert error.startswith("error: odd.png: its metadata: ")
+    assert words in error
+    assert error.count("\n") == 1
