@@ -118,6 +118,6 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
         source.close()
     try:
         metadata = json.loads(text) if isinstance(text, str) else None
-    except json.JSONDecodeError:
+    except (json.JSONDecodeError, RecursionError):
         metadata = None  # somebody else's description
     return pixels, metadata if isinstance(metadata, dict) else None

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from omnisim.errors import OutputError
 from omnisim.frame import Frame
@@ -130,3 +132,12 @@ def test_name_at_the_limit_of_the_file_system(tmp_path):
     assert len(list(tmp_path.iterdir())) == 1
     with pytest.raises(OutputError, match="File name too long"):
         write_image(tmp_path / ("a" * 252 + ".png"), PICTURE)
+
+
+def test_a_description_nested_without_end_is_no_metadata(tmp_path):
+    said = PngInfo()
+    said.add_text("Description", '{"camera":' * 5000)
+    Image.new("RGB", (2, 2)).save(tmp_path / "a.png", pnginfo=said)
+    pixels, metadata = read_image(tmp_path / "a.png")
+    assert pixels.shape == (2, 2, 3)
+    assert metadata is None

@@ -23,6 +23,6 @@ def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
         OpticsError: an unknown model, or naming the key and what was wanted.
     """
     model = parameters.get("model")
-    if model not in CAMERA_MODELS:
+    if not isinstance(model, str) or model not in CAMERA_MODELS:
         raise OpticsError(f"camera: model = {model!r}: want one of " + ", ".join(CAMERA_MODELS))
     return CAMERA_MODELS[model].from_parameters(parameters)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from typing import Any, Protocol
 
 from omnisim.errors import OpticsError
+
+# Far past any camera; squares of what follows from them still fit into a float.
+FOCAL_LENGTHS_PX = (1e-30, 1e30)
+LARGEST_PX = 1e15
 
 
 class _Picture(Protocol):
@@ -24,11 +28,16 @@ def check_picture(camera: _Picture) -> None:
     """
     if camera.width_px < 1 or camera.height_px < 1:
         raise OpticsError(f"camera: size {camera.width_px} × {camera.height_px}: want at least 1")
-    if not (math.isfinite(camera.focal_length_px) and camera.focal_length_px > 0.0):
-        raise OpticsError(f"camera: focal_length_px = {camera.focal_length_px:g}: want > 0")
-    if not all(math.isfinite(value) for value in camera.principal_point_px):
+    shortest, longest = FOCAL_LENGTHS_PX
+    if not shortest <= camera.focal_length_px <= longest:  # nor NaN
         raise OpticsError(
-            f"camera: principal_point_px = {camera.principal_point_px}: want finite numbers"
+            f"camera: focal_length_px = {camera.focal_length_px:g}: want > 0, "
+            f"from {shortest:g} to {longest:g}"
+        )
+    if not all(abs(value) <= LARGEST_PX for value in camera.principal_point_px):
+        raise OpticsError(
+            f"camera: principal_point_px = {camera.principal_point_px}: want finite numbers, "
+            f"within ±{LARGEST_PX:g}"
         )
 
 
@@ -39,7 +48,8 @@ def number(parameters: Mapping[str, Any], key: str) -> float:
         OpticsError: it is missing, or is none.
     """
     value = _value(parameters, key)
-    if type(value) not in (int, float) or not math.isfinite(value):
+    # a whole number may be too large for a float; NaN is not within anything
+    if type(value) not in (int, float) or not abs(value) <= sys.float_info.max:
         raise OpticsError(f"camera: {key} = {value!r}: want a number")
     return float(value)
 

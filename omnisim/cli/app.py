@@ -242,11 +242,15 @@ def unwarp(
         typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from the front."),
     ] = 0.0,
     pitch: Annotated[
-        float, typer.Option("--pitch", metavar="DEG", help="Perspective: downwards.")
-    ] = 0.0,
+        float | None,
+        typer.Option("--pitch", metavar="DEG", help="Perspective: downwards. [dim]0[/]"),
+    ] = None,
     fov: Annotated[
-        float, typer.Option("--fov", metavar="DEG", help="Perspective: from left to right edge.")
-    ] = 90.0,
+        float | None,
+        typer.Option(
+            "--fov", metavar="DEG", help="Perspective: from left to right edge. [dim]90[/]"
+        ),
+    ] = None,
     elevation: Annotated[
         tuple[float, float] | None,
         typer.Option(

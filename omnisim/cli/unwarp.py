@@ -22,7 +22,9 @@ from omnisim.sensors import OmniCamera
 from omnisim.sensors.picture_file import TakenPicture, read_picture
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
+DEFAULT_FIELD_OF_VIEW_DEG = 90.0
 LARGEST_SIDE_PX = 32768
+MOST_PIXELS = 1 << 26  # an EXR of them has 1 GB
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class UnwarpRequest:
     sensor: Path | None
     size_px: tuple[int, int] | None
     yaw_deg: float
-    pitch_deg: float
-    field_of_view_deg: float
+    pitch_deg: float | None
+    field_of_view_deg: float | None
     elevation_deg: tuple[float, float] | None
     height_m: float | None
     extent_m: float | None
@@ -48,20 +50,27 @@ def run(request: UnwarpRequest, out: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
+    _check_options(request)
     is_float = is_float_format(request.output)
     check_target(request.output)
-    if request.output.exists() and request.output.samefile(request.picture):
+    if _is_same_file(request.output, request.picture):
         raise OutputError(f"{request.output}: is the picture itself: want another name")
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
     taken = read_picture(request.picture, sensor)
     view = _view(request, taken)
+    width, height = view.camera.width_px, view.camera.height_px
+    if max(width, height) > LARGEST_SIDE_PX or width * height > MOST_PIXELS:
+        raise OpticsError(
+            f"a {request.kind} of {width} × {height} px: want at most {LARGEST_SIDE_PX} to a side "
+            f"and {MOST_PIXELS} pixels: pass a smaller --size"
+        )
     camera_from_view = taken.base_from_optical.T @ view.base_from_view
     try:
         unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
     except OpticsError as reason:
         raise OpticsError(f"{request.picture}: {reason}: look elsewhere") from None
-    pixels = _for_format(unwarp(taken.pixels), unwarp.valid, is_float)
-    write_image(request.output, pixels, _metadata(taken, view))
+    colors = unwarp(_linear(taken.pixels) if is_float else taken.pixels)
+    write_image(request.output, _with_alpha(colors, unwarp.valid, is_float), _metadata(taken, view))
     masked = int(unwarp.valid.size - unwarp.valid.sum())
     out.print(
         f"{request.output}: {request.kind}, {view.camera.width_px} × {view.camera.height_px} px"
@@ -75,31 +84,67 @@ def run(request: UnwarpRequest, out: Console) -> None:
     )
 
 
+def _check_options(request: UnwarpRequest) -> None:
+    """Refuse options that the kind of view has no use for."""
+    for option, value, kind in (
+        ("--pitch", request.pitch_deg, ViewKind.PERSPECTIVE),
+        ("--fov", request.field_of_view_deg, ViewKind.PERSPECTIVE),
+        ("--elevation", request.elevation_deg, ViewKind.CYLINDER),
+        ("--height", request.height_m, ViewKind.BIRDSEYE),
+        ("--extent", request.extent_m, ViewKind.BIRDSEYE),
+    ):
+        if value is not None and request.kind is not kind:
+            raise OpticsError(f"{option}: is for --to {kind}, not for --to {request.kind}")
+
+
+def _is_same_file(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except OSError:  # one of them is not there
+        return False
+
+
 def _view(request: UnwarpRequest, taken: TakenPicture) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     width, height = request.size_px or (side, side)
-    if not (1 <= width <= LARGEST_SIDE_PX and 1 <= height <= LARGEST_SIDE_PX):
-        raise OpticsError(f"--size {width} {height}: want 1 to {LARGEST_SIDE_PX}")
+    if min(width, height) < 1:
+        raise OpticsError(f"--size {width} {height}: want at least 1")
     yaw = math.radians(request.yaw_deg)
     if request.kind is ViewKind.PERSPECTIVE:
         return perspective_view(
             width,
             height,
-            math.radians(request.field_of_view_deg),
+            math.radians(_given(request.field_of_view_deg, DEFAULT_FIELD_OF_VIEW_DEG)),
             yaw,
-            math.radians(request.pitch_deg),
+            math.radians(_given(request.pitch_deg, 0.0)),
         )
     if request.kind is ViewKind.CYLINDER:
         return _cylinder(request, taken, yaw)
-    viewpoint_m = request.height_m if request.height_m is not None else taken.height_m
-    if viewpoint_m is None:
+    height_m = _height_m(request, taken)
+    extent_m = _given(request.extent_m, 4.0 * height_m)
+    if width != height:
+        raise OpticsError(f"--size {width} {height}: a bird's eye view is square")
+    return birdseye_view(width, extent_m, height_m, yaw)
+
+
+def _given(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _height_m(request: UnwarpRequest, taken: TakenPicture) -> float:
+    """Height of the effective viewpoint above the ground, from the option or the picture."""
+    if request.height_m is not None:
+        return request.height_m
+    if taken.height_m is None:
         raise OpticsError(
             f"{request.picture}: does not say how high the camera was: pass --height METRES"
         )
-    extent_m = request.extent_m if request.extent_m is not None else 4.0 * viewpoint_m
-    if width != height:
-        raise OpticsError(f"--size {width} {height}: a bird's eye view is square")
-    return birdseye_view(width, extent_m, viewpoint_m, yaw)
+    if taken.height_m <= 0.0:
+        raise OpticsError(
+            f"{request.picture}: says that the camera was at z = {taken.height_m:g} m, not above "
+            "the ground: pass --height METRES"
+        )
+    return taken.height_m
 
 
 def _cylinder(request: UnwarpRequest, taken: TakenPicture, yaw: float) -> View:
@@ -140,15 +185,23 @@ def _highest_elevation_deg(taken: TakenPicture) -> float:
     return 0.0
 
 
-def _for_format(pixels: NDArray[Any], valid: NDArray[np.bool_], to_float: bool) -> NDArray[Any]:
-    """Colours as the output's format holds them, with the mask as alpha."""
-    if to_float:
-        colors = linear_from_srgb(pixels / 255.0) if pixels.dtype == np.uint8 else pixels
-        return np.concatenate((colors, valid[..., None]), axis=-1).astype(np.float32)
+def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:
+    """Colours as linear floats."""
     if pixels.dtype != np.uint8:
-        pixels = np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
-    alpha = np.where(valid, 255, 0).astype(np.uint8)
-    return np.concatenate((pixels, alpha[..., None]), axis=-1)
+        return pixels
+    return linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)[pixels]
+
+
+def _with_alpha(
+    colors: NDArray[Any], valid: NDArray[np.bool_], is_float: bool
+) -> NDArray[np.float32] | NDArray[np.uint8]:
+    """Colours (height, width, 3) as the output's format holds them, and the mask as alpha."""
+    pixels = np.empty((*valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
+    for row, of_row in zip(pixels, colors, strict=True):  # by rows: a large view stays small
+        fits = is_float or colors.dtype == np.uint8
+        row[:, :3] = of_row if fits else np.rint(255.0 * srgb_from_linear(of_row))
+    pixels[..., 3] = np.where(valid, 1.0 if is_float else 255, 0)
+    return pixels
 
 
 def _metadata(taken: TakenPicture, view: View) -> dict[str, Any]:

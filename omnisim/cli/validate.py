@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from omnisim.errors import OmnisimError
 from omnisim.validation.chapters import CHAPTERS, Chapter, Outcome, run_chapters
 from omnisim.validation.check import Bench
-from omnisim.validation.report import Report, check_report_target
+from omnisim.validation.report import Report, check_report_target, machine
 
 _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow"}
 
@@ -27,6 +27,7 @@ def run(
     """
     chapters = _chosen(only, is_quick)
     check_report_target(output)
+    machine_here = machine(device)  # without OpenGL better now than after the work
     bench = Bench(device=device, is_quick=is_quick)
     outcomes: list[Outcome] = []
     columns = (
@@ -42,7 +43,7 @@ def run(
             _print(outcome, out)
             following = chapters[len(outcomes)].title if len(outcomes) < len(chapters) else ""
             progress.update(task, advance=1, description=escape(following))
-    report = Report(outcomes, is_quick, device)
+    report = Report(outcomes, is_quick, machine_here)
     report.write(output)
     skipped = sum(outcome.status == "skipped" for outcome in outcomes)
     failed = sum(outcome.status == "failed" for outcome in outcomes)

@@ -7,7 +7,8 @@ Colours are blended in linear light.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,14 +19,27 @@ from omnisim.perception.bilinear import corner_and_weights
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
 MOST_SAMPLES = 8  # to a side of a view's pixel
+# A view is made in bands of rows, so that what is in between stays small, at 24 bytes a sample.
+BAND_SAMPLES = 1 << 21
+MOST_KEPT_SAMPLES = 1 << 24
 # An 8-bit value's linear one, and back: linear steps of 1/65535 are finer than any 8-bit step.
 _LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
 _STEPS = 65535
 _SRGB = np.rint(255.0 * srgb_from_linear(np.arange(_STEPS + 1) / _STEPS)).astype(np.uint8)
 
 
+class _Band(NamedTuple):
+    """Rows of a view, and where in the picture its pixels look."""
+
+    rows: slice
+    valid: NDArray[np.bool_]  # (rows, width)
+    lookups: list[tuple[NDArray[np.intp], NDArray[np.float32]]]  # a sample's: corner, weights
+
+
 class Unwarping:
     """The table of lookups from a view's pixels into a picture.
+
+    Of a very large view the table is not kept but made again for each picture.
 
     A view's pixel is valid where everything that it blends is: seen by the picture's camera and
     inside the picture.
@@ -54,25 +68,23 @@ class Unwarping:
         covered: NDArray[np.bool_] | None = None,
         samples: int | None = None,
     ):
-        rotation = np.asarray(camera_from_view, dtype=np.float64)
+        self._camera, self._view = camera, view
+        self._rotation = np.asarray(camera_from_view, dtype=np.float64)
         self._shape = (camera.height_px, camera.width_px)
         if covered is None:
             covered = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px)).valid
+        self._covered = covered
         if samples is None:
-            samples = _samples_needed(camera, view, rotation)
-        offsets = (np.arange(samples) + 0.5) / samples - 0.5
-        grid = pixel_grid(view.width_px, view.height_px)
-        self.valid = np.ones(grid.shape[:2], dtype=bool)
-        self._lookups = []
-        for down in offsets:
-            for right in offsets:
-                rays = view.ray_from_pixel(grid + (right, down))
-                pixels = camera.pixel_from_ray(rays.directions @ rotation.T)
-                corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
-                for step in (0, 1, self._shape[1], self._shape[1] + 1):
-                    inside &= covered.take(corner + step, mode="clip")
-                self.valid &= inside & pixels.valid & rays.valid
-                self._lookups.append((corner, weights))
+            samples = _samples_needed(camera, view, self._rotation)
+        self._samples = samples
+        self.valid = np.zeros((view.height_px, view.width_px), dtype=bool)
+        self._kept: list[_Band] | None = []
+        if self.valid.size * samples**2 > MOST_KEPT_SAMPLES:
+            self._kept = None
+        for band in self._make_bands():
+            self.valid[band.rows] = band.valid
+            if self._kept is not None:
+                self._kept.append(band)
         if not self.valid.any():
             raise OpticsError("the picture shows nothing of this view")
 
@@ -92,15 +104,47 @@ class Unwarping:
         is_encoded = picture.dtype == np.uint8
         linear = _LINEAR[picture] if is_encoded else picture.astype(np.float32, copy=False)
         flat = linear.reshape(-1, picture.shape[2])
-        total = np.zeros((*self.valid.shape, picture.shape[2]), dtype=np.float32)
+        result = np.zeros((*self.valid.shape, picture.shape[2]), dtype=picture.dtype)
         width = self._shape[1]
-        for corner, weights in self._lookups:
-            for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
-                total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
-        total *= (self.valid / len(self._lookups)).astype(np.float32)[..., None]
-        if not is_encoded:
-            return total.astype(picture.dtype, copy=False)
-        return _SRGB[np.rint(np.clip(total, 0.0, 1.0) * _STEPS).astype(np.int32)]
+        for rows, valid, lookups in self._make_bands() if self._kept is None else self._kept:
+            total = np.zeros((*valid.shape, picture.shape[2]), dtype=np.float32)
+            for corner, weights in lookups:
+                for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
+                    total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
+            seen = total[valid] / np.float32(len(lookups))
+            if is_encoded:
+                seen = _SRGB[np.rint(np.clip(seen, 0.0, 1.0) * _STEPS).astype(np.int32)]
+            result[rows][valid] = seen
+        return result
+
+    def _make_bands(self) -> Iterator[_Band]:
+        """All rows of the view, from top to bottom."""
+        height, width = self.valid.shape
+        offsets = (np.arange(self._samples) + 0.5) / self._samples - 0.5
+        step = max(1, BAND_SAMPLES // (width * self._samples**2))
+        for first in range(0, height, step):
+            rows = slice(first, min(first + step, height))
+            grid = pixel_grid(width, rows.stop - first) + (0.0, first)
+            valid = np.ones(grid.shape[:2], dtype=bool)
+            lookups = []
+            for down in offsets:
+                for right in offsets:
+                    corner, weights, seen = self._look_up(grid + (right, down))
+                    valid &= seen
+                    lookups.append((corner, weights))
+            yield _Band(rows, valid, lookups)
+
+    def _look_up(
+        self, positions_px: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
+        """Corner (h, w) and weights (4, h, w) in the picture of positions (h, w, 2) in the view,
+        and whether the picture shows what is there."""
+        rays = self._view.ray_from_pixel(positions_px)
+        pixels = self._camera.pixel_from_ray(rays.directions @ self._rotation.T)
+        corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
+        for step in (0, 1, self._shape[1], self._shape[1] + 1):
+            inside &= self._covered.take(corner + step, mode="clip")
+        return corner, weights, inside & pixels.valid & rays.valid
 
 
 def _samples_needed(

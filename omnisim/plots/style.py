@@ -43,5 +43,5 @@ def gallery(pictures: Mapping[str, NDArray[Any]], columns: int, side_in: float =
         axes.set_title(title, fontsize=10)
         axes.set_axis_off()
         shown = picture if picture.dtype == np.uint8 else srgb_from_linear(picture)
-        axes.imshow(shown, interpolation="nearest")
+        axes.imshow(shown)  # averaged where it is made smaller, pixels where it is magnified
     return figure

@@ -88,6 +88,10 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
         raise OutputError(f"{path}: its metadata: {reason}") from None
     if stored.shape[2] in (2, 4):
         covered &= stored[..., -1] > 0
+    if pixels.dtype != np.uint8:  # what is not a number shows nothing
+        finite = np.isfinite(pixels).all(axis=-1)
+        covered &= finite
+        pixels[~finite] = 0.0
     return TakenPicture(
         pixels, covered, camera, base_from_optical, world_from_base, world_from_optical, metadata
     )
@@ -99,7 +103,7 @@ def _three_channels(stored: NDArray[Any]) -> NDArray[Any]:
         colors = np.rint(colors / 257.0).astype(np.uint8)
     elif colors.dtype != np.uint8:
         colors = colors.astype(np.float32)
-    return np.ascontiguousarray(colors)
+    return np.array(colors, order="C")
 
 
 def _pose(metadata: dict[str, Any], key: str, path: Path) -> NDArray[np.float64] | None:

@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import Literal
 
 from omnisim.validation.check import Bench, Findings
+from omnisim.validation.oracles import is_there
 
 Status = Literal["passed", "failed", "skipped"]
 
@@ -34,7 +35,7 @@ class Chapter:
 
     def missing(self) -> list[str]:
         """The oracles that are not installed."""
-        return [name for name in self.oracles if not _is_there(name)]
+        return [name for name in self.oracles if not is_there(name)]
 
     def run(self, bench: Bench) -> Findings:
         """Do the check."""
@@ -104,15 +105,6 @@ def run_chapters(bench: Bench, chapters: Sequence[Chapter]) -> Iterator[Outcome]
         findings = chapter.run(bench)
         seconds = time.perf_counter() - start
         yield Outcome(chapter, "passed" if findings.passed else "failed", findings, "", seconds)
-
-
-def _is_there(name: str) -> bool:
-    module, _, attribute = name.partition(".")
-    try:
-        found = import_module(module)
-    except ImportError:
-        return False
-    return not attribute or hasattr(found, attribute)
 
 
 def _how_to_get(missing: list[str]) -> str:

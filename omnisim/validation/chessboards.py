@@ -13,7 +13,6 @@ from omnisim.validation.plain_scenes import BLACK, WHITE, plain_scene, quads
 
 PATTERN = (8, 6)  # inner corners along a row, and rows
 SQUARE_M = 0.08
-_GREY = (0.2, 0.2, 0.2, 1.0)
 
 
 def board_corners_m() -> NDArray[np.float64]:
@@ -49,8 +48,8 @@ def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
     return poses
 
 
-def board_scene(world_from_board: NDArray[np.float64]) -> Scene:
-    """One board with a white border, unlit, in front of grey."""
+def board_scene() -> Scene:
+    """One board with a white border in its own frame, unlit, on black."""
     columns, rows = PATTERN[0] + 1, PATTERN[1] + 1
     white, black = [], []
     for row in range(-1, rows + 1):
@@ -62,12 +61,10 @@ def board_scene(world_from_board: NDArray[np.float64]) -> Scene:
 
     def placed(squares: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         flat = np.stack(squares)
-        points = np.concatenate((flat, np.zeros((*flat.shape[:2], 1))), axis=2)
-        return points @ world_from_board[:3, :3].T + world_from_board[:3, 3]
+        return np.concatenate((flat, np.zeros((*flat.shape[:2], 1))), axis=2)
 
-    scene = plain_scene(
+    return plain_scene(
         "chessboard",
         (quads("white", placed(white)), WHITE),
         (quads("black", placed(black), 1), BLACK),
     )
-    return scene

@@ -20,7 +20,7 @@ from omnisim import __version__
 from omnisim.atomic_file import check_target, whole_file
 from omnisim.errors import OutputError
 from omnisim.gpu.context import graphics_info, open_context
-from omnisim.validation.chapters import Outcome
+from omnisim.validation.chapters import CHAPTERS, Outcome
 from omnisim.validation.check import Findings, Picture
 
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
@@ -34,13 +34,13 @@ class Report:
 
     Attributes:
         outcomes: of the chapters that were asked for.
-        is_quick: the path tracer was left out.
-        device: EGL's number of the GPU, or None.
+        is_quick: with the smaller of two sizes.
+        machine: what they were measured on, see `machine`.
     """
 
     outcomes: Sequence[Outcome]
     is_quick: bool
-    device: int | None
+    machine: dict[str, Any]
 
     @property
     def passed(self) -> bool:
@@ -49,18 +49,20 @@ class Report:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything but the pictures, as JSON can hold it."""
+        run = [outcome.chapter for outcome in self.outcomes]
         return {
             "format": FORMAT_VERSION,
             "omnisim": __version__,
             "passed": self.passed,
             "quick": self.is_quick,
             "seconds": round(sum(outcome.seconds for outcome in self.outcomes), 1),
-            "machine": machine(self.device),
+            "machine": self.machine,
             "skipped": {
                 outcome.chapter.key: outcome.reason
                 for outcome in self.outcomes
                 if outcome.status == "skipped"
             },
+            "left_out": [chapter.title for chapter in CHAPTERS if chapter not in run],
             "checks": [_as_dict(outcome) for outcome in self.outcomes],
         }
 
@@ -70,17 +72,21 @@ class Report:
         Raises:
             OutputError: they cannot be written.
         """
+        pictures = {
+            picture.name: png(picture)
+            for outcome in self.outcomes
+            if outcome.findings
+            for picture in outcome.findings.pictures
+        }
+        told = self.as_dict()
+        page = self._html(told, pictures).encode("utf-8")
         try:
             folder.mkdir(exist_ok=True)
         except OSError as reason:
             raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
-        pictures: dict[str, bytes] = {}
-        for outcome in self.outcomes:
-            for picture in outcome.findings.pictures if outcome.findings else ():
-                pictures[picture.name] = png(picture)
-                _write(folder / f"{picture.name}.png", pictures[picture.name])
-        told = self.as_dict()
-        _write(folder / "report.html", self._html(told, pictures).encode("utf-8"))
+        for name, data in pictures.items():
+            _write(folder / f"{name}.png", data)
+        _write(folder / "report.html", page)
         _write(folder / "report.json", (json.dumps(told, indent=2) + "\n").encode("utf-8"))
 
     def _html(self, told: dict[str, Any], pictures: dict[str, bytes]) -> str:

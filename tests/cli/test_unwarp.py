@@ -86,12 +86,26 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"], "height -1 m: want more"),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "is square"),
-        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"], "--size 0 0: want 1"),
+        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"], "want at least 1"),
+        (
+            ["a.png", "--to", "perspective", "-o", "b.png", "--size", "32768", "9999"],
+            "a perspective of 32768 × 9999 px: want at most 32768 to a side and 67108864 pixels",
+        ),
+        (
+            ["a.png", "--to", "cylinder", "-o", "b.png", "--fov", "40"],
+            "--fov: is for --to perspective, not for --to cylinder",
+        ),
+        (["a.png", "--to", "perspective", "-o", "b.png", "--extent", "4"], "--extent: is for"),
+        (
+            ["below.png", "--to", "birdseye", "-o", "b.png"],
+            "below.png: says that the camera was at z = -1 m, not above the ground: pass --height",
+        ),
         (["a.png", "--to", "cylinder", "-o", "b.png", "--size", "90", "9"], "change the size"),
         (["small.png", "--to", "cylinder", "-o", "b.png"], "is 9 × 9 px, where its camera's"),
         (["odd.png", "--to", "cylinder", "-o", "b.png"], "its metadata: camera: k: missing"),
         (["lost.png", "--to", "cylinder", "-o", "b.png"], "world_from_base: want a pose"),
         (["empty.png", "--to", "cylinder", "-o", "b.png"], "empty.png: cannot be read"),
+        (["none.png", "--to", "cylinder", "-o", "a.png"], "none.png: cannot be read"),
     ],
 )
 def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, arguments, words):
@@ -100,6 +114,9 @@ def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, argumen
     whole = np.zeros((360, 360, 3), dtype=np.uint8)
     write_image(tmp_path / "odd.png", whole, picture | {"camera": odd})
     write_image(tmp_path / "lost.png", whole, picture | {"world_from_base": [1, "x"]})
+    below = np.array(picture["world_from_optical"])
+    below[2, 3] = -1.0
+    write_image(tmp_path / "below.png", whole, picture | {"world_from_optical": below.tolist()})
     (tmp_path / "empty.png").touch()
     status, _, error = omnisim("unwarp", *arguments)
     assert status == 1
@@ -107,3 +124,40 @@ def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, argumen
     assert error.startswith("error: ")
     assert error.count("\n") == 1
     assert not (tmp_path / "b.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"model": ["hyperbolic"]}, "camera: model = ['hyperbolic']: want one of"),
+        ({"model": {}}, "camera: model = {}: want one of"),
+        ({"k": 10**400}, "camera: k = 1000"),
+        ({"focal_length_px": 1e300}, "camera: focal_length_px = 1e+300: want > 0"),
+        ({"focal_length_px": 1e-300}, "camera: focal_length_px = 1e-300: want > 0"),
+        ({"principal_point_px": [1e300, 0.0]}, "want finite numbers"),
+        ({"theta_max_deg": 179.0}, "less than the asymptote"),
+    ],
+)
+def test_metadata_edited_to_nonsense_gets_one_line(omnisim, tmp_path, picture, changed, words):
+    metadata = picture | {"camera": picture["camera"] | changed}
+    write_image(tmp_path / "odd.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
+    status, _, error = omnisim("unwarp", "odd.png", "--to", "cylinder", "-o", "b.png")
+    assert status == 1
+    assert error.startswith("error: odd.png: its metadata: ")
+    assert words in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr"])
+def test_what_is_not_a_number_is_masked(omnisim, tmp_path, picture, suffix):
+    pixels = np.full((360, 360, 3), 0.25, dtype=np.float32)
+    pixels[100:120, 100:120] = np.nan
+    pixels[200:210, 260:300] = np.inf
+    write_image(tmp_path / "a.exr", pixels, picture)
+    status, out, error = omnisim("unwarp", "a.exr", "--to", "cylinder", "-o", f"b{suffix}")
+    assert (status, error) == (0, "")
+    assert "that the camera does not see are masked" in out
+    seen, _ = read_image(tmp_path / f"b{suffix}")
+    colors, alpha = seen[..., :3].astype(float), seen[..., 3]
+    assert np.all(colors[alpha == 0] == 0.0)
+    assert np.ptp(colors[alpha > 0]) < 1e-6

@@ -16,6 +16,7 @@ def test_report_has_everything(omnisim, tmp_path):
     assert "report/report.html: 1 passed" in out
     told = json.loads((tmp_path / "report" / "report.json").read_text())
     assert told["passed"]
+    assert "Orientation" in told["left_out"]
     assert told["machine"]["renderer"]
     (check,) = told["checks"]
     assert check["status"] == "passed"
@@ -44,7 +45,7 @@ def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkey
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(chapters, "_is_there", lambda name: False)
+    monkeypatch.setattr(chapters, "is_there", lambda name: False)
     status, out, error = omnisim(
         "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
     )
@@ -56,6 +57,24 @@ def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypa
     assert told["skipped"] == {"omnidir": "cv2.omnidir is not here: pip install omnisim[oracles]"}
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.index("Not checked") < page.index("<h2")
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_report_of_nothing_does_not_say_that_all_is_well(omnisim, tmp_path, monkeypatch):
+    monkeypatch.setattr(chapters, "is_there", lambda name: False)
+    status, _, _ = omnisim("validate", "-o", "report", "--only", "omnidir")
+    assert status == 0
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Nothing was checked" in page
+    assert "Every bound holds" not in page
+    assert "Left out: Fig. 7" in page
+
+
+def test_without_opengl_nothing_is_begun(omnisim, tmp_path):
+    status, out, error = omnisim("validate", "-o", "report", "--only", "viewpoint", "--device", 99)
+    assert (status, out) == (1, "")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "report").exists()
 
 
 @pytest.mark.parametrize(

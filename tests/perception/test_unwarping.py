@@ -93,6 +93,18 @@ def test_fine_patterns_are_averaged_and_not_skipped():
     assert np.abs(pixels[2:-2, 2:-2] - 0.5).max() < 0.01
 
 
+def test_bands_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
+    view, picture = VIEWS["perspective"], _picture()
+    rotation = BASE_FROM_OPTICAL.T @ view.base_from_view
+    whole = Unwarping(CAMERA, view.camera, rotation, samples=2)
+    monkeypatch.setattr("omnisim.perception.unwarping.BAND_SAMPLES", 7 * 300 * 4 + 1)
+    monkeypatch.setattr("omnisim.perception.unwarping.MOST_KEPT_SAMPLES", 1000)
+    banded = Unwarping(CAMERA, view.camera, rotation, samples=2)
+    np.testing.assert_array_equal(banded.valid, whole.valid)
+    for _ in range(2):
+        np.testing.assert_array_equal(banded(picture), whole(picture))
+
+
 def test_what_the_camera_does_not_see_is_masked():
     view = perspective_view(200, 200, math.radians(90))
     covered = CAMERA.ray_from_pixel(pixel_grid(600, 600)).valid

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim import frames
+from omnisim.gpu import shader_files
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.validation.chapters import CHAPTERS
 from omnisim.validation.check import Bench
@@ -58,3 +59,33 @@ def test_a_turned_picture_is_found_out(bench, monkeypatch):
     turned = frames.RIG_FROM_OPTICAL_LOOKING_UP @ frames.rotation_from_roll_pitch_yaw(0, 0, 1e-3)
     monkeypatch.setattr("omnisim.sensors.renderer.RIG_FROM_OPTICAL_LOOKING_UP", turned)
     assert _missed("markers", bench)
+
+
+@pytest.mark.parametrize(
+    ("key", "written", "bent"),
+    [
+        ("markers", "gl_FragCoord.xy - 0.5, ray", "gl_FragCoord.xy, ray"),
+        ("markers", "corner + ivec2(column, row)", "corner + ivec2(column, row + 1)"),
+        ("polygons", "pixel_times_depth + 0.5 * seen.z", "pixel_times_depth"),
+        ("rings", "tangent * u_face_tile", "1.01 * tangent * u_face_tile"),
+        ("orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0"),
+    ],
+    ids=[
+        "half a pixel",
+        "a row of captures",
+        "half a pixel, mesh",
+        "face tangent",
+        "swapped faces",
+    ],
+)
+def test_a_wrong_shader_is_found_out(key, written, bent, bench, monkeypatch):
+    expand, hits = shader_files._expand, []
+
+    def expand_bent(*arguments):
+        source = expand(*arguments)
+        hits.append(written in source)
+        return source.replace(written, bent)
+
+    monkeypatch.setattr(shader_files, "_expand", expand_bent)
+    assert _missed(key, bench)
+    assert any(hits)

@@ -91,7 +91,8 @@ def check_omnidir(bench: Bench) -> Findings:
             "calibration: distance of the principal point, px": float(centre),
         },
         pictures=(
-            Picture("chessboards", gallery({f"board {i + 1}": boards[i] for i in range(6)}, 3),
+            Picture("chessboards",
+                    gallery({f"board {i + 1}": b for i, b in enumerate(boards[:6])}, 3),
                     "Some of the chessboards that OpenCV calibrated from."),
         ),
     )  # fmt: skip
@@ -130,13 +131,13 @@ def chessboard_pictures(
     """Pictures that OpenCV found the board in, and its corners (n, 2) there."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     pictures, corners = [], []
-    for pose in board_poses(count):
-        with Renderer(board_scene(pose), sensor, unlit=True, device=bench.device) as renderer:
-            picture = renderer.render(np.eye(4)).rgb
-        found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
-        if found is not None:
-            pictures.append(picture)
-            corners.append(found)
+    with Renderer(board_scene(), sensor, unlit=True, device=bench.device) as renderer:
+        for rig_from_board in board_poses(count):
+            picture = renderer.render(np.linalg.inv(rig_from_board)).rgb
+            found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
+            if found is not None:
+                pictures.append(picture)
+                corners.append(found)
     return pictures, corners
 
 

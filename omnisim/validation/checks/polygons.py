@@ -114,7 +114,7 @@ def _figure(results: dict[int, MeshResult], slope: float) -> Figure:
     largest = np.array([result.error_px.max() for result in results.values()])
     figure, axes = plot("What a mesh costs in geometry", "polygons", "error in pixels at 360 × 360")
     axes.loglog(counts, largest, "s-", color=ORANGE, label="largest")
-    axes.loglog(counts, means, "o-", color=BLUE, label=f"mean, slope {slope:.3f}")
+    axes.loglog(counts, means, "o-", color=BLUE, label=f"mean, slope {slope:.3f}".replace("-", "−"))
     axes.loglog(counts, means[0] * counts[0] / counts, "--", color=GREY, label="slope −1")
     axes.set_xticks(counts, [str(count) for count in counts])
     axes.minorticks_off()

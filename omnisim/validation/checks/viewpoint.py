@@ -107,5 +107,5 @@ def _figure(mirror: HyperbolicMirror) -> Figure:
     axes.plot(0.0, 1.0, "o", color=BLUE, label="pinhole")
     axes.set_aspect("equal")
     axes.invert_yaxis()  # as it is mounted: the mirror above, the camera looks up
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    axes.legend(loc="lower right", frameon=False)
     return figure

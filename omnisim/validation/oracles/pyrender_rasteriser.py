@@ -6,8 +6,6 @@ differ by design.
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,8 +28,6 @@ def rasterise(
         camera: the pinhole camera.
         world_from_optical: (4, 4) pose of its optical frame.
     """
-    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")  # before pyrender is imported: no display
-    os.environ.setdefault("PYGLET_HEADLESS", "1")
     import pyrender
 
     stage = pyrender.Scene(bg_color=(*srgb_from_linear(scene.background), 1.0))
