@@ -14,6 +14,8 @@ from omnisim.cli.consoles import err, out
 from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
 
+INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
+
 app = typer.Typer(
     name="omnisim",
     help="Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel.",
@@ -389,13 +391,14 @@ def main() -> None:
     """Run the command line; what a user can act on is one line and exit status 1."""
     try:
         app()
+    except SystemExit as stopped:
+        if stopped.code == INTERRUPTED:  # typer says nothing
+            err.print("interrupted")
+        raise
     except OmnisimError as error:
         for line in str(error).splitlines():
             err.print(f"[bold red]error:[/] {_plain(line)}")
         sys.exit(1)
-    except KeyboardInterrupt:
-        err.print("interrupted")
-        sys.exit(130)
 
 
 def _plain(text: str) -> str:

@@ -73,8 +73,14 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
         before = done = next(steps)
         task = progress.add_task(f"{vehicle.name} in {scene.name}", total=len(plan.truth))
         progress.update(task, completed=before)
-        for done in steps:
-            progress.update(task, completed=done)
+        try:
+            for done in steps:
+                progress.update(task, completed=done)
+        except KeyboardInterrupt:
+            err.print(
+                f"{request.output}: {done} steps are there: the same command goes on", markup=False
+            )
+            raise
     went_on = f", {before} of them there before" if before else ""
     out.print(
         f"{request.output}: {done} steps{went_on}; {plan.truth.path_length_m:.2f} m in "

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Literal
 
+from omnisim.errors import OmnisimError
 from omnisim.validation.check import Bench, Findings
 from omnisim.validation.oracles import is_there
 
@@ -78,8 +79,8 @@ class Outcome:
     Attributes:
         chapter: which.
         status: passed, failed or skipped.
-        findings: None where it was skipped.
-        reason: why it was skipped, and what to do; else empty.
+        findings: None where it was skipped, or an oracle broke down.
+        reason: why it was skipped, and what to do, or how the oracle broke down; else empty.
         seconds: how long it took.
     """
 
@@ -102,7 +103,16 @@ def run_chapters(bench: Bench, chapters: Sequence[Chapter]) -> Iterator[Outcome]
             yield Outcome(chapter, "skipped", None, _how_to_get(missing), 0.0)
             continue
         start = time.perf_counter()
-        findings = chapter.run(bench)
+        try:
+            findings = chapter.run(bench)
+        except OmnisimError:
+            raise
+        except Exception as broken:
+            if not chapter.oracles:
+                raise  # a defect of ours
+            words = " ".join(f"{type(broken).__name__}: {broken}".split())
+            yield Outcome(chapter, "failed", None, words[:300], time.perf_counter() - start)
+            continue
         seconds = time.perf_counter() - start
         yield Outcome(chapter, "passed" if findings.passed else "failed", findings, "", seconds)
 

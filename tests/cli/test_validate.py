@@ -92,3 +92,23 @@ def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, words):
     assert error.startswith("error: ")
     assert words in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_an_oracle_that_breaks_down_fails_its_check_alone(omnisim, tmp_path, monkeypatch):
+    true_run = chapters.Chapter.run
+
+    def run(self, bench):
+        if self.key == "omnidir":
+            raise RuntimeError("lost\nin <there>")
+        return true_run(self, bench)
+
+    monkeypatch.setattr(chapters.Chapter, "run", run)
+    monkeypatch.setattr(chapters.Chapter, "missing", lambda self: [])
+    status, out, _ = omnisim("validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint")
+    assert status == 1
+    assert "failed   A calibration library" in out
+    assert "RuntimeError: lost in <there>" in out
+    assert "1 passed, 1 failed" in out
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "failed: RuntimeError: lost in &lt;there&gt;" in page
