@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.frame import Frame
 from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors import OmniCamera, Renderer, Stage
 
 TEXTURED_SCENE = "courtyard"
 
@@ -116,9 +116,12 @@ class Bench:
         """From where it is seen."""
         return self.scene.start.position_m
 
-    def take(self, scene: Scene, camera: OmniCamera, world_from_base: NDArray[np.float64]) -> Frame:
+    def take(
+        self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
+    ) -> Frame:
         """One frame, plain base colours, with linear floats."""
-        with Renderer(scene, camera, unlit=True, device=self.device) as renderer:
+        device = None if isinstance(scene, Stage) else self.device
+        with Renderer(scene, camera, unlit=True, device=device) as renderer:
             return renderer.render(world_from_base, linear=True)
 
 

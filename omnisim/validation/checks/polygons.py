@@ -15,7 +15,7 @@ from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
 from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
-from omnisim.sensors import OmniCamera
+from omnisim.sensors import OmniCamera, Stage
 from omnisim.validation.check import Bench, Findings, Measure, Picture, Table
 from omnisim.validation.psnr import psnr_db
 
@@ -34,10 +34,13 @@ def check(bench: Bench) -> Findings:
     """Render the textured scene by meshes of 16 to 4096 polygons and exactly."""
     sensor = OmniCamera()
     pose = sensor.base_pose(bench.viewpoint_m)
-    exact = bench.take(bench.scene, sensor.with_polygons(None), pose)
+    with Stage(bench.scene, device=bench.device) as stage:
+        exact, *frames = (
+            bench.take(stage, sensor.with_polygons(polygons), pose)
+            for polygons in (None, *PAPER_POLYGON_COUNTS)
+        )
     results = {}
-    for polygons in PAPER_POLYGON_COUNTS:
-        frame = bench.take(bench.scene, sensor.with_polygons(polygons), pose)
+    for polygons, frame in zip(PAPER_POLYGON_COUNTS, frames, strict=True):
         error = shown_error_px(bench, sensor, polygons)
         psnr = psnr_db(frame.linear, exact.linear, frame.valid & exact.valid)
         results[polygons] = MeshResult(error, psnr, frame.rgb)
