@@ -48,9 +48,9 @@ def check(bench: Bench) -> Findings:
     pictures |= {"down, omnisim": faces["down"], "down, pyrender": theirs["down"]}
     return Findings(
         f"{len(chosen)} of the five virtual cameras at {size} × {size} px against pyrender, plain "
-        "base colours. It blends edges and textures in sRGB values, omnisim in linear light; averaged over "
-        f"{AVERAGED} × {AVERAGED} pixels in linear light that difference is small, and shapes and "
-        "colours are left to compare.",
+        "base colours. It blends edges and textures in sRGB values, omnisim in linear light; "
+        f"averaged over {AVERAGED} × {AVERAGED} pixels in linear light that difference is small, "
+        "and shapes and colours are left to compare.",
         (
             Measure("worst face, as it is", min(plain), BOUND_DB, "dB", at_least=True),
             Measure("worst face, averaged", min(averaged), AVERAGED_BOUND_DB, "dB", at_least=True),
