@@ -48,18 +48,18 @@ $(VENV)/.installed: pyproject.toml constraints.txt | system
 		--constraint constraints.txt --editable '.[dev,oracles,video]'
 	@touch $@
 
-# What pip cannot install: OpenGL, and on Debian also Python's own venv. Nothing is installed where
-# nothing is missing.
+# What pip cannot install: OpenGL, what Mitsuba needs, and on Debian also Python's own venv. Nothing
+# is installed where nothing is missing.
 system:
 	@if [ -z "$(PYTHON)" ]; then \
 		echo "omnisim needs Python 3.11 or newer: sudo apt-get install python3"; exit 1; fi
 	@missing=""; \
 	libraries="$$(PATH="$$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null)"; \
-	for pair in libEGL.so.1:libegl1 libGL.so.1:libgl1; do \
+	for pair in libEGL.so.1:libegl1 libGL.so.1:libgl1 libatomic.so.1:libatomic1; do \
 		echo "$$libraries" | grep -q "$${pair%%:*}" || missing="$$missing $${pair##*:}"; done; \
 	ls /usr/share/glvnd/egl_vendor.d/*.json /etc/glvnd/egl_vendor.d/*.json 2>/dev/null \
-		| grep -qv mesa || ls /usr/lib/*/dri/swrast_dri.so /usr/lib/*/libgallium-*.so \
-		>/dev/null 2>&1 || missing="$$missing libgl1-mesa-dri"; \
+		| grep -qv mesa || ls /usr/lib/*/dri/swrast_dri.so /usr/lib/*/libgallium-*.so 2>/dev/null \
+		| grep -q . || missing="$$missing libgl1-mesa-dri"; \
 	"$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || missing="$$missing python3-venv"; \
 	[ -e /etc/ssl/certs/ca-certificates.crt ] || missing="$$missing ca-certificates"; \
 	if [ -n "$$missing" ]; then \

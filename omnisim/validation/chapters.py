@@ -10,7 +10,7 @@ from typing import Literal
 
 from omnisim.errors import OmnisimError
 from omnisim.validation.check import Bench, Findings
-from omnisim.validation.oracles import is_there
+from omnisim.validation.oracles import why_missing
 
 Status = Literal["passed", "failed", "skipped"]
 
@@ -34,9 +34,9 @@ class Chapter:
     oracles: tuple[str, ...] = ()
     is_quick: bool = True
 
-    def missing(self) -> list[str]:
-        """The oracles that are not installed."""
-        return [name for name in self.oracles if not is_there(name)]
+    def missing(self) -> str:
+        """Which oracle cannot be used, why, and what to do; empty: none is missing."""
+        return "; ".join(filter(None, map(why_missing, self.oracles)))
 
     def run(self, bench: Bench) -> Findings:
         """Do the check."""
@@ -100,7 +100,7 @@ def run_chapters(bench: Bench, chapters: Sequence[Chapter]) -> Iterator[Outcome]
     for chapter in chapters:
         missing = chapter.missing()
         if missing:
-            yield Outcome(chapter, "skipped", None, _how_to_get(missing), 0.0)
+            yield Outcome(chapter, "skipped", None, missing, 0.0)
             continue
         start = time.perf_counter()
         try:
@@ -115,8 +115,3 @@ def run_chapters(bench: Bench, chapters: Sequence[Chapter]) -> Iterator[Outcome]
             continue
         seconds = time.perf_counter() - start
         yield Outcome(chapter, "passed" if findings.passed else "failed", findings, "", seconds)
-
-
-def _how_to_get(missing: list[str]) -> str:
-    only = " (pyrender: on Python 3.11 only)" if "pyrender" in missing else ""
-    return f"{', '.join(missing)} is not here: pip install omnisim[oracles]{only}"

@@ -45,23 +45,23 @@ def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkey
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(chapters, "is_there", lambda name: False)
+    monkeypatch.setattr(chapters, "why_missing", lambda name: f"{name} is not here: pip")
     status, out, error = omnisim(
         "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
     )
     assert (status, error) == (0, "")
     assert "skipped  A calibration library" in out
-    assert "cv2.omnidir is not here: pip install omnisim[oracles]" in out
+    assert "cv2.omnidir is not here: pip" in out
     assert "report/report.html: 1 passed, 1 skipped" in out
     told = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert told["skipped"] == {"omnidir": "cv2.omnidir is not here: pip install omnisim[oracles]"}
+    assert told["skipped"] == {"omnidir": "cv2.omnidir is not here: pip"}
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.index("Not checked") < page.index("<h2")
 
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_report_of_nothing_does_not_say_that_all_is_well(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(chapters, "is_there", lambda name: False)
+    monkeypatch.setattr(chapters, "why_missing", lambda name: f"{name} is not here: pip")
     status, _, _ = omnisim("validate", "-o", "report", "--only", "omnidir")
     assert status == 0
     page = (tmp_path / "report" / "report.html").read_text()
@@ -104,7 +104,7 @@ def test_an_oracle_that_breaks_down_fails_its_check_alone(omnisim, tmp_path, mon
         return true_run(self, bench)
 
     monkeypatch.setattr(chapters.Chapter, "run", run)
-    monkeypatch.setattr(chapters.Chapter, "missing", lambda self: [])
+    monkeypatch.setattr(chapters.Chapter, "missing", lambda self: "")
     status, out, _ = omnisim("validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint")
     assert status == 1
     assert "failed   A calibration library" in out

@@ -26,7 +26,7 @@ def _missed(key, bench):
     """Names of the bounds that a chapter misses."""
     chapter = BY_KEY[key]
     if chapter.missing():
-        pytest.skip(f"{', '.join(chapter.missing())} is not installed")
+        pytest.skip(chapter.missing())
     return [
         f"{measure.name}: {measure.value:.4g}"
         for measure in chapter.run(bench).measures

@@ -10,11 +10,23 @@ os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 os.environ.setdefault("PYGLET_HEADLESS", "1")
 
 
-def is_there(name: str) -> bool:
-    """Whether a "module" or "module.attribute" is installed."""
+# What some of them need of the system, and pip does not bring.
+LIBRARIES = {"mitsuba": "libatomic1"}
+
+
+def why_missing(name: str) -> str:
+    """Why a "module" or "module.attribute" cannot be used, and what to do; empty: it can."""
     module, _, attribute = name.partition(".")
     try:
         found = import_module(module)
-    except ImportError:
-        return False
-    return not attribute or hasattr(found, attribute)
+    except ModuleNotFoundError:
+        hint = " (on Python 3.11 only)" if name == "pyrender" else ""
+        return f"{name} is not here: pip install omnisim[oracles]{hint}"
+    except Exception as broken:  # whatever a broken installation comes up with
+        words = " ".join(f"{type(broken).__name__}: {broken}".split())
+        library = LIBRARIES.get(module)
+        hint = f"; sudo apt-get install {library} may help" if library else ""
+        return f"{name} is here and cannot be imported{hint}: {words[:200]}"
+    if attribute and not hasattr(found, attribute):
+        return f"{name} is not in this {module}: pip install omnisim[oracles]"
+    return ""

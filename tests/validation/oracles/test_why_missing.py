@@ -1,0 +1,33 @@
+"""An oracle that cannot be used says why, and what to do."""
+
+import pytest
+
+from omnisim.validation import oracles
+from omnisim.validation.oracles import why_missing
+
+
+def test_what_is_there_is_not_missing():
+    assert why_missing("json") == ""
+    assert why_missing("json.loads") == ""
+
+
+def test_what_is_not_there():
+    assert why_missing("no_such_module") == (
+        "no_such_module is not here: pip install omnisim[oracles]"
+    )
+    assert why_missing("json.omnidir") == (
+        "json.omnidir is not in this json: pip install omnisim[oracles]"
+    )
+
+
+@pytest.mark.parametrize("broken", [ImportError("libatomic.so.1: no\nsuch file"), NameError("x")])
+def test_what_is_broken(monkeypatch, broken):
+    def import_module(name):
+        raise broken
+
+    monkeypatch.setattr(oracles, "import_module", import_module)
+    told = why_missing("mitsuba")
+    assert told.startswith(
+        "mitsuba is here and cannot be imported; sudo apt-get install libatomic1"
+    )
+    assert "\n" not in told
