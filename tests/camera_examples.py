@@ -2,7 +2,15 @@
 
 import math
 
-from omnisim.cameras import CylindricalCamera, HyperbolicCamera, PerspectiveCamera
+from omnisim.cameras import (
+    CylindricalCamera,
+    EquidistantCamera,
+    EquisolidCamera,
+    HyperbolicCamera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    StereographicCamera,
+)
 from omnisim.mirrors import HyperbolicMirror
 
 
@@ -25,4 +33,20 @@ CAMERA_EXAMPLES = {
     "perspective-off-centre": PerspectiveCamera(200, 300, 150.0, (20.5, 310.25)),
     "cylindrical": CylindricalCamera(630, 200, 100.0, (314.5, 99.5)),
     "cylindrical-more-than-a-turn": CylindricalCamera(700, 160, 100.0, (340.25, 20.0)),
+    "equidistant-full-sphere": EquidistantCamera(360, 360, 55.0, (179.5, 179.5)),
+    "equidistant-off-centre": EquidistantCamera(
+        300, 200, 80.0, (140.25, 120.5), theta_max_rad=math.radians(100.0)
+    ),
+    "stereographic": StereographicCamera(320, 320, 21.0, (159.5, 159.5)),
+    "stereographic-off-centre": StereographicCamera(
+        200, 150, 60.0, (90.5, 80.25), theta_max_rad=math.radians(95.0)
+    ),
+    "equisolid-full-sphere": EquisolidCamera(360, 360, 85.0, (179.5, 179.5)),
+    "equisolid-off-centre": EquisolidCamera(
+        300, 200, 90.0, (140.25, 110.5), theta_max_rad=math.radians(105.0)
+    ),
+    "orthographic-full": OrthographicCamera(300, 300, 145.3, (149.5, 149.5)),
+    "orthographic-off-centre": OrthographicCamera(
+        200, 150, 100.0, (110.25, 70.5), theta_max_rad=math.radians(70.0)
+    ),
 }

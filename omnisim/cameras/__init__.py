@@ -14,18 +14,26 @@ Conventions, for all models:
 
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.stereographic import StereographicCamera
 
 __all__ = [
     "CAMERA_MODELS",
     "CentralCamera",
     "CylindricalCamera",
+    "EquidistantCamera",
+    "EquisolidCamera",
     "HyperbolicCamera",
+    "OrthographicCamera",
     "PerspectiveCamera",
     "Pixels",
     "Rays",
+    "StereographicCamera",
     "camera_from_parameters",
     "pixel_grid",
 ]
