@@ -7,6 +7,7 @@ from omnisim.cameras import (
     EquidistantCamera,
     EquisolidCamera,
     HyperbolicCamera,
+    KannalaBrandtCamera,
     OrthographicCamera,
     PerspectiveCamera,
     StereographicCamera,
@@ -49,4 +50,14 @@ CAMERA_EXAMPLES = {
     "orthographic-off-centre": OrthographicCamera(
         200, 150, 100.0, (110.25, 70.5), theta_max_rad=math.radians(70.0)
     ),
-}
+    "kannala-brandt-tum-vi": KannalaBrandtCamera(
+        512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
+        (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4),
+    ),
+    "kannala-brandt-to-its-fold": KannalaBrandtCamera(
+        300, 260, (120.0, 110.0), (150.25, 128.5), (-0.05, -0.02, 0.0, 0.0)
+    ),
+    "kannala-brandt-full-sphere": KannalaBrandtCamera(
+        400, 400, (60.0, 60.0), (199.5, 199.5), (0.01, 0.0, 0.0, 0.0)
+    ),
+}  # fmt: skip

@@ -17,6 +17,7 @@ from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
+from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
@@ -29,6 +30,7 @@ __all__ = [
     "EquidistantCamera",
     "EquisolidCamera",
     "HyperbolicCamera",
+    "KannalaBrandtCamera",
     "OrthographicCamera",
     "PerspectiveCamera",
     "Pixels",

@@ -10,6 +10,7 @@ from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
+from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.stereographic import StereographicCamera
@@ -25,6 +26,7 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         StereographicCamera,
         EquisolidCamera,
         OrthographicCamera,
+        KannalaBrandtCamera,
     )
 }
 

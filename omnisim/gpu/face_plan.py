@@ -173,9 +173,11 @@ def _pixels_per_tangent(
     right, right_seen = pixels(_STEP, 0.0)
     down, down_seen = pixels(0.0, _STEP)
     steps = np.stack((right - here, down - here), axis=-1)
-    # a picture of everything is cut open somewhere: there a step leaps to its other side
-    leap_px = 0.25 * max(camera.width_px, camera.height_px)
-    inner = seen & right_seen & down_seen & np.all(np.abs(steps) < leap_px, axis=(-2, -1))
+    inner = seen & right_seen & down_seen
+    # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
+    # step leaps. No face is so fine that one would move the picture by a pixel otherwise.
+    smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
+    inner = smooth if smooth.any() else inner
     if not inner.any():
         return 1.0, 0.5 * MIN_FACE_PX
     stretches = np.linalg.svd(steps[inner] / _STEP, compute_uv=False)
