@@ -4,8 +4,10 @@ import math
 
 from omnisim.cameras import (
     CylindricalCamera,
+    DoubleSphereCamera,
     EquidistantCamera,
     EquisolidCamera,
+    EucmCamera,
     HyperbolicCamera,
     KannalaBrandtCamera,
     OrthographicCamera,
@@ -60,4 +62,16 @@ CAMERA_EXAMPLES = {
     "kannala-brandt-full-sphere": KannalaBrandtCamera(
         400, 400, (60.0, 60.0), (199.5, 199.5), (0.01, 0.0, 0.0, 0.0)
     ),
+    "double-sphere-tum-vi": DoubleSphereCamera(
+        512, 512, (158.28600, 158.27434), (254.96117, 256.88944), xi=-0.172131, alpha=0.593118
+    ),
+    "double-sphere-no-fold": DoubleSphereCamera(
+        300, 200, (70.0, 71.0), (149.5, 90.25), xi=0.3, alpha=0.45
+    ),
+    "double-sphere-to-its-fold": DoubleSphereCamera(
+        320, 320, (100.0, 100.0), (159.5, 159.5), xi=0.6, alpha=0.8
+    ),
+    "eucm": EucmCamera(512, 512, (190.0, 191.0), (254.5, 256.25), alpha=0.6, beta=1.1),
+    "eucm-to-its-fold": EucmCamera(300, 260, (90.0, 80.0), (149.5, 129.5), alpha=0.75, beta=0.9),
+    "eucm-no-fold": EucmCamera(300, 200, (70.0, 71.0), (140.5, 99.5), alpha=0.4, beta=1.6),
 }  # fmt: skip

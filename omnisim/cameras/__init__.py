@@ -14,8 +14,10 @@ Conventions, for all models:
 
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equisolid import EquisolidCamera
+from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
@@ -27,8 +29,10 @@ __all__ = [
     "CAMERA_MODELS",
     "CentralCamera",
     "CylindricalCamera",
+    "DoubleSphereCamera",
     "EquidistantCamera",
     "EquisolidCamera",
+    "EucmCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
     "OrthographicCamera",

@@ -7,8 +7,10 @@ from typing import Any
 
 from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equisolid import EquisolidCamera
+from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.orthographic import OrthographicCamera
@@ -27,6 +29,8 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         EquisolidCamera,
         OrthographicCamera,
         KannalaBrandtCamera,
+        EucmCamera,
+        DoubleSphereCamera,
     )
 }
 

@@ -71,3 +71,12 @@ def test_kannala_brandt_is_colmap_in_front(name):
     parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
     other = _colmap("OPENCV_FISHEYE", camera, [*parameters, *camera.coefficients])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
+@pytest.mark.parametrize("name", ["eucm", "eucm-no-fold"])
+def test_eucm_is_colmap(name):
+    camera = CAMERA_EXAMPLES[name]
+    points = _points(math.radians(89.0))
+    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
+    other = _colmap("EUCM", camera, [*parameters, camera.alpha, camera.beta])
+    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
