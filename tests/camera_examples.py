@@ -2,7 +2,18 @@
 
 import math
 
-from omnisim.cameras import CylindricalCamera, HyperbolicCamera, PerspectiveCamera
+from omnisim.cameras import (
+    CylindricalCamera,
+    DoubleSphereCamera,
+    EquidistantCamera,
+    EquisolidCamera,
+    EucmCamera,
+    HyperbolicCamera,
+    KannalaBrandtCamera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    StereographicCamera,
+)
 from omnisim.mirrors import HyperbolicMirror
 
 
@@ -25,4 +36,42 @@ CAMERA_EXAMPLES = {
     "perspective-off-centre": PerspectiveCamera(200, 300, 150.0, (20.5, 310.25)),
     "cylindrical": CylindricalCamera(630, 200, 100.0, (314.5, 99.5)),
     "cylindrical-more-than-a-turn": CylindricalCamera(700, 160, 100.0, (340.25, 20.0)),
-}
+    "equidistant-full-sphere": EquidistantCamera(360, 360, 55.0, (179.5, 179.5)),
+    "equidistant-off-centre": EquidistantCamera(
+        300, 200, 80.0, (140.25, 120.5), theta_max_rad=math.radians(100.0)
+    ),
+    "stereographic": StereographicCamera(320, 320, 21.0, (159.5, 159.5)),
+    "stereographic-off-centre": StereographicCamera(
+        200, 150, 60.0, (90.5, 80.25), theta_max_rad=math.radians(95.0)
+    ),
+    "equisolid-full-sphere": EquisolidCamera(360, 360, 85.0, (179.5, 179.5)),
+    "equisolid-off-centre": EquisolidCamera(
+        300, 200, 90.0, (140.25, 110.5), theta_max_rad=math.radians(105.0)
+    ),
+    "orthographic-full": OrthographicCamera(300, 300, 145.3, (149.5, 149.5)),
+    "orthographic-off-centre": OrthographicCamera(
+        200, 150, 100.0, (110.25, 70.5), theta_max_rad=math.radians(70.0)
+    ),
+    "kannala-brandt-tum-vi": KannalaBrandtCamera(
+        512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
+        (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4),
+    ),
+    "kannala-brandt-to-its-fold": KannalaBrandtCamera(
+        300, 260, (120.0, 110.0), (150.25, 128.5), (-0.05, -0.02, 0.0, 0.0)
+    ),
+    "kannala-brandt-full-sphere": KannalaBrandtCamera(
+        400, 400, (60.0, 60.0), (199.5, 199.5), (0.01, 0.0, 0.0, 0.0)
+    ),
+    "double-sphere-tum-vi": DoubleSphereCamera(
+        512, 512, (158.28600, 158.27434), (254.96117, 256.88944), xi=-0.172131, alpha=0.593118
+    ),
+    "double-sphere-no-fold": DoubleSphereCamera(
+        300, 200, (70.0, 71.0), (149.5, 90.25), xi=0.3, alpha=0.45
+    ),
+    "double-sphere-to-its-fold": DoubleSphereCamera(
+        320, 320, (100.0, 100.0), (159.5, 159.5), xi=0.6, alpha=0.8
+    ),
+    "eucm": EucmCamera(512, 512, (190.0, 191.0), (254.5, 256.25), alpha=0.6, beta=1.1),
+    "eucm-to-its-fold": EucmCamera(300, 260, (90.0, 80.0), (149.5, 129.5), alpha=0.75, beta=0.9),
+    "eucm-no-fold": EucmCamera(300, 200, (70.0, 71.0), (140.5, 99.5), alpha=0.4, beta=1.6),
+}  # fmt: skip

@@ -14,18 +14,32 @@ Conventions, for all models:
 
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.double_sphere import DoubleSphereCamera
+from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equisolid import EquisolidCamera
+from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
+from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.stereographic import StereographicCamera
 
 __all__ = [
     "CAMERA_MODELS",
     "CentralCamera",
     "CylindricalCamera",
+    "DoubleSphereCamera",
+    "EquidistantCamera",
+    "EquisolidCamera",
+    "EucmCamera",
     "HyperbolicCamera",
+    "KannalaBrandtCamera",
+    "OrthographicCamera",
     "PerspectiveCamera",
     "Pixels",
     "Rays",
+    "StereographicCamera",
     "camera_from_parameters",
     "pixel_grid",
 ]

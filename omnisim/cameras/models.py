@@ -7,12 +7,31 @@ from typing import Any
 
 from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.double_sphere import DoubleSphereCamera
+from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equisolid import EquisolidCamera
+from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
+from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.errors import OpticsError
 
-CAMERA_MODELS = {
-    kind.model: kind for kind in (HyperbolicCamera, PerspectiveCamera, CylindricalCamera)
+CAMERA_MODELS: dict[str, type[CentralCamera]] = {
+    kind.model: kind
+    for kind in (
+        HyperbolicCamera,
+        PerspectiveCamera,
+        CylindricalCamera,
+        EquidistantCamera,
+        StereographicCamera,
+        EquisolidCamera,
+        OrthographicCamera,
+        KannalaBrandtCamera,
+        EucmCamera,
+        DoubleSphereCamera,
+    )
 }
 
 

@@ -26,6 +26,12 @@ GRID = 65
 # The finest place lies between two samples at worst: 1 % to spare.
 SPARE = 1.01
 MIN_FACE_PX = 16
+# A pole of the picture stretches one direction without bound, the rim of an orthographic lens
+# squeezes one to nothing. Neither is followed further than this: what the picture stretches
+# across more than four times as much as along is drawn for four, and no pixel is taken to be
+# wider than 32 of the finest.
+MOST_STRETCH = 4.0
+COARSEST_SHARE = 1.0 / 32.0
 _STEP = 1e-5  # of a tangent, for derivatives: far above rounding, far below a texel
 
 
@@ -83,7 +89,7 @@ def plan_faces(
     """Plan the faces that a camera sees.
 
     Without a size each face gets as many texels as the finest part of the picture that looks at
-    it has pixels, so that nothing is magnified.
+    it has pixels, so that nothing is magnified, but for the poles of a picture (MOST_STRETCH).
 
     Raises:
         GraphicsError: the camera sees nothing at all.
@@ -166,9 +172,14 @@ def _pixels_per_tangent(
         return None
     right, right_seen = pixels(_STEP, 0.0)
     down, down_seen = pixels(0.0, _STEP)
+    steps = np.stack((right - here, down - here), axis=-1)
     inner = seen & right_seen & down_seen
+    # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
+    # step leaps. No face is so fine that one would move the picture by a pixel otherwise.
+    smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
+    inner = smooth if smooth.any() else inner
     if not inner.any():
         return 1.0, 0.5 * MIN_FACE_PX
-    jacobian = np.stack((right - here, down - here), axis=-1)[inner] / _STEP
-    stretches = np.linalg.svd(jacobian, compute_uv=False)
-    return max(float(stretches[:, 1].min()), 1e-6), float(stretches[:, 0].max())
+    stretches = np.linalg.svd(steps[inner] / _STEP, compute_uv=False)
+    finest = float(np.minimum(stretches[:, 0], MOST_STRETCH * stretches[:, 1]).max())
+    return max(float(stretches[:, 1].min()), COARSEST_SHARE * finest, 1e-6), finest

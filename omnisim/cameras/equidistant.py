@@ -1,0 +1,37 @@
+"""The equidistant fisheye, r = f θ: as many pixels to a degree all along a radius.
+
+Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the picture r ≤ f θ_max.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px/rad | 100 to 1000 |
+| principal_point_px | px | the picture's middle |
+| theta_max_deg | degrees | 90 to 110; 180 sees everything |
+
+GLSL twin: `shaders/camera/equidistant.glsl`. Source: Kannala & Brandt 2006, Eq. 3.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.fisheye import FisheyeCamera
+
+
+@dataclass(frozen=True)
+class EquidistantCamera(FisheyeCamera):
+    """The fisheye r = f θ; see `FisheyeCamera` for its attributes."""
+
+    theta_max_rad: float = math.pi
+    model = "equidistant"
+    largest_theta_rad = math.pi
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return theta
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return radius

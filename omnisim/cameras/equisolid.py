@@ -1,0 +1,37 @@
+"""The equisolid fisheye, r = 2 f sin(θ/2): equal solid angles have equal areas.
+
+Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the picture r ≤ 2 f sin(θ_max/2).
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 100 to 1000 |
+| principal_point_px | px | the picture's middle |
+| theta_max_deg | degrees | 90 to 110; 180 sees everything |
+
+GLSL twin: `shaders/camera/equisolid.glsl`. Source: Kannala & Brandt 2006, Eq. 4.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.fisheye import FisheyeCamera
+
+
+@dataclass(frozen=True)
+class EquisolidCamera(FisheyeCamera):
+    """The fisheye r = 2 f sin(θ/2); see `FisheyeCamera` for its attributes."""
+
+    theta_max_rad: float = math.pi
+    model = "equisolid"
+    largest_theta_rad = math.pi
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 2.0 * np.sin(0.5 * theta)
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))

@@ -1,0 +1,51 @@
+"""Inverse of an increasing function of one variable: Newton's steps between two bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+MOST_STEPS = 100  # bisection alone needs some sixty
+
+
+def solve_increasing(
+    function: Function, slope: Function, values: NDArray[np.float64], low: float, high: float
+) -> NDArray[np.float64]:
+    """Arguments (...,) in [low, high] where `function`, increasing there, has `values` (...,).
+
+    Values out of reach give the nearest end. A slope of 0 at an end, where a lens folds, only
+    makes it slower.
+    """
+    lower, upper = np.full(values.shape, low), np.full(values.shape, high)
+    arguments = np.full(values.shape, 0.5 * (low + high))
+    enough = 2.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    for _ in range(MOST_STEPS):
+        error = function(arguments) - values
+        lower, upper = (
+            np.where(error <= 0.0, arguments, lower),
+            np.where(error >= 0.0, arguments, upper),
+        )
+        rise = slope(arguments)
+        newton = arguments - error / np.where(rise > 1e-12, rise, 1.0)
+        inside = (rise > 1e-12) & (newton >= lower) & (newton <= upper)
+        following = np.where(inside, newton, 0.5 * (lower + upper))
+        moved = float(np.max(np.abs(following - arguments), initial=0.0))
+        arguments = following
+        if moved <= enough:
+            break
+    return arguments
+
+
+def first_root(coefficients: NDArray[np.float64], highest: float = math.inf) -> float:
+    """Smallest positive real root of a polynomial, constant term first; `highest` if none is less.
+
+    Of roots that rounding parts into a complex pair the real part counts.
+    """
+    roots = np.roots(np.trim_zeros(np.asarray(coefficients, dtype=np.float64), "b")[::-1])
+    real = roots.real[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]
+    return float(min([*real[real > 0.0], highest]))

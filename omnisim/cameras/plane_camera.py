@@ -1,0 +1,113 @@
+"""Models that map the rays to a normalised plane, which the picture shows scaled and shifted.
+
+Two halves: `PlaneCamera` knows the picture, its subclass knows the plane. `RadialCamera` is such a
+subclass for lenses that are alike all around their axis: it needs only r(θ) and θ(r).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import Pixels, Rays
+
+# The ray of a pixel at the very edge of the domain is rounded; projected again it must be valid.
+EDGE_RAD = 1e-12
+
+
+class PlanePoints(NamedTuple):
+    """Points of the normalised plane."""
+
+    positions: NDArray[np.float64]  # (..., 2): x right, y down, in focal lengths
+    valid: NDArray[np.bool_]  # (...,)
+
+
+class PlaneCamera(ABC):
+    """Pixels to rays and back, by way of the normalised plane; a mixin beside the parameters."""
+
+    principal_point_px: tuple[float, float]
+
+    @property
+    @abstractmethod
+    def pixels_per_plane(self) -> float | tuple[float, float]:
+        """Pixels to a unit of the normalised plane."""
+
+    @abstractmethod
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        """Rays of points (..., 2); outside the domain those of its edge, so that all is smooth."""
+
+    @abstractmethod
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        """Points of directions (..., 3) of any length."""
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""
+        return self._rays_from_plane(self._plane_from_pixels(np.asarray(pixels_px, np.float64)))
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid in the domain."""
+        points = self._plane_from_rays(np.asarray(directions, dtype=np.float64))
+        return Pixels(self._pixels_from_plane(points.positions), points.valid)
+
+    def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (pixels - self.principal_point_px) / self.pixels_per_plane
+
+    def _pixels_from_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+        return plane * self.pixels_per_plane + self.principal_point_px
+
+
+class RadialCamera(PlaneCamera):
+    """A lens that is alike all around its axis: radius r on the plane, angle θ from +z.
+
+    Domain: θ_min ≤ θ ≤ θ_edge, where r(θ) increases; on the plane r(θ_min) ≤ r ≤ r(θ_edge).
+    """
+
+    theta_min_rad = 0.0
+
+    @property
+    @abstractmethod
+    def theta_edge_rad(self) -> float:
+        """Where the domain ends."""
+
+    @abstractmethod
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Radius r (...,) on the plane of θ (...,), in the domain."""
+
+    @abstractmethod
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        """θ (...,) of radius r (...,) on the plane, in the domain."""
+
+    @cached_property
+    def radius_limits(self) -> tuple[float, float]:
+        """Radii on the plane where the domain begins and ends."""
+        ends = np.array([self.theta_min_rad, self.theta_edge_rad])
+        first, last = self._radius_from_theta(ends).tolist()
+        return first, last
+
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+        first, last = self.radius_limits
+        theta = self._theta_from_radius(np.clip(radius, first, last))
+        across = unit_vectors(plane, radius) * np.sin(theta)[..., None]
+        directions = np.concatenate((across, np.cos(theta)[..., None]), axis=-1)
+        return Rays(directions, (radius >= first) & (radius <= last))
+
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        across = np.hypot(directions[..., 0], directions[..., 1])
+        theta = np.arctan2(across, directions[..., 2])
+        first, last = self.theta_min_rad, self.theta_edge_rad
+        radius = self._radius_from_theta(np.clip(theta, first, last))
+        positions = unit_vectors(directions[..., :2], across) * radius[..., None]
+        return PlanePoints(positions, (theta >= first - EDGE_RAD) & (theta <= last + EDGE_RAD))
+
+
+def unit_vectors(vectors: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (..., 2) by their lengths (...,); (1, 0) where there is none."""
+    start = np.zeros_like(vectors)
+    start[..., 0] = 1.0
+    lengths = np.broadcast_to(lengths[..., None], vectors.shape)
+    return np.divide(vectors, lengths, out=start, where=lengths > 0.0)

@@ -1,0 +1,50 @@
+"""Lenses whose radius is a polynomial of θ: the numerical half, common to several models."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.plane_camera import RadialCamera
+
+
+class PolynomialLens(RadialCamera):
+    """r(θ) = Σ aₙ θⁿ with r(0) = 0, increasing from 0 to the fold, the first θ where dr/dθ = 0.
+
+    Domain: 0 ≤ θ ≤ min(θ_max, θ_fold).
+    """
+
+    theta_max_rad: float
+
+    @property
+    @abstractmethod
+    def theta_polynomial(self) -> tuple[float, ...]:
+        """Coefficients of r(θ), a₀ = 0 first."""
+
+    @cached_property
+    def fold_rad(self) -> float:
+        """Angle of the fold, infinite where there is none."""
+        return first_root(polynomial.polyder(self.theta_polynomial))
+
+    @property
+    def theta_edge_rad(self) -> float:
+        """Where the domain ends: at θ_max, or before it at the fold."""
+        return min(self.theta_max_rad, self.fold_rad)
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return polynomial.polyval(theta, self.theta_polynomial)
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        slopes = polynomial.polyder(self.theta_polynomial)
+        return solve_increasing(
+            self._radius_from_theta,
+            lambda theta: polynomial.polyval(theta, slopes),
+            radius,
+            0.0,
+            self.theta_edge_rad,
+        )

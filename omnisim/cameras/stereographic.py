@@ -1,0 +1,38 @@
+"""The stereographic fisheye, r = 2 f tan(θ/2): small shapes keep their angles (conformal).
+
+Domain: 0 ≤ θ ≤ θ_max ≤ 179°; in the picture r ≤ 2 f tan(θ_max/2). At 180° the picture is
+infinitely far away.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 100 to 1000 |
+| principal_point_px | px | the picture's middle |
+| theta_max_deg | degrees | 90 to 120 |
+
+GLSL twin: `shaders/camera/stereographic.glsl`. Source: Kannala & Brandt 2006, Eq. 2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.fisheye import FisheyeCamera
+
+
+@dataclass(frozen=True)
+class StereographicCamera(FisheyeCamera):
+    """The fisheye r = 2 f tan(θ/2); see `FisheyeCamera` for its attributes."""
+
+    theta_max_rad: float = math.radians(150.0)
+    model = "stereographic"
+    largest_theta_rad = math.radians(179.0)
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 2.0 * np.tan(0.5 * theta)
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 2.0 * np.arctan(0.5 * radius)

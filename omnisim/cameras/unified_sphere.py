@@ -1,0 +1,41 @@
+"""The unified model's sphere in its α form, which EUCM and the double sphere build upon.
+
+A point p on the unit sphere goes to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α) that is Geyer and
+Mei's projection from a point ξ above the sphere's centre, in a picture 1 + ξ times as large.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Rays
+
+FURTHEST = 1e6  # on the normalised plane, where nothing else ends it: a direction at its limit
+
+
+def cosine_limit(alpha: float) -> float:
+    """Where z on the unit sphere ends: −w, with w = α/(1 − α) for α ≤ 0.5, else (1 − α)/α."""
+    return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha
+
+
+def plane_limit(alpha: float) -> float:
+    """Largest radius on the normalised plane: 1/√(2α − 1) where the picture would fold over."""
+    return min(FURTHEST, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else FURTHEST
+
+
+def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
+    """Unit vectors of points (..., 2); those outside the limit are drawn in to it."""
+    radius = np.hypot(plane[..., 0], plane[..., 1])
+    limit = plane_limit(alpha)
+    valid = radius <= limit
+    shrink = limit / np.maximum(radius, limit)
+    plane = plane * shrink[..., None]
+    squared = np.sum(plane * plane, axis=-1)
+    root = np.sqrt(np.maximum(1.0 - (2.0 * alpha - 1.0) * squared, 0.0))
+    z = (1.0 - alpha * alpha * squared) / (alpha * root + 1.0 - alpha)
+    directions = np.concatenate((plane, z[..., None]), axis=-1)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return Rays(directions, valid)

@@ -1,0 +1,21 @@
+// float theta_from_radius(float radius, float low_rad, float high_rad): the angle between two
+// bounds at which a lens has a radius. Include it after
+//     float radius_from_theta(float theta_rad), increasing between the bounds, and
+//     float slope_from_theta(float theta_rad), its derivative.
+// Newton's steps, and halves of what is left where one leads out of it.
+// Twin of omnisim/cameras/monotone.py.
+
+const int STEPS = 24;  // halves alone reach the last bit of a float
+
+float theta_from_radius(float radius, float low_rad, float high_rad) {
+    float low = low_rad, high = high_rad, theta = 0.5 * (low_rad + high_rad);
+    for (int i = 0; i < STEPS; ++i) {
+        float error = radius_from_theta(theta) - radius;
+        if (error <= 0.0) low = theta;
+        if (error >= 0.0) high = theta;
+        float slope = slope_from_theta(theta);
+        float newton = theta - error / max(slope, 1e-9);
+        theta = newton >= low && newton <= high ? newton : 0.5 * (low + high);
+    }
+    return theta;
+}

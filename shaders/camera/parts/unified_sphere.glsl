@@ -1,0 +1,9 @@
+// vec3 lift_alpha(vec2 plane, float alpha): a vector, not of unit length, that the unified model
+// in its alpha form shows at a point of the normalised plane; within 1/sqrt(2 alpha - 1).
+// Twin of omnisim/cameras/unified_sphere.py.
+
+vec3 lift_alpha(vec2 plane, float alpha) {
+    float squared = dot(plane, plane);
+    float root = sqrt(max(1.0 - (2.0 * alpha - 1.0) * squared, 0.0));
+    return vec3(plane, (1.0 - alpha * alpha * squared) / (alpha * root + 1.0 - alpha));
+}

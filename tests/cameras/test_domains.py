@@ -1,0 +1,57 @@
+"""Where the pictures of the camera models end, against the formulas of those who made them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.camera_examples import CAMERA_EXAMPLES
+
+
+def _ray(theta_rad, azimuth_rad=0.7):
+    sine = math.sin(theta_rad)
+    return np.array(
+        [sine * math.cos(azimuth_rad), sine * math.sin(azimuth_rad), math.cos(theta_rad)]
+    )
+
+
+def _assert_ends_at(camera, theta_rad):
+    assert camera.pixel_from_ray(_ray(theta_rad - 1e-6)).valid
+    assert not camera.pixel_from_ray(_ray(theta_rad + 1e-6)).valid
+
+
+@pytest.mark.parametrize(
+    "name", ["double-sphere-tum-vi", "double-sphere-no-fold", "double-sphere-to-its-fold"]
+)
+def test_double_sphere_is_the_formula_of_its_paper(name):
+    camera = CAMERA_EXAMPLES[name]
+    xi, alpha = camera.xi, camera.alpha
+    w1 = alpha / (1.0 - alpha) if alpha <= 0.5 else (1.0 - alpha) / alpha
+    w2 = (w1 + xi) / math.sqrt(2.0 * w1 * xi + xi * xi + 1.0)
+    # the paper's limit of the projection is inside that of its inverse, which is ours
+    assert math.acos(-w2) < camera.theta_edge_rad < math.acos(-w2) + math.radians(15.0)
+    _assert_ends_at(camera, camera.theta_edge_rad)
+    x, y, z = ray = 3.0 * _ray(1.2)
+    d1 = math.sqrt(x * x + y * y + z * z)
+    d2 = math.sqrt(x * x + y * y + (xi * d1 + z) ** 2)
+    q = alpha * d2 + (1.0 - alpha) * (xi * d1 + z)
+    expected = np.array([x, y]) / q * camera.focal_lengths_px + camera.principal_point_px
+    np.testing.assert_allclose(camera.pixel_from_ray(ray).positions_px, expected, atol=1e-9)
+
+
+def test_kannala_brandt_ends_at_its_fold():
+    camera = CAMERA_EXAMPLES["kannala-brandt-to-its-fold"]
+    k1, k2, k3, k4 = camera.coefficients
+    theta = camera.theta_edge_rad
+    slope = 1 + 3 * k1 * theta**2 + 5 * k2 * theta**4 + 7 * k3 * theta**6 + 9 * k4 * theta**8
+    assert slope == pytest.approx(0.0, abs=1e-12)
+    _assert_ends_at(camera, theta)
+
+
+def test_eucm_ends_where_the_unified_model_does_on_the_stretched_plane():
+    camera = CAMERA_EXAMPLES["eucm-to-its-fold"]
+    w = (1.0 - camera.alpha) / camera.alpha
+    # tan θ = tan θ′/√β
+    theta = math.acos(-w)
+    stretched = math.atan2(math.sin(theta) / math.sqrt(camera.beta), math.cos(theta))
+    _assert_ends_at(camera, stretched)

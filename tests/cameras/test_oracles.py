@@ -1,0 +1,82 @@
+"""Camera models against other people's: OpenCV, COLMAP."""
+
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.cameras import PerspectiveCamera
+from tests.camera_examples import CAMERA_EXAMPLES
+
+WITHIN_PX = 1e-6
+NO_TURN = np.zeros(3)
+
+
+def _points(largest_theta_rad, seed=5, count=2000):
+    """Points (n, 3) up to an angle from the z axis, at different distances."""
+    generator = np.random.default_rng(seed)
+    theta = generator.uniform(0.0, largest_theta_rad, count)
+    azimuth = generator.uniform(-math.pi, math.pi, count)
+    sine = np.sin(theta)
+    rays = np.stack((sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)), axis=-1)
+    return rays * generator.uniform(0.5, 20.0, count)[:, None]
+
+
+def _matrix(camera):
+    fx, fy = np.broadcast_to(camera.pixels_per_plane, 2)
+    (u, v) = camera.principal_point_px
+    return np.array([[fx, 0.0, u], [0.0, fy, v], [0.0, 0.0, 1.0]])
+
+
+def _assert_same(camera, points, pixels):
+    ours = camera.pixel_from_ray(points)
+    pixels = np.asarray(pixels).reshape(-1, 2)
+    assert ours.valid.all()
+    assert np.abs(ours.positions_px - pixels).max() < WITHIN_PX
+
+
+def _cv2():
+    return pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+
+
+def _colmap(model, camera, parameters):
+    """Its camera; its first pixel has its centre at (0.5, 0.5)."""
+    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
+    return pycolmap.Camera(
+        model=model, width=camera.width_px, height=camera.height_px, params=parameters
+    )
+
+
+def test_perspective_is_opencv():
+    camera = PerspectiveCamera(640, 480, 500.0, (320.5, 239.0))
+    points = _points(math.radians(70.0))
+    pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), np.zeros(5))
+    _assert_same(camera, points, pixels)
+
+
+def test_kannala_brandt_is_opencv_in_front():
+    camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
+    points = _points(math.radians(80.0))  # past 90° OpenCV is wrong
+    coefficients = np.array(camera.coefficients)
+    pixels, _ = _cv2().fisheye.projectPoints(
+        points[:, None], NO_TURN, NO_TURN, _matrix(camera), coefficients
+    )
+    _assert_same(camera, points, pixels)
+
+
+@pytest.mark.parametrize("name", ["kannala-brandt-tum-vi", "kannala-brandt-to-its-fold"])
+def test_kannala_brandt_is_colmap_in_front(name):
+    camera = CAMERA_EXAMPLES[name]
+    points = _points(math.radians(89.0))
+    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
+    other = _colmap("OPENCV_FISHEYE", camera, [*parameters, *camera.coefficients])
+    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
+@pytest.mark.parametrize("name", ["eucm", "eucm-no-fold"])
+def test_eucm_is_colmap(name):
+    camera = CAMERA_EXAMPLES[name]
+    points = _points(math.radians(89.0))
+    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
+    other = _colmap("EUCM", camera, [*parameters, camera.alpha, camera.beta])
+    _assert_same(camera, points, other.img_from_cam(points) - 0.5)

@@ -1,0 +1,91 @@
+"""Every camera model in a room whose colours are computed without any renderer."""
+
+import numpy as np
+import pytest
+
+from omnisim import frames
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cube import FACE_NAMES, face_index
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.gpu.capture_pass import LensCapture
+from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.pipeline import Pipeline
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.srgb import srgb_from_linear
+from tests.camera_examples import CAMERA_EXAMPLES
+from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
+
+POSE = frames.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
+examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
+
+
+def _rig_from_optical(camera):
+    looks_up = isinstance(camera, HyperbolicCamera)
+    return RIG_FROM_OPTICAL_LOOKING_UP if looks_up else BASE_FROM_OPTICAL_LOOKING_AHEAD
+
+
+def _render(context, camera):
+    scene = scene_of([room()])
+    buffers = SceneBuffers(context, scene)
+    plan = plan_faces(camera, _rig_from_optical(camera))
+    cube = CubePass(
+        context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
+        near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    capture = LensCapture(context, camera)
+    return Pipeline(context, camera, _rig_from_optical(camera), cube, capture).render(POSE).rgba
+
+
+@examples
+def test_room_has_the_right_colour_everywhere(context, camera):
+    rgba = _render(context, camera)
+    pixels = pixel_grid(camera.width_px, camera.height_px)
+    rays = camera.ray_from_pixel(pixels)
+    rig = rays.directions @ _rig_from_optical(camera).T
+    hits = room_hit(POSE[:3, 3], rig @ POSE[:3, :3].T)
+    expected = 255.0 * srgb_from_linear(room_color(hits))
+    # Where the domain ends near by, there is nothing to compare with half a pixel further on.
+    width_rad = np.zeros(rays.valid.shape)
+    inside = rays.valid.copy()
+    for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        beside = camera.ray_from_pixel(pixels + step)
+        inside &= beside.valid
+        angle = np.linalg.norm(beside.directions - rays.directions, axis=-1)
+        width_rad = np.maximum(width_rad, angle)
+    # The room is smooth but for its own edges, where any filter rounds the crease off a little.
+    crease_m = np.sort(np.abs(np.abs(hits) - ROOM_HALF_M), axis=-1)[..., 1]
+    distance_m = np.linalg.norm(hits - POSE[:3, 3], axis=-1)
+    smooth = inside & (crease_m / distance_m > 3.0 * width_rad)
+    assert smooth.sum() > 0.6 * inside.sum()
+    off = np.abs(rgba[..., :3] - expected).max(axis=-1)
+    assert off[smooth].max() <= 2.0
+    seam = smooth & _next_to_other(face_index(rig))
+    if seam.any():
+        assert off[seam].mean() < 1.0
+
+
+def _next_to_other(faces):
+    other = np.zeros(faces.shape, dtype=bool)
+    for axis in (0, 1):
+        change = np.diff(faces, axis=axis) != 0
+        before, after = [slice(None)] * 2, [slice(None)] * 2
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        other[tuple(before)] |= change
+        other[tuple(after)] |= change
+    return other
+
+
+@examples
+def test_planned_faces_are_those_that_the_picture_sees(camera):
+    rig_from_optical = _rig_from_optical(camera)
+    plan = plan_faces(camera, rig_from_optical)
+    rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    seen = np.unique(face_index(rays.directions[rays.valid] @ rig_from_optical.T))
+    planned = {face.name for face in plan.faces}
+    assert {FACE_NAMES[index] for index in seen} <= planned
+    # as many texels as pixels, and no more than the picture could ever use
+    longest = max(camera.width_px, camera.height_px)
+    assert max(face.size_px for face in plan.faces) < 8 * longest
+    assert plan.max_level <= 6
