@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,8 @@ class CentralCamera(Protocol):
     Attributes:
         width_px, height_px: size of the picture.
         model: stem of the model's files, `cameras/<model>.py` and `shaders/camera/<model>.glsl`.
+        rig_from_optical: (3, 3) how it sits in its rig when nobody turns it: looking ahead, or up
+            into its mirror.
     """
 
     @property
@@ -38,6 +40,13 @@ class CentralCamera(Protocol):
 
     @property
     def model(self) -> str: ...  # noqa: D102
+
+    @property
+    def rig_from_optical(self) -> NDArray[np.float64]: ...  # noqa: D102
+
+    def scaled(self, scale: float) -> Self:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        ...
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2)."""

@@ -8,13 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import Pixels, Rays
 from omnisim.cameras.parameters import check_picture, number, point, whole_number
+from omnisim.cameras.parametric_camera import scaled_lengths
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.mirrors import HyperbolicMirror
 
 
@@ -52,6 +54,7 @@ class HyperbolicCamera:
     focal_length_px: float
     principal_point_px: tuple[float, float]
     model = "hyperbolic"
+    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def __post_init__(self) -> None:
         check_picture(self)
@@ -73,6 +76,10 @@ class HyperbolicCamera:
             focal_length_px=0.5 * min(width_px, height_px) / rim_tangent,
             principal_point_px=(0.5 * (width_px - 1), 0.5 * (height_px - 1)),
         )
+
+    def scaled(self, scale: float) -> HyperbolicCamera:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        return scaled_lengths(self, scale)
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> HyperbolicCamera:

@@ -6,10 +6,15 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras.parameters import check_size, number, numbers, point, whole_number, word
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 
+Camera = TypeVar("Camera")
 _READERS = {
     "int": whole_number,
     "float": number,
@@ -36,9 +41,17 @@ class ParametricCamera:
     width_px: int
     height_px: int
     model: ClassVar[str]
+    rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
 
     def __post_init__(self) -> None:
         check_size(self)
+
+    def scaled(self, scale: float) -> Self:
+        """The same view in a picture `scale` times as large; sizes are rounded.
+
+        Fields whose name ends in `_px` are lengths in the picture, or its principal point.
+        """
+        return scaled_lengths(self, scale)
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> Self:
@@ -61,6 +74,20 @@ class ParametricCamera:
             value = _map(math.degrees, value) if _is_angle(field.name) else value
             told[_key(field.name)] = list(value) if isinstance(value, tuple) else value
         return told
+
+
+def scaled_lengths(camera: Camera, scale: float) -> Camera:
+    """A dataclass with all lengths in pixels `scale` times as long, sizes rounded."""
+    changes: dict[str, Any] = {}
+    for field in dataclasses.fields(camera):
+        value = getattr(camera, field.name)
+        if field.name in ("width_px", "height_px"):
+            changes[field.name] = round(value * scale)
+        elif field.name == "principal_point_px":  # pixels count from the middle of the first one
+            changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
+        elif field.name.endswith("_px"):
+            changes[field.name] = _map(lambda one: one * scale, value)
+    return dataclasses.replace(camera, **changes)
 
 
 def _is_angle(name: str) -> bool:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from omnisim.cameras import HyperbolicCamera
 from omnisim.cli.options import read_sensor
+from omnisim.errors import OpticsError
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.mesh_error import mesh_error
 from omnisim.mirrors.unfolding import unfold
@@ -22,6 +24,8 @@ def run(output: Path, polygons: int | None, sensor: Path | None, out: Console) -
     """
     check_mesh_target(output)
     camera = read_sensor(sensor)
+    if not isinstance(camera.camera, HyperbolicCamera):
+        raise OpticsError(f"{sensor}: a {camera.camera.model} camera has no mirror")
     mirror = camera.camera.mirror
     if polygons is None:
         polygons = camera.polygons or PAPER_POLYGONS

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from omnisim.cameras import HyperbolicCamera
 from omnisim.cli.options import read_sensor
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 
@@ -21,17 +22,25 @@ def run(check: Path | None, out: Console) -> None:
         out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
         return
     sensor = read_sensor(check)
-    camera, mirror = sensor.camera, sensor.camera.mirror
+    out.print(f"{check}: good", markup=False)
     lines = (
-        f"{check}: good",
+        _mirror_lines(sensor.camera, sensor.polygons)
+        if isinstance(sensor.camera, HyperbolicCamera)
+        else [f"  {key:22} {value}" for key, value in sensor.camera.parameters().items()]
+    )
+    for line in lines:
+        out.print(line, markup=False)
+
+
+def _mirror_lines(camera: HyperbolicCamera, polygons: int | None) -> list[str]:
+    mirror = camera.mirror
+    return [
         f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
         f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
         f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
         f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
-        f"  mesh     {sensor.polygons or 'exact, none'}",
+        f"  mesh     {polygons or 'exact, none'}",
         f"  picture  {camera.width_px} × {camera.height_px} px, "
         f"focal length {camera.focal_length_px:.6g} px, "
         f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
-    )
-    for line in lines:
-        out.print(line, markup=False)
+    ]

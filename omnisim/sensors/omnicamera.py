@@ -1,4 +1,4 @@
-"""The catadioptric sensor: mirror, virtual cameras, capturing camera, and where it is mounted."""
+"""The sensor: camera model and its mirror, virtual cameras, and where it is mounted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim import frames
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
@@ -30,23 +30,15 @@ def _paper_camera() -> HyperbolicCamera:
     return HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
 
 
-def _scaled(camera: HyperbolicCamera, scale: float) -> HyperbolicCamera:
-    u, v = camera.principal_point_px
-    return dataclasses.replace(
-        camera,
-        width_px=round(camera.width_px * scale),
-        height_px=round(camera.height_px * scale),
-        focal_length_px=camera.focal_length_px * scale,
-        principal_point_px=((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5),
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class OmniCamera:
-    """A camera that looks up at a mirror. Without arguments: the paper's.
+    """A camera that sees all around: one that looks up at a mirror, or a lens.
+
+    Without arguments: the paper's. A lens is captured exactly, as it has no mesh:
+    `OmniCamera(lens, polygons=None)`.
 
     Attributes:
-        camera: the capturing camera and its mirror.
+        camera: the camera model, with its mirror if it has one.
         polygons: of the mirror's mesh; None captures exactly, pixel by pixel.
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
@@ -61,7 +53,7 @@ class OmniCamera:
             them, a size or number of samples that cannot be, or a mounting that is no pose.
     """
 
-    camera: HyperbolicCamera = field(default_factory=_paper_camera)
+    camera: CentralCamera = field(default_factory=_paper_camera)
     polygons: int | None = PAPER_POLYGONS
     base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
@@ -75,6 +67,11 @@ class OmniCamera:
             if type(self.polygons) is not int:
                 raise OpticsError(f"polygons = {self.polygons!r}: want a whole number, or None")
             sectors_and_rings(self.polygons)
+            if not isinstance(self.camera, HyperbolicCamera):
+                raise OpticsError(
+                    f"polygons = {self.polygons}: a {self.camera.model} camera has no mirror with "
+                    "a mesh: want None, exact"
+                )
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(
                 f"near_m = {self.near_m:g}, far_m = {self.far_m:g}: want 0 < near_m < far_m"
@@ -109,10 +106,10 @@ class OmniCamera:
 
     @classmethod
     def _from_settings(cls, settings: SensorFile) -> OmniCamera:
-        mounting, virtual = settings.mirror.mounting, settings.virtual_cameras
+        mounting, virtual = settings.mounting, settings.virtual_cameras
         return cls(
             camera=settings.make_camera(),
-            polygons=settings.mirror.polygon_count,
+            polygons=settings.polygon_count,
             base_from_rig=frames.pose(
                 mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
             ),
@@ -133,18 +130,18 @@ class OmniCamera:
             raise OpticsError(f"camera: size {size_px}: want at least 1")
         old = self.camera
         scale = size_px / min(old.width_px, old.height_px)
-        return dataclasses.replace(self, camera=_scaled(old, scale))
+        return dataclasses.replace(self, camera=old.scaled(scale))
 
     @property
-    def captured_camera(self) -> HyperbolicCamera:
+    def captured_camera(self) -> CentralCamera:
         """The camera of the finer picture that is averaged to this one's."""
-        return _scaled(self.camera, self.supersampling)
+        return self.camera.scaled(self.supersampling)
 
     @property
     def base_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the camera's optical frame on its vehicle."""
         pose = self.base_from_rig.copy()
-        pose[:3, :3] = pose[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
+        pose[:3, :3] = pose[:3, :3] @ self.camera.rig_from_optical
         return pose
 
     def with_polygons(self, polygons: int | None) -> OmniCamera:

@@ -13,7 +13,7 @@ from omnisim import __version__
 from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.errors import GraphicsError
 from omnisim.frame import Frame
-from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP, check_pose
+from omnisim.frames import check_pose
 from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.face_plan import plan_faces
@@ -67,7 +67,7 @@ class Renderer(OnStage):
             context,
             stage.buffers,
             stage.surfaces,
-            plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP, sensor.face_size_px),
+            plan_faces(camera, camera.rig_from_optical, sensor.face_size_px),
             sensor.near_m,
             sensor.far_m,
             sensor.samples,
@@ -84,7 +84,7 @@ class Renderer(OnStage):
         self._pipeline = Pipeline(
             context,
             camera,
-            RIG_FROM_OPTICAL_LOOKING_UP,
+            camera.rig_from_optical,
             self._cube,
             capture,
             sensor.supersampling,
@@ -130,7 +130,7 @@ class Renderer(OnStage):
         self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]
     ) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()
-        world_from_optical[:3, :3] = world_from_rig[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP
+        world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.camera.rig_from_optical
         return {
             "omnisim": __version__,
             "scene": self.scene.name,

@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
 
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
 from omnisim.errors import OpticsError, SensorFileError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.hyperbolic import (
@@ -128,20 +129,72 @@ class Camera(Table):
     supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 2
 
 
+class Lens(Table):
+    """Instead of the first and third group: a camera model by its own parameters."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    model: str
+    mounting: Mounting = Mounting()
+
+    def make_camera(self) -> CentralCamera:
+        """The camera of these parameters.
+
+        Raises:
+            OpticsError: naming the key and what was wanted.
+        """
+        parameters = {"model": self.model, **(self.__pydantic_extra__ or {})}
+        camera = camera_from_parameters(parameters)
+        known = camera.parameters()
+        for key in parameters:
+            if key not in known:
+                near = difflib.get_close_matches(key, known, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else "want " + ", ".join(known)
+                raise OpticsError(f"camera: {key}: unknown key; {hint}")
+        return camera
+
+
 class SensorFile(Table):
-    """A whole sensor file."""
+    """A whole sensor file: either a mirror and the camera that looks at it, or a lens."""
 
     mirror: Mirror = Mirror()
     virtual_cameras: VirtualCameras = VirtualCameras()
     camera: Camera = Camera()
+    lens: Lens | None = None
     _source: str = PrivateAttr("sensor")
 
-    def make_camera(self) -> HyperbolicCamera:
-        """The capturing camera and its mirror.
+    @model_validator(mode="after")
+    def _mirror_or_lens(self) -> SensorFile:
+        if self.lens is not None:
+            if "mirror" in self.model_fields_set:
+                raise ValueError("[lens] and [mirror] both say what camera it is: want one")
+            extra = self.camera.model_fields_set - {"supersampling"}
+            if extra:
+                raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")
+        return self
+
+    @property
+    def mounting(self) -> Mounting:
+        """Where the effective viewpoint sits."""
+        return self.mirror.mounting if self.lens is None else self.lens.mounting
+
+    @property
+    def polygon_count(self) -> int | None:
+        """Polygons of the mirror's mesh, or None: exact, as a lens is."""
+        return self.mirror.polygon_count if self.lens is None else None
+
+    def make_camera(self) -> CentralCamera:
+        """The camera model, with its mirror if it has one.
 
         Raises:
             SensorFileError: what only the optics can refuse, with the key that asked for it.
         """
+        if self.lens is not None:
+            try:
+                return self.lens.make_camera()
+            except OpticsError as reason:
+                words = str(reason).removeprefix("camera: ")
+                raise SensorFileError(f"{self._source}: lens.{words}") from None
         mirror = self._make_mirror()
         camera = HyperbolicCamera.framed_on_rim(mirror, self.camera.width_px, self.camera.height_px)
         focal, centre = self.camera.focal_length_px, self.camera.principal_point_px

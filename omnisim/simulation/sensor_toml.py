@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 
+from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.robot.rotations import roll_pitch_yaw_from_rotation
 from omnisim.sensors import OmniCamera
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
     """The sensor file that describes a camera, mounting included; every key is there."""
-    camera, mirror = sensor.camera, sensor.camera.mirror
     x, y, z = (float(value) for value in sensor.base_from_rig[:3, 3])
     angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.base_from_rig[:3, :3]))
     # 1e-12°: what the way through radians leaves behind is not worth printing
     roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
-    u, v = (float(value) for value in camera.principal_point_px)
-    polygons = '"exact"' if sensor.polygons is None else sensor.polygons
     size = '"auto"' if sensor.face_size_px is None else sensor.face_size_px
-    return f"""[mirror]
-shape = "hyperbolic"
-k = {mirror.k!r}
-c = {mirror.c!r}
-meters_per_unit = {mirror.meters_per_unit!r}
-theta_max_deg = {round(math.degrees(mirror.theta_max_rad), 12)!r}
-polygons = {polygons}
-
-[mirror.mounting]
+    if isinstance(sensor.camera, HyperbolicCamera):
+        group, geometry = "mirror", _mirror(sensor.camera, sensor.polygons)
+        picture = _picture(sensor.camera)
+    else:
+        group, geometry, picture = "lens", _lens(sensor.camera), ""
+    return f"""[{group}]
+{geometry}
+[{group}.mounting]
 position_m = [{x!r}, {y!r}, {z!r}]
 roll_deg = {roll!r}
 pitch_deg = {pitch!r}
@@ -41,9 +39,30 @@ far_m = {float(sensor.far_m)!r}
 samples = {sensor.samples}
 
 [camera]
-width_px = {camera.width_px}
+{picture}supersampling = {sensor.supersampling}
+"""
+
+
+def _mirror(camera: HyperbolicCamera, polygons: int | None) -> str:
+    mirror = camera.mirror
+    return f"""shape = "hyperbolic"
+k = {mirror.k!r}
+c = {mirror.c!r}
+meters_per_unit = {mirror.meters_per_unit!r}
+theta_max_deg = {round(math.degrees(mirror.theta_max_rad), 12)!r}
+polygons = {'"exact"' if polygons is None else polygons}
+"""
+
+
+def _picture(camera: HyperbolicCamera) -> str:
+    u, v = (float(value) for value in camera.principal_point_px)
+    return f"""width_px = {camera.width_px}
 height_px = {camera.height_px}
 focal_length_px = {camera.focal_length_px!r}
 principal_point_px = [{u!r}, {v!r}]
-supersampling = {sensor.supersampling}
 """
+
+
+def _lens(camera: CentralCamera) -> str:
+    """Numbers, lists of numbers and words are written alike in JSON and in TOML."""
+    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in camera.parameters().items())
