@@ -13,6 +13,7 @@ from omnisim.cameras import (
     OrthographicCamera,
     PerspectiveCamera,
     StereographicCamera,
+    UnifiedCamera,
 )
 from omnisim.mirrors import HyperbolicMirror
 
@@ -74,4 +75,17 @@ CAMERA_EXAMPLES = {
     "eucm": EucmCamera(512, 512, (190.0, 191.0), (254.5, 256.25), alpha=0.6, beta=1.1),
     "eucm-to-its-fold": EucmCamera(300, 260, (90.0, 80.0), (149.5, 129.5), alpha=0.75, beta=0.9),
     "eucm-no-fold": EucmCamera(300, 200, (70.0, 71.0), (140.5, 99.5), alpha=0.4, beta=1.6),
+    # image_02, at a quarter of its size
+    "unified-kitti-360": UnifiedCamera(
+        350, 350, (334.0805, 333.947), (178.86, 176.07), xi=2.213404750785489,
+        distortion=(0.016798, 1.654877, 4.222e-4, 4.246e-4),
+    ),
+    "unified-no-distortion": UnifiedCamera(400, 300, (250.0, 251.0), (199.5, 150.25), xi=0.9),
+    "unified-barrel-fold": UnifiedCamera(
+        400, 400, (300.0, 290.0), (199.5, 199.5), xi=1.0,
+        distortion=(-0.3, 0.0, 2e-3, -1e-3), skew_px=1.5,
+    ),
+    "unified-kalibr": UnifiedCamera(
+        376, 240, (260.0, 261.0), (188.25, 119.0), xi=1.6, distortion=(-0.2, 0.15, 1e-3, -5e-4)
+    ),
 }  # fmt: skip

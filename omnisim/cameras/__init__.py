@@ -24,6 +24,7 @@ from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.stereographic import StereographicCamera
+from omnisim.cameras.unified import UnifiedCamera
 
 __all__ = [
     "CAMERA_MODELS",
@@ -40,6 +41,7 @@ __all__ = [
     "Pixels",
     "Rays",
     "StereographicCamera",
+    "UnifiedCamera",
     "camera_from_parameters",
     "pixel_grid",
 ]

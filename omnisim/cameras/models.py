@@ -16,6 +16,7 @@ from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.stereographic import StereographicCamera
+from omnisim.cameras.unified import UnifiedCamera
 from omnisim.errors import OpticsError
 
 CAMERA_MODELS: dict[str, type[CentralCamera]] = {
@@ -31,6 +32,7 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         KannalaBrandtCamera,
         EucmCamera,
         DoubleSphereCamera,
+        UnifiedCamera,
     )
 }
 

@@ -55,3 +55,21 @@ def test_eucm_ends_where_the_unified_model_does_on_the_stretched_plane():
     theta = math.acos(-w)
     stretched = math.atan2(math.sin(theta) / math.sqrt(camera.beta), math.cos(theta))
     _assert_ends_at(camera, stretched)
+
+
+def test_unified_ends_before_the_fold_that_opencv_projects_past():
+    camera = CAMERA_EXAMPLES["unified-kitti-360"]
+    fold = math.acos(-1.0 / camera.xi)
+    assert math.degrees(fold) == pytest.approx(116.86, abs=0.01)
+    _assert_ends_at(camera, fold)
+    # two rays, one pixel, without the domain
+    pixels = camera.pixel_from_ray([_ray(fold - 1e-4), _ray(fold + 1e-4)])
+    assert pixels.valid.tolist() == [True, False]
+
+
+def test_barrel_distortion_ends_at_its_fold():
+    camera = CAMERA_EXAMPLES["unified-barrel-fold"]
+    k1, _, p1, p2 = camera.distortion
+    radius = camera.radius_limit
+    assert 1.0 + 3.0 * k1 * radius**2 == pytest.approx(6.0 * math.hypot(p1, p2) * radius)
+    _assert_ends_at(camera, 2.0 * math.atan(radius))  # ξ = 1

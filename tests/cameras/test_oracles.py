@@ -80,3 +80,18 @@ def test_eucm_is_colmap(name):
     parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
     other = _colmap("EUCM", camera, [*parameters, camera.alpha, camera.beta])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
+@pytest.mark.parametrize("name", ["unified-kitti-360", "unified-no-distortion", "unified-kalibr"])
+def test_unified_is_opencv_omnidir(name):
+    camera = CAMERA_EXAMPLES[name]
+    omnidir = getattr(_cv2(), "omnidir", None)
+    if omnidir is None:
+        pytest.skip("OpenCV without its contributed modules has no omnidir")
+    points = _points(math.radians(100.0))
+    points = points[camera.pixel_from_ray(points).valid]
+    assert len(points) > 1000
+    pixels, _ = omnidir.projectPoints(
+        points[:, None], NO_TURN, NO_TURN, _matrix(camera), camera.xi, np.array(camera.distortion)
+    )
+    _assert_same(camera, points, pixels)
