@@ -6,8 +6,11 @@ from omnisim.cameras import (
     CylindricalCamera,
     DoubleSphereCamera,
     EquidistantCamera,
+    EquirectangularCamera,
     EquisolidCamera,
     EucmCamera,
+    FThetaCamera,
+    FThetaInverseCamera,
     HyperbolicCamera,
     KannalaBrandtCamera,
     OrthographicCamera,
@@ -88,4 +91,14 @@ CAMERA_EXAMPLES = {
     "unified-kalibr": UnifiedCamera(
         376, 240, (260.0, 261.0), (188.25, 119.0), xi=1.6, distortion=(-0.2, 0.15, 1e-3, -5e-4)
     ),
+    "equirectangular": EquirectangularCamera(400, 200),
+    "equirectangular-odd": EquirectangularCamera(301, 203),
+    "f-theta-woodscape-like": FThetaCamera(
+        320, 242, (161.0, 119.3), (84.9, -8.0, 12.0, -3.3), theta_max_rad=math.radians(100.0)
+    ),
+    "f-theta-to-its-fold": FThetaCamera(300, 300, (149.5, 149.5), (90.0, 0.0, -10.0)),
+    "f-theta-inverse": FThetaInverseCamera(
+        320, 240, (158.5, 121.25), (0.0105, 1e-6, 4e-9), theta_max_rad=math.radians(105.0)
+    ),
+    "f-theta-inverse-to-its-end": FThetaInverseCamera(300, 300, (149.5, 149.5), (0.02, 0.0, -3e-7)),
 }  # fmt: skip

@@ -16,8 +16,11 @@ from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
+from omnisim.cameras.f_theta import FThetaCamera
+from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
@@ -32,8 +35,11 @@ __all__ = [
     "CylindricalCamera",
     "DoubleSphereCamera",
     "EquidistantCamera",
+    "EquirectangularCamera",
     "EquisolidCamera",
     "EucmCamera",
+    "FThetaCamera",
+    "FThetaInverseCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
     "OrthographicCamera",

@@ -9,8 +9,11 @@ from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
+from omnisim.cameras.f_theta import FThetaCamera
+from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.orthographic import OrthographicCamera
@@ -33,6 +36,9 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         EucmCamera,
         DoubleSphereCamera,
         UnifiedCamera,
+        EquirectangularCamera,
+        FThetaCamera,
+        FThetaInverseCamera,
     )
 }
 

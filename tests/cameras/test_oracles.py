@@ -95,3 +95,11 @@ def test_unified_is_opencv_omnidir(name):
         points[:, None], NO_TURN, NO_TURN, _matrix(camera), camera.xi, np.array(camera.distortion)
     )
     _assert_same(camera, points, pixels)
+
+
+@pytest.mark.parametrize("name", ["equirectangular", "equirectangular-odd"])
+def test_equirectangular_is_colmap(name):
+    camera = CAMERA_EXAMPLES[name]
+    points = _points(math.radians(179.0))
+    other = _colmap("EQUIRECTANGULAR", camera, [camera.width_px, camera.height_px])
+    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
