@@ -13,7 +13,9 @@ from omnisim.cameras import (
     FThetaInverseCamera,
     HyperbolicCamera,
     KannalaBrandtCamera,
+    OcamcalibCamera,
     OrthographicCamera,
+    ParabolicCamera,
     PerspectiveCamera,
     StereographicCamera,
     UnifiedCamera,
@@ -101,4 +103,14 @@ CAMERA_EXAMPLES = {
         320, 240, (158.5, 121.25), (0.0105, 1e-6, 4e-9), theta_max_rad=math.radians(105.0)
     ),
     "f-theta-inverse-to-its-end": FThetaInverseCamera(300, 300, (149.5, 149.5), (0.02, 0.0, -3e-7)),
+    "parabolic": ParabolicCamera(360, 360, 140.0, (179.5, 179.5)),
+    "parabolic-off-centre": ParabolicCamera(
+        300, 200, 70.0, (120.25, 110.5), theta_max_rad=math.radians(140.0)
+    ),
+    "ocamcalib-fisheye": OcamcalibCamera(
+        360, 300, (181.25, 148.5), (-120.0, 0.0, 2.2e-3, -4e-6, 2e-8), (0.999, 1e-3, -2e-3)
+    ),
+    "ocamcalib-mirror": OcamcalibCamera(
+        320, 240, (158.0, 121.5), (-75.0, 0.0, 6e-3), theta_max_rad=math.radians(110.0)
+    ),
 }  # fmt: skip

@@ -24,7 +24,9 @@ from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
+from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
@@ -42,7 +44,9 @@ __all__ = [
     "FThetaInverseCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
+    "OcamcalibCamera",
     "OrthographicCamera",
+    "ParabolicCamera",
     "PerspectiveCamera",
     "Pixels",
     "Rays",

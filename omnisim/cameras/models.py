@@ -16,7 +16,9 @@ from omnisim.cameras.f_theta import FThetaCamera
 from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
+from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
@@ -39,6 +41,8 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         EquirectangularCamera,
         FThetaCamera,
         FThetaInverseCamera,
+        ParabolicCamera,
+        OcamcalibCamera,
     )
 }
 

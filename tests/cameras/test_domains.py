@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.cameras.hyperbolic import image_radius_eq2_px
 from tests.camera_examples import CAMERA_EXAMPLES
 
 
@@ -73,3 +74,24 @@ def test_barrel_distortion_ends_at_its_fold():
     radius = camera.radius_limit
     assert 1.0 + 3.0 * k1 * radius**2 == pytest.approx(6.0 * math.hypot(p1, p2) * radius)
     _assert_ends_at(camera, 2.0 * math.atan(radius))  # ξ = 1
+
+
+def test_ocamcalib_axes_are_those_of_the_toolbox():
+    camera = CAMERA_EXAMPLES["ocamcalib-fisheye"]
+    c, d, e = camera.affine
+    down, right = 60.0, -35.0  # x' and y' of the toolbox
+    column, row = camera.principal_point_px
+    pixel = (e * down + right + column, c * down + d * right + row)
+    height = np.polynomial.polynomial.polyval(math.hypot(down, right), camera.polynomial)
+    ray = np.array([right, down, -height])  # it looks along −z
+    expected = ray / np.linalg.norm(ray)
+    np.testing.assert_allclose(camera.ray_from_pixel(pixel).directions, expected, atol=1e-12)
+
+
+def test_parabolic_is_equation_2():
+    camera = CAMERA_EXAMPLES["parabolic-off-centre"]
+    theta = 1.3
+    upside_down = _ray(theta, azimuth_rad=0.0) * (1.0, 1.0, -1.0)
+    radius = camera.pixel_from_ray(upside_down).positions_px - camera.principal_point_px
+    expected = image_radius_eq2_px(theta, camera.horizon_radius_px)
+    np.testing.assert_allclose(radius, (expected, 0.0), atol=1e-12)
