@@ -17,6 +17,7 @@ from omnisim.cameras import (
     OrthographicCamera,
     ParabolicCamera,
     PerspectiveCamera,
+    RadialTableCamera,
     StereographicCamera,
     UnifiedCamera,
 )
@@ -112,5 +113,12 @@ CAMERA_EXAMPLES = {
     ),
     "ocamcalib-mirror": OcamcalibCamera(
         320, 240, (158.0, 121.5), (-75.0, 0.0, 6e-3), theta_max_rad=math.radians(110.0)
+    ),
+    "radial-table": RadialTableCamera(
+        320, 300, (161.25, 148.5), tuple(math.radians(10.0 * i) for i in range(11)),
+        (0.0, 15.5, 30.8, 45.9, 60.6, 74.8, 88.3, 100.9, 112.4, 122.5, 130.9),
+    ),
+    "radial-table-of-three": RadialTableCamera(
+        200, 200, (99.5, 99.5), (0.0, 0.7, 1.4), (0.0, 60.0, 95.0)
     ),
 }  # fmt: skip

@@ -28,6 +28,7 @@ from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
 
@@ -49,6 +50,7 @@ __all__ = [
     "ParabolicCamera",
     "PerspectiveCamera",
     "Pixels",
+    "RadialTableCamera",
     "Rays",
     "StereographicCamera",
     "UnifiedCamera",

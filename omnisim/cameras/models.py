@@ -20,6 +20,7 @@ from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
 from omnisim.errors import OpticsError
@@ -43,6 +44,7 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         FThetaInverseCamera,
         ParabolicCamera,
         OcamcalibCamera,
+        RadialTableCamera,
     )
 }
 

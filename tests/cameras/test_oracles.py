@@ -103,3 +103,13 @@ def test_equirectangular_is_colmap(name):
     points = _points(math.radians(179.0))
     other = _colmap("EQUIRECTANGULAR", camera, [camera.width_px, camera.height_px])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
+def test_radial_table_is_scipys_pchip():
+    interpolate = pytest.importorskip("scipy.interpolate", reason="SciPy is an optional oracle")
+    camera = CAMERA_EXAMPLES["radial-table"]
+    theta = np.linspace(0.0, camera.thetas_rad[-1], 500)
+    rays = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
+    radius = interpolate.PchipInterpolator(camera.thetas_rad, camera.radii_px)(theta)
+    expected = np.stack((radius, 0.0 * radius), axis=-1) + camera.principal_point_px
+    _assert_same(camera, rays, expected)
