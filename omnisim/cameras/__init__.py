@@ -21,6 +21,7 @@ from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.f_theta import FThetaCamera
 from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
@@ -43,6 +44,7 @@ __all__ = [
     "EucmCamera",
     "FThetaCamera",
     "FThetaInverseCamera",
+    "GazeboCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
     "OcamcalibCamera",

@@ -14,6 +14,7 @@ from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.f_theta import FThetaCamera
 from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.ocamcalib import OcamcalibCamera
@@ -45,6 +46,7 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         ParabolicCamera,
         OcamcalibCamera,
         RadialTableCamera,
+        GazeboCamera,
     )
 }
 
