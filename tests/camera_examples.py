@@ -18,6 +18,7 @@ from omnisim.cameras import (
     OrthographicCamera,
     ParabolicCamera,
     PerspectiveCamera,
+    PlanarCamera,
     RadialTableCamera,
     StereographicCamera,
     UnifiedCamera,
@@ -129,4 +130,5 @@ CAMERA_EXAMPLES = {
         300, 240, 40.0, (150.5, 118.5), 2.0, 2.2, -0.1, "tan", theta_max_rad=math.radians(120.0)
     ),
     "gazebo-id": GazeboCamera(200, 200, 45.0, (99.5, 99.5), 1.0, 1.0, 0.0, "id"),
+    "planar": PlanarCamera(300, 200, 140.0, (140.5, 99.5)),
 }  # fmt: skip

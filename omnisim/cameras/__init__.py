@@ -29,6 +29,7 @@ from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.planar import PlanarCamera
 from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
@@ -52,6 +53,7 @@ __all__ = [
     "ParabolicCamera",
     "PerspectiveCamera",
     "Pixels",
+    "PlanarCamera",
     "RadialTableCamera",
     "Rays",
     "StereographicCamera",

@@ -21,6 +21,7 @@ from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.planar import PlanarCamera
 from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
@@ -47,6 +48,7 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         OcamcalibCamera,
         RadialTableCamera,
         GazeboCamera,
+        PlanarCamera,
     )
 }
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.cameras import PlanarCamera
 from omnisim.cameras.hyperbolic import image_radius_eq2_px
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -95,3 +96,14 @@ def test_parabolic_is_equation_2():
     radius = camera.pixel_from_ray(upside_down).positions_px - camera.principal_point_px
     expected = image_radius_eq2_px(theta, camera.horizon_radius_px)
     np.testing.assert_allclose(radius, (expected, 0.0), atol=1e-12)
+
+
+def test_planar_is_the_hyperbolic_mirror_with_k_2():
+    hyperbolic = CAMERA_EXAMPLES["hyperbolic-plane"]
+    plane = PlanarCamera(300, 200, hyperbolic.focal_length_px, hyperbolic.principal_point_px)
+    pixels = [(10.0, 20.0), (150.0, 99.0), (200.5, 120.0)]
+    np.testing.assert_allclose(
+        plane.ray_from_pixel(pixels).directions,
+        hyperbolic.ray_from_pixel(pixels).directions,
+        atol=1e-12,
+    )
