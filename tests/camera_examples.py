@@ -6,13 +6,22 @@ from omnisim.cameras import (
     CylindricalCamera,
     DoubleSphereCamera,
     EquidistantCamera,
+    EquirectangularCamera,
     EquisolidCamera,
     EucmCamera,
+    FThetaCamera,
+    FThetaInverseCamera,
+    GazeboCamera,
     HyperbolicCamera,
     KannalaBrandtCamera,
+    OcamcalibCamera,
     OrthographicCamera,
+    ParabolicCamera,
     PerspectiveCamera,
+    PlanarCamera,
+    RadialTableCamera,
     StereographicCamera,
+    UnifiedCamera,
 )
 from omnisim.mirrors import HyperbolicMirror
 
@@ -74,4 +83,52 @@ CAMERA_EXAMPLES = {
     "eucm": EucmCamera(512, 512, (190.0, 191.0), (254.5, 256.25), alpha=0.6, beta=1.1),
     "eucm-to-its-fold": EucmCamera(300, 260, (90.0, 80.0), (149.5, 129.5), alpha=0.75, beta=0.9),
     "eucm-no-fold": EucmCamera(300, 200, (70.0, 71.0), (140.5, 99.5), alpha=0.4, beta=1.6),
+    # image_02, at a quarter of its size
+    "unified-kitti-360": UnifiedCamera(
+        350, 350, (334.0805, 333.947), (178.86, 176.07), xi=2.213404750785489,
+        distortion=(0.016798, 1.654877, 4.222e-4, 4.246e-4),
+    ),
+    "unified-no-distortion": UnifiedCamera(400, 300, (250.0, 251.0), (199.5, 150.25), xi=0.9),
+    "unified-barrel-fold": UnifiedCamera(
+        400, 400, (300.0, 290.0), (199.5, 199.5), xi=1.0,
+        distortion=(-0.3, 0.0, 2e-3, -1e-3), skew_px=1.5,
+    ),
+    "unified-kalibr": UnifiedCamera(
+        376, 240, (260.0, 261.0), (188.25, 119.0), xi=1.6, distortion=(-0.2, 0.15, 1e-3, -5e-4)
+    ),
+    "equirectangular": EquirectangularCamera(400, 200),
+    "equirectangular-odd": EquirectangularCamera(301, 203),
+    "f-theta-woodscape-like": FThetaCamera(
+        320, 242, (161.0, 119.3), (84.9, -8.0, 12.0, -3.3), theta_max_rad=math.radians(100.0)
+    ),
+    "f-theta-to-its-fold": FThetaCamera(300, 300, (149.5, 149.5), (90.0, 0.0, -10.0)),
+    "f-theta-inverse": FThetaInverseCamera(
+        320, 240, (158.5, 121.25), (0.0105, 1e-6, 4e-9), theta_max_rad=math.radians(105.0)
+    ),
+    "f-theta-inverse-to-its-end": FThetaInverseCamera(300, 300, (149.5, 149.5), (0.02, 0.0, -3e-7)),
+    "parabolic": ParabolicCamera(360, 360, 140.0, (179.5, 179.5)),
+    "parabolic-off-centre": ParabolicCamera(
+        300, 200, 70.0, (120.25, 110.5), theta_max_rad=math.radians(140.0)
+    ),
+    "ocamcalib-fisheye": OcamcalibCamera(
+        360, 300, (181.25, 148.5), (-120.0, 0.0, 2.2e-3, -4e-6, 2e-8), (0.999, 1e-3, -2e-3)
+    ),
+    "ocamcalib-mirror": OcamcalibCamera(
+        320, 240, (158.0, 121.5), (-75.0, 0.0, 6e-3), theta_max_rad=math.radians(110.0)
+    ),
+    "radial-table": RadialTableCamera(
+        320, 300, (161.25, 148.5), tuple(math.radians(10.0 * i) for i in range(11)),
+        (0.0, 15.5, 30.8, 45.9, 60.6, 74.8, 88.3, 100.9, 112.4, 122.5, 130.9),
+    ),
+    "radial-table-of-three": RadialTableCamera(
+        200, 200, (99.5, 99.5), (0.0, 0.7, 1.4), (0.0, 60.0, 95.0)
+    ),
+    "gazebo-sin": GazeboCamera(
+        300, 200, 60.0, (149.5, 99.5), 1.2, 1.6, 0.0, "sin", theta_max_rad=math.radians(130.0)
+    ),
+    "gazebo-tan": GazeboCamera(
+        300, 240, 40.0, (150.5, 118.5), 2.0, 2.2, -0.1, "tan", theta_max_rad=math.radians(120.0)
+    ),
+    "gazebo-id": GazeboCamera(200, 200, 45.0, (99.5, 99.5), 1.0, 1.0, 0.0, "id"),
+    "planar": PlanarCamera(300, 200, 140.0, (140.5, 99.5)),
 }  # fmt: skip

@@ -16,14 +16,23 @@ from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
+from omnisim.cameras.f_theta import FThetaCamera
+from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
+from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.planar import PlanarCamera
+from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
+from omnisim.cameras.unified import UnifiedCamera
 
 __all__ = [
     "CAMERA_MODELS",
@@ -31,15 +40,24 @@ __all__ = [
     "CylindricalCamera",
     "DoubleSphereCamera",
     "EquidistantCamera",
+    "EquirectangularCamera",
     "EquisolidCamera",
     "EucmCamera",
+    "FThetaCamera",
+    "FThetaInverseCamera",
+    "GazeboCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
+    "OcamcalibCamera",
     "OrthographicCamera",
+    "ParabolicCamera",
     "PerspectiveCamera",
     "Pixels",
+    "PlanarCamera",
+    "RadialTableCamera",
     "Rays",
     "StereographicCamera",
+    "UnifiedCamera",
     "camera_from_parameters",
     "pixel_grid",
 ]

@@ -9,13 +9,22 @@ from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.equidistant import EquidistantCamera
+from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
+from omnisim.cameras.f_theta import FThetaCamera
+from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
+from omnisim.cameras.parabolic import ParabolicCamera
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.cameras.planar import PlanarCamera
+from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
+from omnisim.cameras.unified import UnifiedCamera
 from omnisim.errors import OpticsError
 
 CAMERA_MODELS: dict[str, type[CentralCamera]] = {
@@ -31,6 +40,15 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         KannalaBrandtCamera,
         EucmCamera,
         DoubleSphereCamera,
+        UnifiedCamera,
+        EquirectangularCamera,
+        FThetaCamera,
+        FThetaInverseCamera,
+        ParabolicCamera,
+        OcamcalibCamera,
+        RadialTableCamera,
+        GazeboCamera,
+        PlanarCamera,
     )
 }
 

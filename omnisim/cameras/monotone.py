@@ -18,27 +18,31 @@ def solve_increasing(
 ) -> NDArray[np.float64]:
     """Arguments (...,) in [low, high] where `function`, increasing there, has `values` (...,).
 
-    Values out of reach give the nearest end. A slope of 0 at an end, where a lens folds, only
+    Values out of reach give the nearest end. The search begins at the values themselves: in the
+    units of the normalised plane they are near. A slope of 0 at an end, where a lens folds, only
     makes it slower.
     """
-    lower, upper = np.full(values.shape, low), np.full(values.shape, high)
-    arguments = np.full(values.shape, 0.5 * (low + high))
-    enough = 2.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    found = np.clip(values, low, high).ravel()
+    enough = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    at = np.arange(found.size)  # those still searched for: each stops by itself
+    wanted, argument = values.ravel(), found.copy()
+    lower, upper = np.full(found.shape, low), np.full(found.shape, high)
     for _ in range(MOST_STEPS):
-        error = function(arguments) - values
-        lower, upper = (
-            np.where(error <= 0.0, arguments, lower),
-            np.where(error >= 0.0, arguments, upper),
-        )
-        rise = slope(arguments)
-        newton = arguments - error / np.where(rise > 1e-12, rise, 1.0)
+        error = function(argument) - wanted
+        lower = np.where(error <= 0.0, argument, lower)
+        upper = np.where(error >= 0.0, argument, upper)
+        rise = slope(argument)
+        newton = argument - error / np.where(rise > 1e-12, rise, 1.0)
         inside = (rise > 1e-12) & (newton >= lower) & (newton <= upper)
         following = np.where(inside, newton, 0.5 * (lower + upper))
-        moved = float(np.max(np.abs(following - arguments), initial=0.0))
-        arguments = following
-        if moved <= enough:
+        found[at] = following
+        on = np.abs(following - argument) > enough
+        if not on.any():
             break
-    return arguments
+        at, wanted, argument, lower, upper = (
+            one[on] for one in (at, wanted, following, lower, upper)
+        )
+    return found.reshape(values.shape)
 
 
 def first_root(coefficients: NDArray[np.float64], highest: float = math.inf) -> float:

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.cameras import PlanarCamera
+from omnisim.cameras.hyperbolic import image_radius_eq2_px
 from tests.camera_examples import CAMERA_EXAMPLES
 
 
@@ -55,3 +57,53 @@ def test_eucm_ends_where_the_unified_model_does_on_the_stretched_plane():
     theta = math.acos(-w)
     stretched = math.atan2(math.sin(theta) / math.sqrt(camera.beta), math.cos(theta))
     _assert_ends_at(camera, stretched)
+
+
+def test_unified_ends_before_the_fold_that_opencv_projects_past():
+    camera = CAMERA_EXAMPLES["unified-kitti-360"]
+    fold = math.acos(-1.0 / camera.xi)
+    assert math.degrees(fold) == pytest.approx(116.86, abs=0.01)
+    _assert_ends_at(camera, fold)
+    # two rays, one pixel, without the domain
+    pixels = camera.pixel_from_ray([_ray(fold - 1e-4), _ray(fold + 1e-4)])
+    assert pixels.valid.tolist() == [True, False]
+
+
+def test_barrel_distortion_ends_at_its_fold():
+    camera = CAMERA_EXAMPLES["unified-barrel-fold"]
+    k1, _, p1, p2 = camera.distortion
+    radius = camera.radius_limit
+    assert 1.0 + 3.0 * k1 * radius**2 == pytest.approx(6.0 * math.hypot(p1, p2) * radius)
+    _assert_ends_at(camera, 2.0 * math.atan(radius))  # ξ = 1
+
+
+def test_ocamcalib_axes_are_those_of_the_toolbox():
+    camera = CAMERA_EXAMPLES["ocamcalib-fisheye"]
+    c, d, e = camera.affine
+    down, right = 60.0, -35.0  # x' and y' of the toolbox
+    column, row = camera.principal_point_px
+    pixel = (e * down + right + column, c * down + d * right + row)
+    height = np.polynomial.polynomial.polyval(math.hypot(down, right), camera.polynomial)
+    ray = np.array([right, down, -height])  # it looks along −z
+    expected = ray / np.linalg.norm(ray)
+    np.testing.assert_allclose(camera.ray_from_pixel(pixel).directions, expected, atol=1e-12)
+
+
+def test_parabolic_is_equation_2():
+    camera = CAMERA_EXAMPLES["parabolic-off-centre"]
+    theta = 1.3
+    upside_down = _ray(theta, azimuth_rad=0.0) * (1.0, 1.0, -1.0)
+    radius = camera.pixel_from_ray(upside_down).positions_px - camera.principal_point_px
+    expected = image_radius_eq2_px(theta, camera.horizon_radius_px)
+    np.testing.assert_allclose(radius, (expected, 0.0), atol=1e-12)
+
+
+def test_planar_is_the_hyperbolic_mirror_with_k_2():
+    hyperbolic = CAMERA_EXAMPLES["hyperbolic-plane"]
+    plane = PlanarCamera(300, 200, hyperbolic.focal_length_px, hyperbolic.principal_point_px)
+    pixels = [(10.0, 20.0), (150.0, 99.0), (200.5, 120.0)]
+    np.testing.assert_allclose(
+        plane.ray_from_pixel(pixels).directions,
+        hyperbolic.ray_from_pixel(pixels).directions,
+        atol=1e-12,
+    )

@@ -80,3 +80,36 @@ def test_eucm_is_colmap(name):
     parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
     other = _colmap("EUCM", camera, [*parameters, camera.alpha, camera.beta])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
+@pytest.mark.parametrize("name", ["unified-kitti-360", "unified-no-distortion", "unified-kalibr"])
+def test_unified_is_opencv_omnidir(name):
+    camera = CAMERA_EXAMPLES[name]
+    omnidir = getattr(_cv2(), "omnidir", None)
+    if omnidir is None:
+        pytest.skip("OpenCV without its contributed modules has no omnidir")
+    points = _points(math.radians(100.0))
+    points = points[camera.pixel_from_ray(points).valid]
+    assert len(points) > 1000
+    pixels, _ = omnidir.projectPoints(
+        points[:, None], NO_TURN, NO_TURN, _matrix(camera), camera.xi, np.array(camera.distortion)
+    )
+    _assert_same(camera, points, pixels)
+
+
+@pytest.mark.parametrize("name", ["equirectangular", "equirectangular-odd"])
+def test_equirectangular_is_colmap(name):
+    camera = CAMERA_EXAMPLES[name]
+    points = _points(math.radians(179.0))
+    other = _colmap("EQUIRECTANGULAR", camera, [camera.width_px, camera.height_px])
+    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
+def test_radial_table_is_scipys_pchip():
+    interpolate = pytest.importorskip("scipy.interpolate", reason="SciPy is an optional oracle")
+    camera = CAMERA_EXAMPLES["radial-table"]
+    theta = np.linspace(0.0, camera.thetas_rad[-1], 500)
+    rays = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
+    radius = interpolate.PchipInterpolator(camera.thetas_rad, camera.radii_px)(theta)
+    expected = np.stack((radius, 0.0 * radius), axis=-1) + camera.principal_point_px
+    _assert_same(camera, rays, expected)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cameras import HyperbolicCamera, ParabolicCamera, PlanarCamera, pixel_grid
 from omnisim.cube import FACE_NAMES, face_index
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.gpu.capture_pass import LensCapture
@@ -22,7 +22,7 @@ examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMER
 
 
 def _rig_from_optical(camera):
-    looks_up = isinstance(camera, HyperbolicCamera)
+    looks_up = isinstance(camera, HyperbolicCamera | ParabolicCamera | PlanarCamera)
     return RIG_FROM_OPTICAL_LOOKING_UP if looks_up else BASE_FROM_OPTICAL_LOOKING_AHEAD
 
 

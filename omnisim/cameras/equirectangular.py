@@ -1,0 +1,70 @@
+"""The equirectangular panorama: all directions, a column a longitude, a row a latitude.
+
+    longitude = 2π (u + 0.5)/width − π, from +z (the picture's middle) towards +x (right)
+    latitude = π/2 − π (v + 0.5)/height, from the horizon upwards (−y)
+    (x, y, z) = (cos lat sin lon, −sin lat, cos lat cos lon)
+
+Domain: −0.5 ≤ u ≤ width − 0.5 and −0.5 ≤ v ≤ height − 0.5; all directions.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| width_px, height_px | px | 2 : 1 for square pixels at the horizon |
+
+GLSL twin: `shaders/camera/equirectangular.glsl`. Source: the plate carrée of cartography; the same
+as COLMAP's EQUIRECTANGULAR but for its pixels, which begin at 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.parametric_camera import ParametricCamera
+
+
+@dataclass(frozen=True)
+class EquirectangularCamera(ParametricCamera):
+    """A picture of everything, longitude by latitude.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+
+    Raises:
+        OpticsError: a size that is not positive.
+    """
+
+    model = "equirectangular"
+
+    @property
+    def radians_per_pixel(self) -> tuple[float, float]:
+        """Longitude of a column and latitude of a row."""
+        return 2.0 * math.pi / self.width_px, math.pi / self.height_px
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2); valid inside the picture."""
+        pixels = np.asarray(pixels_px, dtype=np.float64)
+        size = np.array([self.width_px, self.height_px], dtype=np.float64)
+        middle = 0.5 * (size - 1.0)
+        valid = np.all(np.abs(pixels - middle) <= 0.5 * size, axis=-1)
+        angles = (pixels - middle) * self.radians_per_pixel
+        # rounding must not carry the last column's edge over to the first's
+        limits = (math.pi, 0.5 * math.pi)
+        longitude, down = np.moveaxis(np.clip(angles, np.negative(limits), limits), -1, 0)
+        level = np.cos(down)
+        directions = (level * np.sin(longitude), np.sin(down), level * np.cos(longitude))
+        return Rays(np.stack(directions, axis=-1), valid)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; all are valid."""
+        x, y, z = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)
+        angles = np.stack((np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))), axis=-1)
+        middle = np.array([0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)])
+        return Pixels(angles / self.radians_per_pixel + middle, np.ones(x.shape, dtype=bool))
+
+    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+        """Values for `shaders/camera/equirectangular.glsl`."""
+        return {"u_picture_size_px": (float(self.width_px), float(self.height_px))}

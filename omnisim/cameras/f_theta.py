@@ -1,0 +1,76 @@
+"""The f-theta lens: the radius in pixels is a polynomial of the angle.
+
+    r = k1 θ + k2 θ² + … + kn θⁿ, in pixels around the principal point
+
+Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ = 0. The other direction,
+θ as a polynomial of r, is `f_theta_inverse`.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| principal_point_px | px | the picture's middle |
+| coefficients_px | px/radⁿ | k1 … kn, at most 8; k1 > 0 is the focal length |
+| theta_max_deg | degrees | 95 to 110 |
+
+GLSL twin: `shaders/camera/f_theta.glsl`. Source: NVIDIA's f-theta lens with k0 = 0; WoodScape's
+calibration files (Yogamani et al., 2019), four coefficients.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from omnisim.cameras.parameters import check_finite, check_limits
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.polynomial_lens import PolynomialLens
+from omnisim.errors import OpticsError
+
+MOST_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
+
+
+@dataclass(frozen=True)
+class FThetaCamera(ParametricCamera, PolynomialLens):
+    """A fisheye lens with a polynomial from angle to radius.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        principal_point_px: (u, v) of the optical axis in the picture.
+        coefficients_px: k1 … kn.
+        theta_max_rad: angle from the axis where the domain ends, if the fold is not before it.
+
+    Raises:
+        OpticsError: a size that is not positive, numbers that are not finite, no or too many
+            coefficients, k1 ≤ 0, or θ_max outside 0 to 180°.
+    """
+
+    principal_point_px: tuple[float, float]
+    coefficients_px: tuple[float, ...]
+    theta_max_rad: float = math.pi
+    model = "f_theta"
+    pixels_per_plane = 1.0  # the plane is in pixels
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_finite(self, "principal_point_px", "coefficients_px")
+        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
+        count = len(self.coefficients_px)
+        if not 1 <= count <= MOST_COEFFICIENTS or self.coefficients_px[0] <= 0.0:
+            raise OpticsError(
+                f"camera: coefficients_px = {self.coefficients_px}: "
+                f"want 1 to {MOST_COEFFICIENTS}, the first > 0"
+            )
+
+    @property
+    def theta_polynomial(self) -> tuple[float, ...]:
+        """Coefficients of r(θ), θ⁰ first."""
+        return (0.0, *self.coefficients_px)
+
+    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+        """Values for `shaders/camera/f_theta.glsl`."""
+        missing = MOST_COEFFICIENTS - len(self.coefficients_px)
+        return {
+            "u_principal_point_px": self.principal_point_px,
+            "u_coefficients_px": self.coefficients_px + (0.0,) * missing,
+            "u_theta_edge_rad": self.theta_edge_rad,
+            "u_radius_max_px": self.radius_limits[1],
+        }

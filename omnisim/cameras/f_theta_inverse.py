@@ -1,0 +1,111 @@
+"""The f-theta lens backwards: the angle is a polynomial of the radius in pixels.
+
+    θ = k1 r + k2 r² + … + kn rⁿ, r in pixels around the principal point
+
+Domain: 0 ≤ θ ≤ θ_max and r before the first radius where dθ/dr has fallen to a thousandth of
+k1: there many pixels see nearly one ray, and the way back is lost. The other direction, r as a
+polynomial of θ, is `f_theta`.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| principal_point_px | px | the picture's middle |
+| coefficients | rad/pxⁿ | k1 … kn, at most 8; 1/k1 > 0 is the focal length |
+| theta_max_deg | degrees | 95 to 110 |
+
+GLSL twin: `shaders/camera/f_theta_inverse.glsl`. Source: NVIDIA's f-theta lens, pixel to angle,
+with k0 = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.parameters import check_finite, check_limits
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.errors import OpticsError
+
+MOST_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
+LEAST_SLOPE = 1e-3  # of the slope at the axis
+
+
+@dataclass(frozen=True)
+class FThetaInverseCamera(ParametricCamera, RadialCamera):
+    """A fisheye lens with a polynomial from radius to angle.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        principal_point_px: (u, v) of the optical axis in the picture.
+        coefficients: k1 … kn.
+        theta_max_rad: angle from the axis where the domain ends at the latest.
+
+    Raises:
+        OpticsError: a size that is not positive, numbers that are not finite, no or too many
+            coefficients, k1 ≤ 0, or θ_max outside 0 to 180°.
+    """
+
+    principal_point_px: tuple[float, float]
+    coefficients: tuple[float, ...]
+    theta_max_rad: float = math.pi
+    model = "f_theta_inverse"
+    pixels_per_plane = 1.0  # the plane is in pixels
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_finite(self, "principal_point_px", "coefficients")
+        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
+        count = len(self.coefficients)
+        if not 1 <= count <= MOST_COEFFICIENTS or self.coefficients[0] <= 0.0:
+            raise OpticsError(
+                f"camera: coefficients = {self.coefficients}: "
+                f"want 1 to {MOST_COEFFICIENTS}, the first > 0"
+            )
+
+    @cached_property
+    def radius_max_px(self) -> float:
+        """Radius where the domain ends."""
+        thetas = np.array([0.0, *self.coefficients])
+        slopes = polynomial.polyder(thetas)
+        slopes[0] *= 1.0 - LEAST_SLOPE
+        thetas[0] = -self.theta_max_rad
+        return min(first_root(slopes), first_root(thetas))
+
+    @property
+    def theta_edge_rad(self) -> float:
+        """Where the domain ends."""
+        return min(self.theta_max_rad, self._theta(self.radius_max_px))
+
+    def _theta(self, radius: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+        return polynomial.polyval(radius, (0.0, *self.coefficients))
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.minimum(self._theta(radius), self.theta_edge_rad)
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        slopes = polynomial.polyder((0.0, *self.coefficients))
+        return solve_increasing(
+            self._theta,
+            lambda radius: polynomial.polyval(radius, slopes),
+            theta,
+            0.0,
+            self.radius_max_px,
+        )
+
+    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+        """Values for `shaders/camera/f_theta_inverse.glsl`, per r/r_max to keep floats small."""
+        powers = range(1, MOST_COEFFICIENTS + 1)
+        coefficients = self.coefficients + (0.0,) * (MOST_COEFFICIENTS - len(self.coefficients))
+        return {
+            "u_principal_point_px": self.principal_point_px,
+            "u_coefficients": tuple(
+                k * self.radius_max_px**n for k, n in zip(coefficients, powers, strict=True)
+            ),
+            "u_radius_max_px": self.radius_max_px,
+        }

@@ -1,0 +1,44 @@
+"""The pinhole camera that looks up at a plane mirror: perspective, with the depth turned round.
+
+    (u, v) = f (x, y)/(−z) + (u0, v0)
+
+The effective viewpoint is the pinhole's image behind the mirror. It is the hyperbolic mirror's
+limit k = 2, without a rim.
+
+Domain: z < 0, all pixels.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 100 to 1000 |
+| principal_point_px | px | the picture's middle |
+
+GLSL twin: `shaders/camera/planar.glsl`. Source: Baker & Nayar 1999, section 2.2 (the plane).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.perspective import PerspectiveCamera
+
+UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class PlanarCamera(PerspectiveCamera):
+    """A picture of a plane mirror; see `PerspectiveCamera` for its attributes."""
+
+    model = "planar"
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2); all are valid."""
+        rays = super().ray_from_pixel(pixels_px)
+        return Rays(rays.directions * UPSIDE_DOWN, rays.valid)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid in front of the mirror."""
+        return super().pixel_from_ray(np.asarray(directions, dtype=np.float64) * UPSIDE_DOWN)

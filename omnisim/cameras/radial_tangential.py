@@ -1,0 +1,108 @@
+"""Radial and tangential distortion of the normalised plane, k1, k2, p1, p2, and its inverse.
+
+    a = 1 + k1 r² + k2 r⁴
+    x' = a x + 2 p1 x y + p2 (r² + 2 x²)
+    y' = a y + p1 (r² + 2 y²) + 2 p2 x y
+
+The map is the gradient of r²/2 + k1 r⁴/4 + k2 r⁶/6 + (p2 x + p1 y) r², so its Jacobian is
+symmetric, and where it is positive definite all over a disc no two points of the disc meet. The
+radial part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴, the tangential part none
+below −6 |p| r with |p| = √(p1² + p2²). Domain: the disc up to the first r with
+min(a, b) = 6 |p| r; without tangential distortion that is exactly the fold.
+
+Source: Brown, "Close-range camera calibration", 1971; OpenCV's module calib3d.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.plane_camera import PlanePoints, unit_vectors
+
+MOST_STEPS = 60
+ROUNDING = 1e-14  # of the distance between a point and the distorted inverse of it
+
+
+class RadialTangential(NamedTuple):
+    """The four coefficients, as OpenCV orders them."""
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+
+    def radius_limit(self, highest: float) -> float:
+        """Radius of the disc that is the domain, `highest` if that is less."""
+        slant = -6.0 * math.hypot(self.p1, self.p2)
+        across = first_root(np.array([1.0, slant, self.k1, 0.0, self.k2]), highest)
+        along = first_root(np.array([1.0, slant, 3.0 * self.k1, 0.0, 5.0 * self.k2]), highest)
+        return min(across, along)
+
+    def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distorted points (..., 2) of points (..., 2)."""
+        squared = np.sum(plane * plane, axis=-1, keepdims=True)
+        tangential = np.array([self.p2, self.p1])
+        growth = 1.0 + squared * (self.k1 + squared * self.k2)
+        slant = np.sum(tangential * plane, axis=-1, keepdims=True)
+        return plane * (growth + 2.0 * slant) + squared * tangential
+
+    def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
+        """Points (..., 2) within `limit` that `distort` takes to `distorted` (..., 2).
+
+        Valid where there is one; elsewhere a point at the limit.
+        """
+        radius = np.hypot(distorted[..., 0], distorted[..., 1])
+        radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2])
+        slopes = polynomial.polyder(radial)
+        start = solve_increasing(
+            lambda r: polynomial.polyval(r, radial),
+            lambda r: polynomial.polyval(r, slopes),
+            radius,
+            0.0,
+            limit,
+        )
+        plane = unit_vectors(distorted, radius) * start[..., None]
+        if self.p1 or self.p2:
+            searched = self._descend(plane.reshape(-1, 2), distorted.reshape(-1, 2), limit)
+            plane = searched.reshape(plane.shape)
+        miss = np.abs(self.distort(plane) - distorted).max(axis=-1)
+        return PlanePoints(plane, miss <= ROUNDING * np.maximum(1.0, radius))
+
+    def _descend(
+        self, plane: NDArray[np.float64], distorted: NDArray[np.float64], limit: float
+    ) -> NDArray[np.float64]:
+        """Newton's steps (n, 2) that stay within `limit`, each point until it stands."""
+        found = plane.copy()
+        at = np.arange(len(plane))
+        for _ in range(MOST_STEPS):
+            following = plane - self._newton_step(plane, self.distort(plane) - distorted)
+            length = np.hypot(following[:, 0], following[:, 1])
+            following *= (limit / np.maximum(length, limit))[:, None]
+            found[at] = following
+            on = np.abs(following - plane).max(axis=-1) > 1e-15 * limit
+            if not on.any():
+                break
+            at, plane, distorted = at[on], following[on], distorted[on]
+        return found
+
+    def _newton_step(
+        self, plane: NDArray[np.float64], error: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The Jacobian's inverse times an error (..., 2)."""
+        x, y = plane[..., 0], plane[..., 1]
+        squared = x * x + y * y
+        growth = 1.0 + squared * (self.k1 + squared * self.k2)
+        bend = 2.0 * self.k1 + 4.0 * self.k2 * squared
+        xx = growth + bend * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
+        yy = growth + bend * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
+        xy = bend * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y
+        determinant = np.maximum(xx * yy - xy * xy, 1e-12)
+        ex, ey = error[..., 0], error[..., 1]
+        step = np.stack((yy * ex - xy * ey, xx * ey - xy * ex), axis=-1)
+        return step / determinant[..., None]
