@@ -18,6 +18,7 @@ with k0 = 0.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.monotone import first_root, solve_increasing
 from omnisim.cameras.parameters import check_finite, check_limits
-from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.parametric_camera import ParametricCamera, scaled_lengths
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
@@ -56,6 +57,12 @@ class FThetaInverseCamera(ParametricCamera, RadialCamera):
     theta_max_rad: float = math.pi
     model = "f_theta_inverse"
     pixels_per_plane = 1.0  # the plane is in pixels
+
+    def scaled(self, scale: float) -> FThetaInverseCamera:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        powers = range(1, 1 + len(self.coefficients))
+        shrunk = tuple(k / scale**n for k, n in zip(self.coefficients, powers, strict=True))
+        return dataclasses.replace(scaled_lengths(self, scale), coefficients=shrunk)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -25,6 +25,7 @@ for easily calibrating omnidirectional cameras", 2006.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,7 +36,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.monotone import first_root, solve_increasing
 from omnisim.cameras.parameters import check_finite, check_limits
-from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.parametric_camera import ParametricCamera, scaled_lengths
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
@@ -65,6 +66,12 @@ class OcamcalibCamera(ParametricCamera, RadialCamera):
     theta_max_rad: float = math.pi
     model = "ocamcalib"
     pixels_per_plane = 1.0  # the plane is in pixels
+
+    def scaled(self, scale: float) -> OcamcalibCamera:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        # z and ρ are both in pixels
+        grown = tuple(a * scale ** (1 - n) for n, a in enumerate(self.polynomial))
+        return dataclasses.replace(scaled_lengths(self, scale), polynomial=grown)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from omnisim.cameras.camera import Rays
 from omnisim.cameras.parameters import check_finite, check_limits
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 
 UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])  # θ is measured from −z
 LARGEST_THETA_RAD = math.radians(179.0)
@@ -55,6 +57,7 @@ class ParabolicCamera(ParametricCamera, RadialCamera):
     principal_point_px: tuple[float, float]
     theta_max_rad: float = math.radians(105.0)
     model = "parabolic"
+    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -18,12 +18,14 @@ GLSL twin: `shaders/camera/planar.glsl`. Source: Baker & Nayar 1999, section 2.2
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import Pixels, Rays
 from omnisim.cameras.perspective import PerspectiveCamera
+from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 
 UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])
 
@@ -33,6 +35,7 @@ class PlanarCamera(PerspectiveCamera):
     """A picture of a plane mirror; see `PerspectiveCamera` for its attributes."""
 
     model = "planar"
+    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); all are valid."""

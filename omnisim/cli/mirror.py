@@ -25,7 +25,7 @@ def run(output: Path, polygons: int | None, sensor: Path | None, out: Console) -
     check_mesh_target(output)
     camera = read_sensor(sensor)
     if not isinstance(camera.camera, HyperbolicCamera):
-        raise OpticsError(f"{sensor}: a {camera.camera.model} camera has no mirror")
+        raise OpticsError(f"{sensor}: a camera of model {camera.camera.model!r} has no mirror")
     mirror = camera.camera.mirror
     if polygons is None:
         polygons = camera.polygons or PAPER_POLYGONS

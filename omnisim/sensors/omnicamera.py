@@ -69,8 +69,8 @@ class OmniCamera:
             sectors_and_rings(self.polygons)
             if not isinstance(self.camera, HyperbolicCamera):
                 raise OpticsError(
-                    f"polygons = {self.polygons}: a {self.camera.model} camera has no mirror with "
-                    "a mesh: want None, exact"
+                    f"polygons = {self.polygons}: a camera of model {self.camera.model!r} has no "
+                    "mirror with a mesh: want 'exact', None"
                 )
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(

@@ -66,7 +66,9 @@ def test_bad_lenses_are_named(tmp_path, old, new, words):
 
 
 def test_a_lens_has_no_mesh():
-    with pytest.raises(OpticsError, match="equidistant camera has no mirror"):
+    with pytest.raises(
+        OpticsError, match="model 'equidistant' has no mirror with a mesh: want 'exact'"
+    ):
         OmniCamera(LENS)
 
 
