@@ -9,6 +9,18 @@ from typing import Annotated
 import typer
 
 from omnisim import __version__
+from omnisim.cli.arguments import (
+    AtOption,
+    DeviceOption,
+    PictureOption,
+    PolygonsOption,
+    RunArgument,
+    SceneArgument,
+    SizeOption,
+    UnlitOption,
+    UpOption,
+    YawOption,
+)
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
 from omnisim.cli.robot import robot_app
@@ -27,11 +39,6 @@ app = typer.Typer(
 )
 
 app.add_typer(robot_app)
-
-DeviceOption = Annotated[
-    int | None,
-    typer.Option("--device", min=0, help="Number of the GPU, as `omnisim info` lists them."),
-]
 
 
 def _print_version(wanted: bool) -> None:
@@ -60,56 +67,23 @@ def info() -> None:
 
 @app.command()
 def render(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE",
-            help="A scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
-            "or the name of a built-in scene.",
-        ),
-    ],
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."),
-    ],
+    scene: SceneArgument,
+    output: PictureOption,
     sensor: Annotated[
         Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
     ] = None,
-    at: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            "--at",
-            metavar="X Y Z",
-            help="Effective viewpoint in metres, z up; by default the scene's start.",
-        ),
-    ] = None,
-    yaw: Annotated[
-        float | None,
-        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from +x. [dim]0[/]"),
-    ] = None,
-    polygons: Annotated[
-        str | None,
-        typer.Option(
-            "-n",
-            "--polygons",
-            metavar="POLYGONS|exact",
-            help="Polygons of the mirror's mesh, or exact. [dim]1024, or the sensor file's[/]",
-        ),
-    ] = None,
-    size: Annotated[
-        int | None, typer.Option("--size", metavar="PX", help="Pixels of the shorter side.")
-    ] = None,
-    unlit: Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")] = False,
+    at: AtOption = None,
+    yaw: YawOption = None,
+    polygons: PolygonsOption = None,
+    size: SizeOption = None,
+    unlit: UnlitOption = False,
     faces: Annotated[
         Path | None,
         typer.Option(
             "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
         ),
     ] = None,
-    up: Annotated[
-        str | None,
-        typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
-    ] = None,
+    up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
     """Render one frame of a catadioptric camera."""
@@ -123,9 +97,7 @@ def render(
 
 @app.command()
 def drive(
-    scene: Annotated[
-        str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a built-in scene.")
-    ],
+    scene: SceneArgument,
     robot: Annotated[
         str, typer.Option("--robot", help="A robot file, or the name of a built-in robot.")
     ],
@@ -157,21 +129,13 @@ def drive(
     ignore_limits: Annotated[
         bool, typer.Option("--ignore-limits", help="Drive what the robot could not.")
     ] = False,
-    polygons: Annotated[
-        str | None,
-        typer.Option("-n", "--polygons", metavar="POLYGONS|exact", help="Of the mirror's mesh."),
-    ] = None,
-    size: Annotated[
-        int | None, typer.Option("--size", metavar="PX", help="Pixels of the shorter side.")
-    ] = None,
-    unlit: Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")] = False,
+    polygons: PolygonsOption = None,
+    size: SizeOption = None,
+    unlit: UnlitOption = False,
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
-    up: Annotated[
-        str | None,
-        typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
-    ] = None,
+    up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
     """Drive a robot along a path and record pictures, scans, odometry and ground truth."""
@@ -187,7 +151,7 @@ def drive(
 
 @app.command()
 def plot(
-    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    run_folder: RunArgument,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Plot: .png .pdf .svg. [dim]RUN/plot.png[/]"),
@@ -204,7 +168,7 @@ def plot(
 
 @app.command()
 def video(
-    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    run_folder: RunArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="Film: .mp4 or .mkv.")],
     camera: Annotated[
         str | None, typer.Option("--camera", help="Name of a camera. [dim]the first[/]")
@@ -227,10 +191,7 @@ def unwarp(
         ViewKind,
         typer.Option("--to", help="The view: a panorama, a pinhole camera's, a map of the ground."),
     ],
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."),
-    ],
+    output: PictureOption,
     sensor: Annotated[
         Path | None,
         typer.Option("--sensor", help="Sensor file; by default what the picture says of itself."),
@@ -287,9 +248,7 @@ def unwarp(
 
 @app.command()
 def scan(
-    scene: Annotated[
-        str, typer.Argument(metavar="SCENE", help="A scene, as `omnisim render` takes it.")
-    ],
+    scene: SceneArgument,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Ranges: .csv with beam, angle_deg, range_m.")
     ],
@@ -297,18 +256,8 @@ def scan(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Also plot it from above: .png .pdf .svg"),
     ] = None,
-    at: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            "--at",
-            metavar="X Y Z",
-            help="Where the beams start, in metres, z up; by default the scene's start.",
-        ),
-    ] = None,
-    yaw: Annotated[
-        float | None,
-        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from +x. [dim]0[/]"),
-    ] = None,
+    at: AtOption = None,
+    yaw: YawOption = None,
     resolution: Annotated[
         float,
         typer.Option("--resolution", metavar="DEG", help="1 or 0.5 over 180°, or 0.25 over 100°."),
@@ -323,10 +272,7 @@ def scan(
     seed: Annotated[
         int, typer.Option("--seed", metavar="N", help="Which device: its errors follow from it.")
     ] = 0,
-    up: Annotated[
-        str | None,
-        typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
-    ] = None,
+    up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
     """Take one scan of a laser scanner, a SICK LMS200."""
