@@ -22,14 +22,19 @@ from omnisim.toml_file import Number, Table, parse_table
 FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
 
 
-def _folder_name(name: str) -> str:
+def folder_name(name: str) -> str:
+    """The nearest name that a sensor may have: `_` for what is not allowed."""
+    return re.sub(r"[^\w -]", "_", name)[:60].strip(" -") or "_"
+
+
+def _check_folder_name(name: str) -> str:
     if not FOLDER_NAME.fullmatch(name):
         raise ValueError("want letters, digits, _, and - or blanks between them, at most 60")
     return name
 
 
 Name = Annotated[str, Field(min_length=1, strict=True)]
-SensorName = Annotated[Name, AfterValidator(_folder_name)]
+SensorName = Annotated[Name, AfterValidator(_check_folder_name)]
 # No robot is larger; metres, not millimetres.
 Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]

@@ -141,7 +141,8 @@ def test_not_found(name, words, tmp_path, monkeypatch):
             "[footprint]\nlength_m = 1\nwidth_m = 1\nheight_m = inf",
             "footprint.height_m = inf: want",
         ),
-        ("sensors = 3", "sensors = 3: want"),
+        ("sensors = 3", r"sensors = 3: want tables, \[\[sensors\]\]$"),
+        ("sensors = [3]", r"sensors.0 = 3: want a table, \[\[sensors\]\]$"),
         ('[[sensors]]\nname = "a"', "sensor 'a': type: missing; want one of omnicamera, lms200"),
         (SCANNER.replace("lms200", "lms2oo"), "type = 'lms2oo': unknown sensor type; did you mean"),
         (SCANNER.replace("lms200", "sonar"), "type = 'sonar': unknown sensor type; want one of"),
@@ -152,7 +153,7 @@ def test_not_found(name, words, tmp_path, monkeypatch):
         (SCANNER.replace("0.3", "3610"), "position_m.2 = 3610: want less than or equal to 1000"),
         (
             SCANNER.replace('"scan"', '""'),
-            "sensor '': name: String should have at least 1 character",
+            "sensor '': name = '': want at least 1 character",
         ),
         (SCANNER.replace('"scan"', '"../x"'), r"name = '\.\./x': want letters, digits"),
         (SCANNER.replace('"scan"', '"a/b"'), "name = 'a/b': want letters, digits"),
