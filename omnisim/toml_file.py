@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import pydantic
 
@@ -52,8 +53,19 @@ def parse_table(
     try:
         return model.model_validate(data)
     except pydantic.ValidationError as faults:
-        lines = [f"{source}: {_line(fault, model)}" for fault in faults.errors()]
+        told = faults.errors()
+        places = [fault["loc"] for fault in told]
+        lines = [
+            f"{source}: {_line(fault, model)}"
+            for fault in told
+            if not (fault["type"] == "too_short" and _has_inner(places, fault["loc"]))
+        ]
         raise error("\n".join(lines)) from None
+
+
+def _has_inner(places: list[tuple[Any, ...]], place: tuple[Any, ...]) -> bool:
+    """Whether one of the places is inside of a list: its faulty items do not count as items."""
+    return any(len(other) > len(place) and other[: len(place)] == place for other in places)
 
 
 def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
@@ -66,12 +78,15 @@ def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
         return f"{key}: missing"
-    if fault["type"] == "model_type":
-        return f"{key} = {fault['input']!r}: want a table, [{key}]"
-    if fault["type"] == "tuple_type" and _keys(model, names):
+    if fault["type"] in ("model_type", "dict_type"):
+        header = f"[[{'.'.join(names[:-1])}]]" if names[-1].isdecimal() else f"[{key}]"
+        return f"{key} = {fault['input']!r}: want a table, {header}"
+    if fault["type"] == "tuple_type" and _holds_tables(model, names):
         return f"{key} = {fault['input']!r}: want tables, [[{key}]]"
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be", "want")
     message = message.replace("a valid tuple", "a list of numbers, [x, y, z]")
+    message = re.sub(r"^(String|Tuple) should have ", "want ", message)
+    message = re.sub(r" after validation, not \d+$", "", message)
     if message.startswith("want"):
         return f"{key} = {fault['input']!r}: {message}"
     return f"{key}: {message}"
@@ -88,6 +103,14 @@ def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
             return []
         model = inner
     return list(model.model_fields)
+
+
+def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
+    """Whether the key that `names` leads to is a list of tables, whose own keys may be open."""
+    if _keys(model, names):
+        return True
+    field = model.model_fields.get(names[-1]) if len(names) == 1 else None
+    return field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
 
 
 def _table_in(annotation: Any) -> type[pydantic.BaseModel] | None:

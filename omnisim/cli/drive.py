@@ -59,7 +59,15 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
         err.print("note: ", notice, sep="", markup=False)
     polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
     vehicle = with_cameras(Vehicle.load(request.robot), request.size_px, polygons)
-    drive = Drive(scene, vehicle, request.route, request.seed, request.unlit, request.device)
+    drive = Drive(
+        scene,
+        vehicle,
+        request.route,
+        seed=request.seed,
+        unlit=request.unlit,
+        device=request.device,
+        up_axis=request.up_axis,
+    )
     plan = drive.plan()
     columns = (
         TextColumn("{task.description}"),

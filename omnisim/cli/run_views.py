@@ -19,6 +19,7 @@ from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.scene import Scene, load_scene
+from omnisim.simulation.drive import scene_contents
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
 
 
@@ -83,7 +84,7 @@ def video(
 
 def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
     robot, scene, path = (run.manifest[key]["name"] for key in ("robot", "scene", "path"))
-    what = f"{robot} in {Path(scene).name}, {Path(path).name}"
+    what = f"{robot} in {scene}, {path}"
     length_m = truth.path_length_m
     there = "" if done == len(truth) else f" ({done} are there)"
     share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
@@ -95,13 +96,17 @@ def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
 
 def _scene(run: RunFolder, scene: str | None, err: Console) -> Scene | None:
     """The run's scene, or None with a note: it is not there any more."""
+    told = run.manifest["scene"]
     try:
-        return load_scene(scene or run.manifest["scene"]["name"])
+        found = load_scene(scene or told["file"], told["up_axis"])
     except SceneError as reason:
         if scene is not None:
             raise
         err.print(f"note: drawn without a map: {reason}; pass --scene FILE", markup=False)
         return None
+    if scene_contents(found) != told["contents"]:
+        err.print(f"note: {found.name}: is not as it was in the run", markup=False)
+    return found
 
 
 def _picture(path: Path) -> NDArray[Any]:

@@ -7,17 +7,34 @@ The tables of `[[sensors]]`, by `type`. What they describe is built where sensor
 from __future__ import annotations
 
 import difflib
+import re
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from omnisim import frames
 from omnisim.errors import RobotFileError
 from omnisim.toml_file import Number, Table, parse_table
 
+# A sensor's name is that of its folder in a run. No dots: the run's own files have some.
+FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
+
+
+def folder_name(name: str) -> str:
+    """The nearest name that a sensor may have: `_` for what is not allowed."""
+    return re.sub(r"[^\w -]", "_", name)[:60].strip(" -") or "_"
+
+
+def _check_folder_name(name: str) -> str:
+    if not FOLDER_NAME.fullmatch(name):
+        raise ValueError("want letters, digits, _, and - or blanks between them, at most 60")
+    return name
+
+
 Name = Annotated[str, Field(min_length=1, strict=True)]
+SensorName = Annotated[Name, AfterValidator(_check_folder_name)]
 # No robot is larger; metres, not millimetres.
 Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
@@ -29,13 +46,13 @@ class SensorMount(Table):
     """The keys that all sensors have.
 
     Attributes:
-        name: no two sensors of a robot have the same.
+        name: of its folder in a run, too; no two sensors of a robot have the same.
         position_m: in the base frame; of a camera's effective viewpoint or a scan's origin.
         roll_deg, pitch_deg, yaw_deg: of the sensor in the base frame.
         hides: nodes of the body that this sensor does not see, such as its own housing.
     """
 
-    name: Name
+    name: SensorName
     position_m: tuple[Coordinate, Coordinate, Coordinate]
     roll_deg: Number = 0.0
     pitch_deg: Number = 0.0

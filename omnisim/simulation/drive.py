@@ -41,6 +41,7 @@ class Drive:
         seed: of the odometry's noise; a scanner's noise has its own, from the robot file.
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
+        up_axis: that the scene was loaded with, for the record, or None.
     """
 
     scene: Scene
@@ -49,6 +50,7 @@ class Drive:
     seed: int = 0
     unlit: bool = False
     device: int | None = None
+    up_axis: str | None = None
 
     def plan(self) -> Plan:
         """Work out where the vehicle is at each step, and what its wheels report.
@@ -94,7 +96,8 @@ class Plan:
         """
         drive, vehicle = self.drive, self.drive.vehicle
         with ExitStack() as stack:
-            stage = stack.enter_context(Stage(drive.scene, vehicle.body, device=drive.device))
+            scene = _named_shortly(drive.scene)
+            stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
             run = RunFolder.open(
                 folder, self.manifest(graphics_info(stage.context).renderer), force
             )
@@ -139,10 +142,15 @@ class Plan:
         return {
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
-            "scene": {"name": drive.scene.name, "contents": fingerprint(drive.scene)},
+            "scene": {
+                "name": _named_shortly(drive.scene).name,
+                "file": _place(drive.scene.name),
+                "up_axis": drive.up_axis,
+                "contents": scene_contents(drive.scene),
+            },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
             "path": {
-                "name": drive.route.path,
+                "name": Path(drive.route.path).name,
                 "poses": fingerprint(self.truth.times_s, self.truth.world_from_base),
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
@@ -168,6 +176,23 @@ class Plan:
         for camera in self.drive.vehicle.cameras:
             run.write_text(f"{camera.name}/sensor.toml", sensor_toml(camera.sensor))
             run.write_text(f"{camera.name}/calibration.json", _calibration(camera))
+
+
+def scene_contents(scene: Scene) -> str:
+    """The fingerprint of a scene, wherever its file is."""
+    return fingerprint(_named_shortly(scene))
+
+
+def _named_shortly(scene: Scene) -> Scene:
+    """The scene under its file's name: where this machine has it makes no difference."""
+    return dataclasses.replace(scene, name=Path(scene.name).name or scene.name)
+
+
+def _place(name: str) -> str:
+    """Where to find the scene again from another folder: its file's path, or its built-in name."""
+    path = Path(name)
+    is_there = path.is_file() or (path / "scene.toml").is_file()
+    return str(path.resolve()) if is_there else name
 
 
 def _calibration(camera: MountedCamera) -> str:

@@ -25,8 +25,8 @@ MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
 PARTIAL = ".omnisim-*.partial"
 OURS = re.compile(r"\d{6,}\.(png|csv)|sensor\.toml|calibration\.json|\.omnisim-.*\.partial")
-# Who made it, for the record: other versions of these may go on with a run.
-FOR_THE_RECORD = ("libraries",)
+# For the record: other versions of these, or from elsewhere, may go on with a run.
+FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
 
 
 class RunFolder:
@@ -181,7 +181,7 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
 def _first_difference(there: dict[str, Any], wanted: dict[str, Any], at: str = "") -> str:
     """The first key with two values, in words; empty where there is none."""
     for key in dict.fromkeys((*wanted, *there)):
-        if not at and key in FOR_THE_RECORD:
+        if f"{at}{key}" in FOR_THE_RECORD:
             continue
         old, new = there.get(key), wanted.get(key)
         if isinstance(old, dict) and isinstance(new, dict):

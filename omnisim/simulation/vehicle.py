@@ -178,7 +178,8 @@ def _load_body(robot: Robot) -> Scene | None:
         return None
     path = _beside(robot.folder, robot.body, f"{robot.source}: body")
     try:
-        return load_scene(path)
+        # pictures and fingerprints name the body: not by where this machine has it
+        return dataclasses.replace(load_scene(path), name=robot.body)
     except SceneError as reason:
         words = str(reason).removeprefix(f"{path}: ")
         raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None

@@ -1,10 +1,12 @@
 """`omnisim drive`, `plot` and `video` as a person uses them, with wrong arguments too."""
 
 import json
+import shutil
 
 import pytest
 
 from omnisim.image_files import read_image
+from omnisim.resources import SCENES
 
 ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
 DRIVE = ["drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise", *ROUTE]
@@ -64,11 +66,32 @@ def test_a_run_that_is_not_whole(omnisim, run_folder, tmp_path):
 
 def test_a_scene_that_is_gone_costs_the_map_only(omnisim, run_folder, tmp_path):
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
-    manifest["scene"]["name"] = "gone.glb"
+    manifest["scene"]["file"] = "gone.glb"
     (tmp_path / "run" / "manifest.json").write_text(json.dumps(manifest))
     status, _, error = omnisim("plot", "run")
     assert status == 0
     assert error.startswith("note: drawn without a map: gone.glb: no such scene file")
+
+
+def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, monkeypatch):
+    shutil.copy(SCENES / "compass" / "compass.glb", tmp_path / "room.glb")
+    (tmp_path / "way.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    options = ["--robot", "superscout", "--size", "16"]
+    status, _, error = omnisim("drive", "room.glb", "--path", "way.csv", *options, "-o", "run")
+    assert (status, error) == (0, "")
+    before = {path: path.read_bytes() for path in (tmp_path / "run").rglob("*.*")}
+    monkeypatch.chdir("run")
+    status, out, error = omnisim(
+        "drive", "../room.glb", "--path", "../way.csv", *options, "-o", "."
+    )
+    assert (status, error) == (0, "")
+    assert "4 steps, 4 of them there before" in out
+    assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*.*")} == before
+    status, _, error = omnisim("plot", ".")
+    assert (status, error) == (0, "")
+    shutil.copy(SCENES / "rings" / "rings.glb", tmp_path / "room.glb")
+    status, _, error = omnisim("plot", ".")
+    assert (status, error) == (0, f"note: {tmp_path}/room.glb: is not as it was in the run\n")
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def test_a_scene_without_starts_and_landmarks_has_none(folder):
     [
         ('"door"', '"dock"', r"scene\.toml: starts: name = 'dock': want each name once$"),
         ('"door"', "7", r"starts\.1\.name = 7: want a valid string$"),
-        ('"door"', '""', r"starts\.1\.name: String should have at least 1 character$"),
+        ('"door"', '""', r"starts\.1\.name = '': want at least 1 character$"),
         ("yaw_deg", "yaw", r"starts\.0\.yaw: unknown key; did you mean 'yaw_deg'\?$"),
         ("red =", "rod =", r"pole: color = 'red': want a name in \[palette\]; did you mean 'rod'"),
         ("0.8, 0, 0", "0.8, 0", r"palette\.red"),
@@ -133,3 +133,20 @@ def test_bad_scene_files_name_file_key_and_value(folder, text, words):
     path.write_text(text)
     with pytest.raises(SceneError, match=words):
         load_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "words"),
+    [
+        ("[[0, 0]]", r" = \[\[0, 0\]\]: want at least 2 items$"),
+        ("[[0, 0], [nan, 0]]", r"\.1\.0 = nan: want a finite number$"),
+        ("[[0, 0], [1, 0, 0]]", r"\.1 = \[1, 0, 0\]: want at most 2 items$"),
+        ('[[0, 0], [1, "1"]]', r"\.1\.1 = '1': want a valid number$"),
+    ],
+)
+def test_bad_waypoints_get_one_line(folder, waypoints, words):
+    path = folder / "scene.toml"
+    path.write_text(f'file = "box.stl"\n[[paths]]\nname = "a"\nwaypoints_m = {waypoints}')
+    with pytest.raises(SceneError, match=rf"scene\.toml: paths\.0\.waypoints_m{words}") as caught:
+        load_scene(path)
+    assert "\n" not in str(caught.value)

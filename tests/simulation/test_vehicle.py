@@ -11,6 +11,7 @@ from omnisim.resources import SCENES
 from omnisim.robot import builtin_robots, parse_robot
 from omnisim.sensors import LaserScanner
 from omnisim.simulation import Vehicle
+from omnisim.simulation.fingerprint import fingerprint
 
 CAMERA = {"name": "omni", "type": "omnicamera", "position_m": (0.0, 0.0, 1.0)}
 SCANNER = {"name": "scan", "type": "lms200", "position_m": (0.0, 0.0, 1.0)}
@@ -180,3 +181,11 @@ def test_a_bad_sensor_file_is_named(load, tmp_path):
 def test_a_robot_can_be_copied(tmp_path):
     shutil.copytree(SCENES / "p2at", tmp_path / "mine")
     assert Vehicle.load(tmp_path / "mine").name == "p2at"
+
+
+def test_a_vehicle_is_the_same_wherever_its_files_are(tmp_path):
+    for name in ("robot.toml", "omnicam.toml", "p2at.glb"):
+        shutil.copy(SCENES / "p2at" / name, tmp_path)
+    there, here = Vehicle.load("p2at"), Vehicle.load(tmp_path / "robot.toml")
+    assert there.body.name == here.body.name == "p2at.glb"
+    assert fingerprint(there) == fingerprint(here)

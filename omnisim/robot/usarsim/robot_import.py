@@ -6,12 +6,14 @@ Laser scanners become `usarsim_range_scanner`, the parts of an omnidirectional c
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.errors import RobotFileError
+from omnisim.robot.sensor_mounts import folder_name
 from omnisim.robot.usarsim.camera_parts import find_cameras
 from omnisim.robot.usarsim.ini import Entry, Section, parse_struct, read_ini
 from omnisim.robot.usarsim.notices import Notices
@@ -62,7 +64,7 @@ def import_robot(
     units = UNREAL_UNITS if unreal_units else SI_UNITS
     left_out = Notices()
     parts = _parts(section, units, left_out)
-    sensors = _sensors(parts, sections, units, left_out)
+    sensors = [_named(sensor, left_out) for sensor in _sensors(parts, sections, units, left_out)]
     _check_names(sensors)
     if not sensors:
         left_out.add(section.line, f"[{section.name}] has no camera or scanner that omnisim knows")
@@ -160,6 +162,15 @@ def _sensors(
                 part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis"
             )
     return [sensor for _, sensor in sorted(sensors, key=lambda item: item[0])]
+
+
+def _named(sensor: Sensor, left_out: Notices) -> Sensor:
+    """The sensor under a name that a robot file takes."""
+    name = folder_name(sensor.name)
+    if name == sensor.name:
+        return sensor
+    left_out.add(sensor.entry.line, f"ItemName {sensor.name!r}: becomes {name!r}")
+    return dataclasses.replace(sensor, name=name)
 
 
 def _check_names(sensors: list[Sensor]) -> None:

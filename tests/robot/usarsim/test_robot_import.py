@@ -199,10 +199,11 @@ def test_what_is_no_sensor_may_be_anything_but_unbalanced(of):
     assert ":3: -Sensors 'Old': left out" in words
 
 
-def test_odd_names_stay_inside_their_quotes(of):
-    name = "a\\\x7f#]é=x\tb"
-    (mount,) = robot_of(of(part(name=name))).mounts
-    assert mount.name == "a\\ #]é=x b"
+def test_odd_names_become_names_of_folders(of):
+    imported = of(part(name="../a\\\x7f#]é=x\tb"))
+    (mount,) = robot_of(imported).mounts
+    assert mount.name == "___a_ __é_x b"
+    assert any("becomes '___a_ __é_x b'" in notice for notice in imported.notices)
 
 
 def test_class_is_found_whatever_its_case():
