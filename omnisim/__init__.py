@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from omnisim.frames import pose
     from omnisim.scene import Scene, load_scene
     from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
+    from omnisim.simulation.vehicle import Vehicle
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
@@ -30,6 +31,7 @@ _HOMES = {
     "OmniCamera": "omnisim.sensors",
     "Renderer": "omnisim.sensors",
     "Stage": "omnisim.sensors",
+    "Vehicle": "omnisim.simulation.vehicle",
 }
 __all__ = [
     "Frame",
@@ -41,6 +43,7 @@ __all__ = [
     "Scan",
     "Scene",
     "Stage",
+    "Vehicle",
     "__version__",
     "load_scene",
     "pose",
