@@ -34,6 +34,12 @@ def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err
     check_plot_target(target)
     truth = read_trajectory(folder / GROUND_TRUTH)
     reckoned = read_odometry(folder / ODOMETRY).dead_reckoned().positions_m[:, :2]
+    for name, count in ((GROUND_TRUTH, len(truth)), (ODOMETRY, len(reckoned))):
+        if count != run.manifest["steps"]:
+            raise RunError(
+                f"{folder / name}: has {count} steps, the run has {run.manifest['steps']}: "
+                "delete it, and drive again to have it back"
+            )
     done = run.steps_done()
     pictures = {}
     if run.manifest["cameras"]:

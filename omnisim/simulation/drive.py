@@ -22,11 +22,10 @@ from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.route import Route, plan_route
-from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.simulation.run_folder import GROUND_TRUTH, MANIFEST_FORMAT, ODOMETRY, RunFolder
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import MountedCamera, Vehicle
 
-MANIFEST_FORMAT = 1
 LARGEST_SEED = 2**63 - 1
 
 

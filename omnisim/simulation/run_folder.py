@@ -16,17 +16,49 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
 
 from omnisim.atomic_file import whole_file
 from omnisim.errors import RunError
+from omnisim.robot.sensor_mounts import SensorName
+from omnisim.toml_file import Table, parse_table
 
 MANIFEST = "manifest.json"
+MANIFEST_FORMAT = 1
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
 PARTIAL = ".omnisim-*.partial"
 OURS = re.compile(r"\d{6,}\.(png|csv)|sensor\.toml|calibration\.json|\.omnisim-.*\.partial")
 # For the record: other versions of these, or from elsewhere, may go on with a run.
 FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
+
+
+class _Open(Table):
+    """What others rely on; there is more in it."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+
+class _SceneTable(_Open):
+    name: str
+    file: str
+    up_axis: str | None
+    contents: str
+
+
+class _NameTable(_Open):
+    name: str
+
+
+class _Manifest(_Open):
+    format: Literal[MANIFEST_FORMAT]
+    scene: _SceneTable
+    robot: _NameTable
+    path: _NameTable
+    steps: int = Field(ge=1)
+    cameras: list[SensorName]
+    scanners: list[SensorName]
 
 
 class RunFolder:
@@ -168,13 +200,14 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
         return None
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not JSON") from None
-    wanted = {"steps": int, "cameras": list, "scanners": list}
-    if not isinstance(manifest, dict) or any(
-        not isinstance(manifest.get(key), kind) for key, kind in wanted.items()
-    ):
+    if not isinstance(manifest, dict) or "steps" not in manifest:
         raise RunError(f"{path}: is damaged: not the manifest of a run")
+    try:
+        parse_table(manifest, _Manifest, RunError, f"{path}: is damaged")
+    except RunError as faults:
+        raise RunError(str(faults).partition("\n")[0]) from None
     return manifest
 
 

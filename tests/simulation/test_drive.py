@@ -202,6 +202,32 @@ def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, wo
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.parametrize(
+    ("keys", "value", "words"),
+    [
+        (["scene"], "soccer", r"scene = 'soccer': want a table"),
+        (["scene", "file"], None, "scene.file = None: want a valid string"),
+        (["steps"], -1, "steps = -1: want greater than"),
+        (["steps"], True, "steps = True: want a valid integer"),
+        (["cameras"], [".."], r"cameras.0 = '..': want letters"),
+        (["format"], 2, "format = 2: want 1"),
+    ],
+)
+def test_a_manifest_that_somebody_has_edited(whole, tmp_path, keys, value, words):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    table = manifest
+    for key in keys[:-1]:
+        table = table[key]
+    table[keys[-1]] = value
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(RunError, match=rf"manifest\.json: is damaged: {words}") as info:
+        RunFolder.read(tmp_path)
+    assert "\n" not in str(info.value)
+    (tmp_path / "manifest.json").write_text("[" * 100_000)
+    with pytest.raises(RunError, match="is damaged: not JSON"):
+        RunFolder.read(tmp_path)
+
+
 def test_places_that_are_none(scene, vehicle, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match="is a file: want a folder"):
