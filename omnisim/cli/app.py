@@ -14,6 +14,8 @@ from omnisim.cli.consoles import err, out
 from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
 
+INTERRUPTED = 130  # exit status, as shells have it
+
 app = typer.Typer(
     name="omnisim",
     help="Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel.",
@@ -391,7 +393,11 @@ def main() -> None:
         sys.exit(1)
     except KeyboardInterrupt:
         err.print("interrupted")
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:  # typer has taken the KeyboardInterrupt and said nothing
+            err.print("interrupted")
+        raise
 
 
 def _plain(text: str) -> str:

@@ -20,7 +20,7 @@ from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.scene import Scene, load_scene
 from omnisim.simulation.drive import scene_contents
-from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, PLOT, RunFolder
 
 
 def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err: Console) -> None:
@@ -29,7 +29,7 @@ def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    target = output or folder / "plot.png"
+    target = output or folder / PLOT
     run = RunFolder.read(folder)
     check_plot_target(target)
     truth = read_trajectory(folder / GROUND_TRUTH)
