@@ -65,7 +65,7 @@ class Drive:
             RunError: a seed that is none.
         """
         if not 0 <= self.seed <= LARGEST_SEED:
-            raise RunError(f"seed {self.seed}: want a whole number from 0 on")
+            raise RunError(f"seed {self.seed}: want a whole number from 0 to 2**63 - 1")
         truth = plan_route(self.scene, self.vehicle, self.route)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         return Plan(self, truth, odometry)

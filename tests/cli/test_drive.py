@@ -115,7 +115,7 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
         (["socer", "--robot", "p2at", "--path", "lap"], "did you mean 'soccer'?"),
         (["soccer", "--robot", "p2at", "--path", "lab"], "did you mean 'lap'?"),
         (["soccer", "--robot", "p2at", "--path", "gone.csv"], "path 'gone.csv': no such file"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step_m = 0: want more"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step 0 m: want more"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: want"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"], "seed -1: want a whole"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"], "size 0: want at least 1"),
