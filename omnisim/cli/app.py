@@ -121,7 +121,9 @@ def drive(
     ] = 12.0,
     rate: Annotated[
         float | None,
-        typer.Option("--rate", metavar="HZ", help="Steps a second instead, or of a file."),
+        typer.Option(
+            "--rate", metavar="HZ", help="Steps a second instead, or of a file without times."
+        ),
     ] = None,
     ground: Annotated[
         float, typer.Option("--ground", metavar="M", help="Height of the ground of waypoints.")

@@ -70,24 +70,28 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
     )
     plan = drive.plan()
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=32),
         MofNCompleteColumn(),
         _Rate(),
         TimeRemainingColumn(),
     )
+    done, total = 0, len(plan.truth)
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         steps = plan.record(request.output, request.force)
-        before = done = next(steps)
-        task = progress.add_task(f"{vehicle.name} in {scene.name}", total=len(plan.truth))
-        progress.update(task, completed=before)
         try:
+            before = done = next(steps)
+            task = progress.add_task(f"{vehicle.name} in {scene.name}", total=total)
+            progress.update(task, completed=before)
             for done in steps:
                 progress.update(task, completed=done)
         except KeyboardInterrupt:
-            err.print(
-                f"{request.output}: {done} steps are there: the same command goes on", markup=False
-            )
+            how = "the same command without --force" if request.force else "the same command"
+            if done:
+                err.print(
+                    f"{request.output}: {done} of {total} steps are there: {how} goes on",
+                    markup=False,
+                )
             raise
     went_on = f", {before} of them there before" if before else ""
     out.print(

@@ -20,7 +20,7 @@ from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.scene import Scene, load_scene
 from omnisim.simulation.drive import scene_contents
-from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, PLOT, RunFolder
 
 
 def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err: Console) -> None:
@@ -29,11 +29,17 @@ def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    target = output or folder / "plot.png"
+    target = output or folder / PLOT
     run = RunFolder.read(folder)
     check_plot_target(target)
     truth = read_trajectory(folder / GROUND_TRUTH)
     reckoned = read_odometry(folder / ODOMETRY).dead_reckoned().positions_m[:, :2]
+    for name, count in ((GROUND_TRUTH, len(truth)), (ODOMETRY, len(reckoned))):
+        if count != run.manifest["steps"]:
+            raise RunError(
+                f"{folder / name}: has {count} steps, the run has {run.manifest['steps']}: "
+                "delete it, and drive again to have it back"
+            )
     done = run.steps_done()
     pictures = {}
     if run.manifest["cameras"]:

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import platform
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -22,11 +22,16 @@ from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.route import Route, plan_route
-from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.simulation.run_folder import (
+    GROUND_TRUTH,
+    MANIFEST_FORMAT,
+    ODOMETRY,
+    RunFolder,
+    is_written,
+)
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import MountedCamera, Vehicle
 
-MANIFEST_FORMAT = 1
 LARGEST_SEED = 2**63 - 1
 
 
@@ -60,7 +65,7 @@ class Drive:
             RunError: a seed that is none.
         """
         if not 0 <= self.seed <= LARGEST_SEED:
-            raise RunError(f"seed {self.seed}: want a whole number from 0 on")
+            raise RunError(f"seed {self.seed}: want a whole number from 0 to 2**63 - 1")
         truth = plan_route(self.scene, self.vehicle, self.route)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         return Plan(self, truth, odometry)
@@ -91,17 +96,13 @@ class Plan:
             force: throw another run away that is there.
 
         Raises:
-            RunError: another run is there.
+            RunError: another run is there, or another drive is writing to it.
             OmnisimError: OpenGL is not there, or a file cannot be written.
         """
         drive, vehicle = self.drive, self.drive.vehicle
         with ExitStack() as stack:
             scene = _named_shortly(drive.scene)
             stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
-            run = RunFolder.open(
-                folder, self.manifest(graphics_info(stage.context).renderer), force
-            )
-            self._write_records(run)
             cameras = {
                 camera.name: stack.enter_context(
                     Renderer(stage, camera.sensor, hidden=camera.hides, unlit=drive.unlit)
@@ -114,23 +115,27 @@ class Plan:
                 )
                 for scanner in vehicle.scanners
             }
-            yield run.steps_done()
-            for step, world_from_base in enumerate(self.truth.world_from_base):
-                if run.is_done(step):
-                    continue
+            told = self.manifest(graphics_info(stage.context).renderer)
+            run = stack.enter_context(closing(RunFolder.open(folder, told, force)))
+            self._write_records(run)
+            missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
+            there = len(self.truth) - len(missing)
+            yield there
+            for done, step in enumerate(missing, start=there + 1):
+                world_from_base = self.truth.world_from_base[step]
                 for name, renderer in cameras.items():
                     target = run.file(name, step, ".png")
-                    if not target.exists():
+                    if not is_written(target):
                         renderer.render(world_from_base).save(target)
                 for mounted in vehicle.scanners:
                     target = run.file(mounted.name, step, ".csv")
-                    if not target.exists():
+                    if not is_written(target):
                         world_from_scanner = world_from_base @ mounted.base_from_scanner
                         scan = scanners[mounted.name].scan(
                             world_from_scanner, step, world_from_base=world_from_base
                         )
                         scan.save_csv(target)
-                yield step + 1
+                yield done
 
     def manifest(self, renderer: str) -> dict[str, Any]:
         """What makes the run, as JSON can hold it.
@@ -169,13 +174,17 @@ class Plan:
 
     def _write_records(self, run: RunFolder) -> None:
         """What is known before the first step."""
-        if not (run.path / GROUND_TRUTH).exists():
+        if not run.has(GROUND_TRUTH):
             write_trajectory(run.path / GROUND_TRUTH, self.truth)
-        if not (run.path / ODOMETRY).exists():
+        if not run.has(ODOMETRY):
             write_odometry(run.path / ODOMETRY, self.odometry)
         for camera in self.drive.vehicle.cameras:
-            run.write_text(f"{camera.name}/sensor.toml", sensor_toml(camera.sensor))
-            run.write_text(f"{camera.name}/calibration.json", _calibration(camera))
+            for name, text in (
+                ("sensor.toml", sensor_toml(camera.sensor)),
+                ("calibration.json", _calibration(camera)),
+            ):
+                if not run.has(f"{camera.name}/{name}"):
+                    run.write_text(f"{camera.name}/{name}", text)
 
 
 def scene_contents(scene: Scene) -> str:

@@ -21,12 +21,16 @@ from omnisim.robot import (
     read_recording,
     time_poses,
 )
+from omnisim.robot.formats.table import check_printed_times
 from omnisim.robot.waypoint_files import read_waypoints
 from omnisim.scene import Scene
 from omnisim.simulation.vehicle import Vehicle
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
+LARGEST_STEP_DEG = 90.0
 LARGEST_STEP_M = 1.0  # of poses from a file: farther is a jump
+# Above and below the map: recorded heights have errors, and a flat map has none.
+ROOM_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -52,17 +56,40 @@ class Route:
 def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
     """The poses of the vehicle's base along a route.
 
+    A file without a suffix is one only where the scene has no path of its name.
+
     Raises:
-        TrajectoryError: no such path; a file that is damaged, jumps, or asks for more than the
-            vehicle can do; or a path that leaves the map.
+        TrajectoryError: a step, rate or ground that cannot be; no such path; a file that is
+            damaged, jumps, or asks for more than the vehicle can do; or a path that leaves the
+            map.
     """
+    _check_numbers(route)
     path = Path(route.path)
-    if path.suffix and path.exists():
+    is_of_scene = any(path.name == route.path for path in scene.paths)
+    if path.exists() if path.suffix else path.is_file() and not is_of_scene:
         trajectory = _from_file(path, vehicle, route)
     else:
         trajectory = _from_scene(scene, vehicle, route)
     _check_on_the_map(scene, trajectory, route.path)
+    try:
+        check_printed_times(trajectory.times_s)
+    except TrajectoryError as reason:
+        raise TrajectoryError(f"{route.path}: {reason}") from None
     return trajectory
+
+
+def _check_numbers(route: Route) -> None:
+    """Refuse what no path is driven by, in the units of the command line; NaN, too."""
+    if not route.step_m > 0.0:
+        raise TrajectoryError(f"step {route.step_m:g} m: want more than 0")
+    if not 0.0 < route.step_deg <= LARGEST_STEP_DEG:
+        raise TrajectoryError(
+            f"turn step {route.step_deg:g}°: want more than 0, at most {LARGEST_STEP_DEG:g}"
+        )
+    if route.rate_hz is not None and not 0.0 < route.rate_hz < math.inf:
+        raise TrajectoryError(f"rate {route.rate_hz:g} Hz: want a finite number above 0")
+    if not math.isfinite(route.ground_m):
+        raise TrajectoryError(f"ground {route.ground_m:g} m: want a finite number")
 
 
 def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
@@ -86,14 +113,21 @@ def _from_file(path: Path, vehicle: Vehicle, route: Route) -> Trajectory:
         return _along(waypoints_m, None, vehicle, route, str(path))
     recording = read_recording(path)
     if recording.times_s is None and route.rate_hz is None:
-        trajectory = time_poses(recording.world_from_base, _kinematics(vehicle, str(path)))
+        kinematics = _kinematics(vehicle, str(path))
+        try:
+            trajectory = time_poses(recording.world_from_base, kinematics)
+        except TrajectoryError as reason:
+            raise TrajectoryError(f"{path}: {reason}") from None
     else:
-        trajectory = recording.trajectory(None if recording.times_s is not None else route.rate_hz)
+        trajectory = recording.trajectory(route.rate_hz)
     check_continuous(
         trajectory, LARGEST_STEP_M, recording.source, lines=list(recording.line_numbers)
     )
     if vehicle.kinematics is not None and not route.ignore_limits:
-        check_drivable(trajectory, vehicle.kinematics, str(path))
+        try:
+            check_drivable(trajectory, vehicle.kinematics, str(path))
+        except TrajectoryError as reason:
+            raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
     return trajectory
 
 
@@ -107,8 +141,6 @@ def _along(
     kinematics = _kinematics(vehicle, where)
     try:
         if route.rate_hz is not None:
-            if not (math.isfinite(route.rate_hz) and route.rate_hz > 0.0):
-                raise TrajectoryError(f"rate {route.rate_hz:g} Hz: want a number above 0")
             flat = drive_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
         else:
             step_rad = math.radians(route.step_deg)
@@ -130,13 +162,20 @@ def _kinematics(vehicle: Vehicle, where: str) -> Kinematics:
 
 
 def _check_on_the_map(scene: Scene, trajectory: Trajectory, name: str) -> None:
-    low, high = scene.bounds_m()[:, :2]
-    places = trajectory.positions_m[:, :2]
-    outside = np.any((places < low) | (places > high), axis=1)
+    low, high = scene.bounds_m()
+    places = trajectory.positions_m
+    outside = np.any((places[:, :2] < low[:2]) | (places[:, :2] > high[:2]), axis=1)
     if outside.any():
         step = int(np.argmax(outside))
-        x, y = places[step]
+        x, y, _ = places[step]
         raise TrajectoryError(
             f"{name}: leaves the map at step {step}, ({x:.2f}, {y:.2f}) m: {scene.name} spans "
             f"({low[0]:.2f}, {low[1]:.2f}) to ({high[0]:.2f}, {high[1]:.2f}) m"
+        )
+    outside = (places[:, 2] < low[2] - ROOM_M) | (places[:, 2] > high[2] + ROOM_M)
+    if outside.any():
+        step = int(np.argmax(outside))
+        raise TrajectoryError(
+            f"{name}: leaves the map at step {step}, at a height of {places[step, 2]:.6g} m: "
+            f"{scene.name} spans heights from {low[2]:.2f} to {high[2]:.2f} m"
         )

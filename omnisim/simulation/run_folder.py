@@ -8,29 +8,65 @@
     <camera>/000000.png ...     a picture a step, with camera and pose inside
     <scanner>/000000.csv ...    a scan a step
 
-Every file appears only when it is whole, so whatever is there is finished.
+Every file appears only when it is whole, so whatever is there is finished; what a power cut has
+left empty counts as missing.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
 
 from omnisim.atomic_file import whole_file
 from omnisim.errors import RunError
+from omnisim.robot.sensor_mounts import SensorName
+from omnisim.toml_file import Table, parse_table
 
 MANIFEST = "manifest.json"
+MANIFEST_FORMAT = 1
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
+PLOT = "plot.png"  # where the run's plot goes when nobody says
 PARTIAL = ".omnisim-*.partial"
 OURS = re.compile(r"\d{6,}\.(png|csv)|sensor\.toml|calibration\.json|\.omnisim-.*\.partial")
 # For the record: other versions of these, or from elsewhere, may go on with a run.
 FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
 
 
+class _Open(Table):
+    """What others rely on; there is more in it."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+
+class _SceneTable(_Open):
+    name: str
+    file: str
+    up_axis: str | None
+    contents: str
+
+
+class _NameTable(_Open):
+    name: str
+
+
+class _Manifest(_Open):
+    format: Literal[MANIFEST_FORMAT]
+    scene: _SceneTable
+    robot: _NameTable
+    path: _NameTable
+    steps: int = Field(ge=1)
+    cameras: list[SensorName]
+    scanners: list[SensorName]
+
+
 class RunFolder:
-    """The folder of one run.
+    """The folder of one run. Who has opened it to write has to close it: others wait.
 
     Attributes:
         path: the folder.
@@ -39,6 +75,13 @@ class RunFolder:
 
     def __init__(self, path: Path, manifest: dict[str, Any]):
         self.path, self.manifest = path, manifest
+        self._lock: int | None = None
+
+    def close(self) -> None:
+        """Let others write; a second time does nothing."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     @classmethod
     def open(cls, path: Path, manifest: dict[str, Any], force: bool = False) -> RunFolder:
@@ -50,14 +93,20 @@ class RunFolder:
             force: throw another run away that is there.
 
         Raises:
-            RunError: another run is there, or files that are none of ours, or it cannot be
-                written to.
+            RunError: another run is there, or files that are none of ours, another drive is
+                writing to it, or it cannot be written to.
+            OutputError: the manifest cannot be written.
         """
         folder = cls(path, manifest)
         try:
             folder._begin(force)
         except OSError as reason:
-            raise RunError(f"{path}: cannot be written to: {reason.strerror}") from None
+            folder.close()
+            where = reason.filename or path
+            raise RunError(f"{where}: cannot be written to: {reason.strerror}") from None
+        except BaseException:
+            folder.close()
+            raise
         return folder
 
     @classmethod
@@ -80,19 +129,21 @@ class RunFolder:
         """Where a sensor's file of a step is, or is going to be."""
         return self.path / sensor / f"{step:06d}{suffix}"
 
+    def has(self, name: str) -> bool:
+        """Whether a file of the run is there, such as `GROUND_TRUTH`."""
+        return is_written(self.path / name)
+
     def write_text(self, name: str, text: str) -> None:
-        """Write a text file, unless it is there.
+        """Write a text file.
 
         Raises:
             OutputError: it cannot be written.
         """
-        target = self.path / name
-        if not target.exists():
-            with whole_file(target) as partial:
-                partial.write_text(text, encoding="utf-8", newline="\n")
+        with whole_file(self.path / name) as partial:
+            partial.write_text(text, encoding="utf-8", newline="\n")
 
     def steps_done(self) -> int:
-        """How many steps have all their files."""
+        """How many steps from the first one on have all their files."""
         done = 0
         while done < self.manifest["steps"] and self.is_done(done):
             done += 1
@@ -101,7 +152,7 @@ class RunFolder:
     def is_done(self, step: int) -> bool:
         """Whether a step has all its files."""
         return all(
-            self.file(name, step, suffix).exists()
+            is_written(self.file(name, step, suffix))
             for kind, suffix in (("cameras", ".png"), ("scanners", ".csv"))
             for name in self.manifest[kind]
         )
@@ -113,47 +164,71 @@ class RunFolder:
             raise RunError(
                 f"{self.path}: the folder {self.path.parent} does not exist: create it first"
             )
+        if self.path.is_symlink() and not self.path.exists():
+            raise RunError(f"{self.path}: is a link that leads nowhere: want a folder")
         self.path.mkdir(exist_ok=True)
+        self._lock = _locked(self.path)
         there = _read_manifest(self.path / MANIFEST)
-        if there is not None:
-            difference = _first_difference(there, self.manifest)
-            if difference and not force:
-                raise RunError(
-                    f"{self.path / MANIFEST}: {difference}: another run is in this folder; "
-                    "choose another, or throw that one away with --force"
-                )
-            if force:
-                self._clear(there)
-                there = None
-        else:
-            foreign = [p for p in self.path.iterdir() if not p.match(PARTIAL)]
-            if foreign:
+        if there is None:
+            if any(not file.match(PARTIAL) for file in self.path.iterdir()):
                 raise RunError(
                     f"{self.path}: is not empty and has no {MANIFEST}: want a new folder, an empty "
                     "one, or that of a run"
                 )
+        elif force:
+            self._clear(there)
+        elif difference := _first_difference(there, self.manifest):
+            raise RunError(
+                f"{self.path / MANIFEST}: {difference}: another run is in this folder; "
+                "choose another, or throw that one away with --force"
+            )
         for leftover in self.path.rglob(PARTIAL):  # of a run that was killed
             leftover.unlink()
-        if there is None:
+        if there is None or force:
             self.write_text(MANIFEST, json.dumps(self.manifest, indent=2) + "\n")
         for kind in ("cameras", "scanners"):
             for name in self.manifest[kind]:
                 (self.path / name).mkdir(exist_ok=True)
 
     def _clear(self, manifest: dict[str, Any]) -> None:
-        """Remove what a run has put here, the manifest last, and nothing else."""
-        for kind in ("cameras", "scanners"):
-            for name in manifest.get(kind, ()):
-                folder = self.path / name
-                if folder.parent != self.path or folder.is_symlink() or not folder.is_dir():
-                    continue
-                for file in folder.iterdir():
-                    if OURS.fullmatch(file.name):
-                        file.unlink()
-                if not any(folder.iterdir()):
-                    folder.rmdir()
-        for name in (GROUND_TRUTH, ODOMETRY, MANIFEST):
+        """Remove what a run has put here, and nothing else; its manifest stays until another's."""
+        folders = [self.path / name for kind in ("cameras", "scanners") for name in manifest[kind]]
+        for folder in folders:
+            if folder.is_symlink():
+                raise RunError(f"{folder}: is a link: --force removes no files elsewhere")
+        for folder in filter(Path.is_dir, folders):
+            for file in folder.iterdir():
+                if OURS.fullmatch(file.name):
+                    file.unlink()
+            if not any(folder.iterdir()):
+                folder.rmdir()
+        for name in (GROUND_TRUTH, ODOMETRY, PLOT):
             (self.path / name).unlink(missing_ok=True)
+
+
+def _locked(folder: Path) -> int:
+    """A handle that keeps other drives out of a folder until it is closed, or its process ends.
+
+    Raises:
+        RunError: another drive has it.
+    """
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise RunError(f"{folder}: another drive is writing to it: wait for its end") from None
+    except OSError:  # a file system without locks
+        pass
+    return handle
+
+
+def is_written(path: Path) -> bool:
+    """Whether a file is there and not empty."""
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:
+        return False
 
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:
@@ -168,13 +243,14 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
         return None
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not JSON") from None
-    wanted = {"steps": int, "cameras": list, "scanners": list}
-    if not isinstance(manifest, dict) or any(
-        not isinstance(manifest.get(key), kind) for key, kind in wanted.items()
-    ):
+    if not isinstance(manifest, dict) or "steps" not in manifest:
         raise RunError(f"{path}: is damaged: not the manifest of a run")
+    try:
+        parse_table(manifest, _Manifest, RunError, f"{path}: is damaged")
+    except RunError as faults:
+        raise RunError(str(faults).partition("\n")[0]) from None
     return manifest
 
 

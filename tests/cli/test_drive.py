@@ -64,6 +64,20 @@ def test_a_run_that_is_not_whole(omnisim, run_folder, tmp_path):
     assert f"{steps} steps, 3 of them there before" in out
 
 
+@pytest.mark.parametrize("name", ["ground_truth.tum", "odometry.csv"])
+def test_a_run_whose_records_are_cut(omnisim, run_folder, tmp_path, name):
+    path = tmp_path / "run" / name
+    whole = path.read_text()
+    path.write_text("".join(whole.splitlines(keepends=True)[:4]))
+    status, _, error = omnisim("plot", "run")
+    assert status == 1
+    assert error.startswith(f"error: run/{name}: has ")
+    assert error.endswith(": delete it, and drive again to have it back\n")
+    path.unlink()
+    assert omnisim(*DRIVE, "-o", "run")[0] == 0
+    assert path.read_text() == whole
+
+
 def test_a_scene_that_is_gone_costs_the_map_only(omnisim, run_folder, tmp_path):
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
     manifest["scene"]["file"] = "gone.glb"
@@ -101,7 +115,7 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
         (["socer", "--robot", "p2at", "--path", "lap"], "did you mean 'soccer'?"),
         (["soccer", "--robot", "p2at", "--path", "lab"], "did you mean 'lap'?"),
         (["soccer", "--robot", "p2at", "--path", "gone.csv"], "path 'gone.csv': no such file"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step_m = 0: want more"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step 0 m: want more"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: want"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"], "seed -1: want a whole"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"], "size 0: want at least 1"),

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.errors import OutputError, RunError
+from omnisim.errors import GraphicsError, OutputError, RunError
 from omnisim.image_files import read_image
 from omnisim.robot import read_odometry, read_trajectory
 from omnisim.scene import load_scene
@@ -202,6 +203,32 @@ def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, wo
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.parametrize(
+    ("keys", "value", "words"),
+    [
+        (["scene"], "soccer", r"scene = 'soccer': want a table"),
+        (["scene", "file"], None, "scene.file = None: want a valid string"),
+        (["steps"], -1, "steps = -1: want greater than"),
+        (["steps"], True, "steps = True: want a valid integer"),
+        (["cameras"], [".."], r"cameras.0 = '..': want letters"),
+        (["format"], 2, "format = 2: want 1"),
+    ],
+)
+def test_a_manifest_that_somebody_has_edited(whole, tmp_path, keys, value, words):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    table = manifest
+    for key in keys[:-1]:
+        table = table[key]
+    table[keys[-1]] = value
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(RunError, match=rf"manifest\.json: is damaged: {words}") as info:
+        RunFolder.read(tmp_path)
+    assert "\n" not in str(info.value)
+    (tmp_path / "manifest.json").write_text("[" * 100_000)
+    with pytest.raises(RunError, match="is damaged: not JSON"):
+        RunFolder.read(tmp_path)
+
+
 def test_places_that_are_none(scene, vehicle, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match="is a file: want a folder"):
@@ -260,3 +287,76 @@ def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
         assert getattr(again, name) == getattr(sensor, name)
     assert again.camera.focal_length_px == sensor.camera.focal_length_px
     assert again.camera.principal_point_px == sensor.camera.principal_point_px
+
+
+def test_missing_files_come_back_in_any_order(scene, vehicle, whole, tmp_path):
+    """Deleted by hand, or left empty by a power cut."""
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "omnicam" / "000009.png").unlink()
+    (folder / "omnicam" / "000002.png").write_bytes(b"")
+    (folder / "lms200" / "000005.csv").unlink()
+    (folder / "odometry.csv").write_bytes(b"")
+    (folder / "omnicam" / "calibration.json").unlink()
+    steps = json.loads((whole / "manifest.json").read_text())["steps"]
+    drive = Drive(scene, vehicle, ROUTE, seed=7)
+    assert list(drive.plan().record(folder)) == [steps - 3, steps - 2, steps - 1, steps]
+    assert _bytes(folder) == _bytes(whole)
+
+
+def test_one_drive_a_folder_at_a_time(scene, vehicle, tmp_path):
+    drive = Drive(scene, vehicle, ROUTE, seed=7)
+    first = drive.plan().record(tmp_path / "run")
+    next(first)
+    for force in (False, True):
+        with pytest.raises(RunError, match="run: another drive is writing to it: wait for its end"):
+            next(drive.plan().record(tmp_path / "run", force))
+    next(first)
+    first.close()
+    second = drive.plan().record(tmp_path / "run")
+    assert next(second) == 1
+    second.close()
+
+
+def test_force_leaves_no_other_run_s_pictures(scene, vehicle, whole, tmp_path):
+    """Neither its plot, nor what a link leads to, which would pass for this run's."""
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "plot.png").write_bytes(b"of the other run")
+    (folder / "omnicam").rename(tmp_path / "disk")
+    (folder / "omnicam").symlink_to(tmp_path / "disk")
+    before = _bytes(folder)
+    other = Drive(scene, vehicle, ROUTE, seed=8)
+    with pytest.raises(RunError, match="omnicam: is a link: --force removes no files elsewhere"):
+        next(other.plan().record(folder, force=True))
+    assert _bytes(folder) == before
+    (folder / "omnicam").unlink()
+    steps = other.plan().record(folder, force=True)
+    assert next(steps) == 0
+    steps.close()
+    assert not (folder / "plot.png").exists()
+
+
+def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
+    drive = Drive(scene, with_cameras(vehicle, 100_000, "same"), ROUTE)
+    with pytest.raises(GraphicsError, match="200000 × 200000 px"):
+        next(drive.plan().record(tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_interrupted_by_a_person_it_says_how_to_go_on(tmp_path):
+    command = [sys.executable, "-c", "from omnisim.cli.app import main; main()", *ARGUMENTS]
+    command[command.index("--step") + 1] = "0.1"
+    process = subprocess.Popen(
+        [*command, "-o", "run"], stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    )
+    while not (tmp_path / "run" / "omnicam" / "000002.png").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate()
+    assert process.returncode == 130
+    first, last = error.splitlines()
+    assert re.fullmatch(r"run: \d+ of \d+ steps are there: the same command goes on", first)
+    assert last == "interrupted"
+    assert not list((tmp_path / "run").rglob(".omnisim-*"))

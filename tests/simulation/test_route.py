@@ -73,8 +73,39 @@ def test_waypoints_from_a_file(scene, vehicle, tmp_path):
 def test_ground_of_waypoints(scene, vehicle):
     poses = _drive(scene, vehicle, "corner", ground_m=-0.09)
     np.testing.assert_allclose(poses.positions_m[:, 2], -0.09)
-    with pytest.raises(TrajectoryError, match=r"path 'corner' of .*finite"):
-        _drive(scene, vehicle, "corner", ground_m=math.nan)
+    with pytest.raises(
+        TrajectoryError, match=r"corner: leaves the map at step 0, at a height of 9"
+    ):
+        _drive(scene, vehicle, "corner", ground_m=9.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"step_m": 0.0}, "step 0 m: want more than 0"),
+        ({"step_m": math.nan}, "step nan m: want more than 0"),
+        ({"step_deg": 120.0}, "turn step 120°: want more than 0, at most 90"),
+        ({"rate_hz": math.nan}, "rate nan Hz: want a finite number above 0"),
+        ({"rate_hz": -1.0}, "rate -1 Hz: want a finite number above 0"),
+        ({"ground_m": math.nan}, "ground nan m: want a finite number"),
+    ],
+)
+@pytest.mark.parametrize("path", ["corner", "a.tum"])
+def test_numbers_that_cannot_be(scene, vehicle, tmp_path, monkeypatch, path, options, words):
+    """Also where the path has no use for them."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0 1\n")
+    with pytest.raises(TrajectoryError, match=f"^{words}$"):
+        _drive(scene, vehicle, path, **options)
+
+
+def test_a_file_without_a_suffix(scene, vehicle, tmp_path, monkeypatch):
+    """It is one, but where the scene has a path of this name."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("poses", "corner"):
+        (tmp_path / name).write_text("0 0 0 0 0 0 0 1\n")
+    assert len(_drive(scene, vehicle, "poses")) == 1
+    assert len(_drive(scene, vehicle, "corner")) > 1
 
 
 def test_poses_without_times_are_timed_by_the_robot(scene, vehicle, tmp_path):
@@ -100,8 +131,10 @@ def test_recorded_poses_keep_their_times(scene, vehicle, tmp_path):
         ("x_m,y_m\n0,0\nnan,1\n", r"my\.csv.*3.*nan"),
         ("t_s,x_m,y_m\n0,0,0\n1,2.5,0\n", r"my\.csv:3: .*2\.5"),
         ("t_s,x_m,y_m\n0,0,0\n1,0.5,0\n0.5,1,0\n", r"my\.csv.*4"),
-        ("t_s,x_m,y_m\n0,0,0\n0.1,0.9,0\n0.2,1.8,0\n", r"my\.csv.*1\.2"),
+        ("t_s,x_m,y_m\n0,0,0\n0.1,0.9,0\n0.2,1.8,0\n", r"my\.csv.*1\.2 m/s; --ignore-limits"),
         ("", r"my\.csv.*empty"),
+        ("x_m,y_m\n0,0\n1e-300,0\n1,1\n", r"my\.csv: .*less than a nanosecond apart"),
+        ("x_m,y_m,yaw_deg\n0,0,0\n0,0,0\n", r"my\.csv: .*poses 0 and 1 are the same"),
     ],
 )
 def test_bad_files_are_named(scene, vehicle, tmp_path, text, words):
@@ -110,6 +143,12 @@ def test_bad_files_are_named(scene, vehicle, tmp_path, text, words):
     with pytest.raises(TrajectoryError, match=words) as info:
         _drive(scene, vehicle, tmp_path / "my.csv")
     assert "\n" not in str(info.value)
+
+
+def test_times_and_a_rate_are_one_too_many(scene, vehicle, tmp_path):
+    (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n1,0.5,0\n")
+    with pytest.raises(TrajectoryError, match=r"my\.csv: has times of its own: want no rate"):
+        _drive(scene, vehicle, tmp_path / "my.csv", rate_hz=2.0)
 
 
 def test_limits_may_be_ignored(scene, vehicle, tmp_path):
