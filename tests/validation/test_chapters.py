@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim import frames
+from omnisim.cameras import HyperbolicCamera
 from omnisim.gpu import shader_files
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.validation.chapters import CHAPTERS
@@ -51,13 +52,13 @@ def test_a_wrong_mirror_is_found_out(key, bench, monkeypatch):
 
 def test_a_mirrored_picture_is_found_out(bench, monkeypatch):
     flipped = frames.RIG_FROM_OPTICAL_LOOKING_UP @ np.diag([-1.0, 1.0, 1.0])
-    monkeypatch.setattr("omnisim.sensors.renderer.RIG_FROM_OPTICAL_LOOKING_UP", flipped)
+    monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", flipped)
     assert any("colour" in name for name in _missed("orientation", bench))
 
 
 def test_a_turned_picture_is_found_out(bench, monkeypatch):
     turned = frames.RIG_FROM_OPTICAL_LOOKING_UP @ frames.rotation_from_roll_pitch_yaw(0, 0, 1e-3)
-    monkeypatch.setattr("omnisim.sensors.renderer.RIG_FROM_OPTICAL_LOOKING_UP", turned)
+    monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", turned)
     assert _missed("markers", bench)
 
 
