@@ -17,7 +17,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from omnisim.cli.options import parse_polygons
+from omnisim.cli.options import counted, parse_polygons
 from omnisim.scene import load_scene
 from omnisim.simulation.drive import Drive, with_cameras
 from omnisim.simulation.route import Route
@@ -95,7 +95,7 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
             raise
     went_on = f", {before} of them there before" if before else ""
     out.print(
-        f"{request.output}: {done} steps{went_on}; {plan.truth.path_length_m:.2f} m in "
+        f"{request.output}: {counted(done, 'step')}{went_on}; {plan.truth.path_length_m:.2f} m in "
         f"{plan.truth.duration_s:.1f} s",
         markup=False,
     )

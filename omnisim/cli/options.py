@@ -1,4 +1,4 @@
-"""From the words of options to what they mean."""
+"""From the words of options to what they mean, and from counts to words."""
 
 from __future__ import annotations
 
@@ -29,3 +29,8 @@ def parse_polygons(text: str) -> int | None:
         return int(text)
     except ValueError:
         raise OpticsError(f"-n {text}: want a number of polygons or 'exact'") from None
+
+
+def counted(count: int, thing: str) -> str:
+    """A count with its noun: 1 step, 2 steps."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"

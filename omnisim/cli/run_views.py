@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from omnisim.cli.options import counted
 from omnisim.errors import OutputError, RunError, SceneError
 from omnisim.image_files import read_image
 from omnisim.plots.film import check_film_target, write_film
@@ -51,7 +52,7 @@ def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err
     )
     figure = run_figure(title, _scene(run, scene, err), truth, reckoned, pictures)
     write_plot(target, figure)
-    out.print(f"{target}: {done} of {len(truth)} steps", markup=False)
+    out.print(f"{target}: {done} of {counted(len(truth), 'step')}", markup=False)
 
 
 def video(
@@ -85,7 +86,7 @@ def video(
             yield _picture(run.file(name, step, ".png"))
 
     count = write_film(output, pictures(), rate_hz)
-    out.print(f"{output}: {count} pictures, {count / rate_hz:.1f} s", markup=False)
+    out.print(f"{output}: {counted(count, 'picture')}, {count / rate_hz:.1f} s", markup=False)
 
 
 def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
@@ -95,7 +96,7 @@ def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
     there = "" if done == len(truth) else f" ({done} are there)"
     share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
     return (
-        f"{what}: {length_m:.2f} m, {len(truth)} steps{there}; "
+        f"{what}: {length_m:.2f} m, {counted(len(truth), 'step')}{there}; "
         f"odometry ends {error_m:.2f} m off{share}"
     )
 

@@ -38,7 +38,8 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float
     Odd sizes lose their last row or column, which the format cannot hold.
 
     Raises:
-        OutputError: an unknown format, no pictures, or the file cannot be written.
+        OutputError: an unknown format, no pictures or too small ones, or the file cannot be
+            written.
     """
     check_film_target(path)
     import av
@@ -54,6 +55,11 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float
                 stream.options = {"crf": str(QUALITY)}
                 for picture in pictures:
                     height, width = (side // 2 * 2 for side in picture.shape[:2])
+                    if not (height and width):
+                        raise OutputError(
+                            f"{path}: pictures of {picture.shape[1]} × "
+                            f"{picture.shape[0]} px: want at least 2 × 2 for a film"
+                        )
                     if count == 0:
                         stream.width, stream.height = width, height
                     cut = np.ascontiguousarray(picture[:height, :width, :3])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,6 +17,8 @@ from omnisim.srgb import srgb_from_linear
 
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
 STRIP = 6  # pictures
+STRIP_IN = 3.0  # height, at most
+TITLE_LETTERS = 110  # in a line
 
 
 def run_figure(
@@ -27,7 +31,7 @@ def run_figure(
     """The plot of a run.
 
     Args:
-        title: one line.
+        title: broken into lines where it is long.
         scene: its map and landmarks, or None: no map.
         truth: poses of the base.
         reckoned: (n, 2) where the wheels think it is.
@@ -38,20 +42,20 @@ def run_figure(
     width_in = 9.0
     # what the labels leave of the width, for axes of equal scale
     map_in = float(np.clip((width_in - 0.8) * size[1] / size[0], 3.5, 12.0))
-    strip_in = width_in / max(len(pictures), 1) if pictures else 0.0
+    strip_in = min(width_in / len(pictures), STRIP_IN) if pictures else 0.0
     figure = Figure(figsize=(width_in, map_in + strip_in + 1.1), dpi=110, layout="constrained")
     grid = figure.add_gridspec(
         2 if pictures else 1, max(len(pictures), 1),
         height_ratios=[map_in, strip_in] if pictures else [1.0],
     )  # fmt: skip
     axes = figure.add_subplot(grid[0, :])
-    axes.set_title(title, fontsize=10, parse_math=False)
+    axes.set_title(textwrap.fill(title, TITLE_LETTERS), fontsize=10, parse_math=False)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     if scene is not None:
         draw_scene_map(axes, scene, low, high, float(np.median(truth.positions_m[:, 2])))
         for landmark in scene.landmarks:
-            _draw_landmark(axes, landmark)
+            _draw_landmark(axes, landmark, 0.5 * float(low[0] + high[0]))
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
     axes.plot(x, y, "-", color=TRUE, lw=2.2, label="true path")
@@ -60,12 +64,13 @@ def run_figure(
     every = max(1, len(x) // 24)
     axes.quiver(
         x[::every], y[::every], np.cos(yaw[::every]), np.sin(yaw[::every]),
-        color=TRUE, angles="xy", scale=36.0, width=0.003, zorder=3,
+        color=TRUE, scale=36.0, width=0.003, zorder=3,
     )  # fmt: skip
-    for step in pictures:
+    for place, steps in _steps_by_place(truth, list(pictures)).items():
         axes.annotate(
-            str(step), (x[step], y[step]), textcoords="offset points", xytext=(7, 7), fontsize=9,
-            color=INK, bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": TRUE, "lw": 0.8},
+            ", ".join(map(str, steps)), place, textcoords="offset points", xytext=(7, 7),
+            fontsize=9, color=INK,
+            bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": TRUE, "lw": 0.8},
         )  # fmt: skip
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
@@ -84,6 +89,15 @@ def steps_to_show(steps: int) -> list[int]:
     return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
 
 
+def _steps_by_place(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
+    """Steps by where they are, those at one place, to a centimetre, together."""
+    found: dict[tuple[float, float], list[int]] = {}
+    for step in steps:
+        x, y = truth.positions_m[step, :2].round(2).tolist()
+        found.setdefault((x, y), []).append(step)
+    return found
+
+
 def _limits(
     truth: Trajectory, reckoned: NDArray[np.float64], scene: Scene | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -99,14 +113,16 @@ def _limits(
     return low, high
 
 
-def _draw_landmark(axes: Axes, landmark: Landmark) -> None:
-    """Its bands from the lowest, outside, to the highest, inside."""
+def _draw_landmark(axes: Axes, landmark: Landmark, middle_m: float) -> None:
+    """Its bands from the lowest, outside, to the highest, inside; its name towards the middle."""
     for index, band in enumerate(landmark.bands):
         axes.plot(
             *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,
             color=srgb_from_linear(band.linear_rgb), markeredgecolor=INK, markeredgewidth=0.6,
         )  # fmt: skip
+    is_right = landmark.position_m[0] > middle_m
     axes.annotate(
-        landmark.name, landmark.position_m[:2], textcoords="offset points", xytext=(9, -10),
+        landmark.name, landmark.position_m[:2], textcoords="offset points",
+        xytext=(-9 if is_right else 9, -10), ha="right" if is_right else "left",
         fontsize=7, color=INK,
     )  # fmt: skip

@@ -3,9 +3,12 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 
+from omnisim.errors import OutputError
 from omnisim.image_files import read_image
+from omnisim.plots.film import write_film
 from omnisim.resources import SCENES
 
 ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
@@ -51,6 +54,13 @@ def test_the_film_shows_the_pictures(omnisim, run_folder, tmp_path):
         # colours are coded at half the resolution: compare what is left of 8 × 8 blocks
         one, other = (p.reshape(4, 8, 4, 8, 3).mean(axis=(1, 3)) for p in (pixels, frames[step]))
         assert abs(one - other).mean() < 8.0
+
+
+def test_pictures_too_small_for_a_film(tmp_path):
+    pytest.importorskip("av")
+    with pytest.raises(OutputError, match=r"pictures of 1 × 1 px: want at least 2 × 2"):
+        write_film(tmp_path / "a.mp4", [np.zeros((1, 1, 3), np.uint8)], 10.0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_run_that_is_not_whole(omnisim, run_folder, tmp_path):

@@ -1,0 +1,55 @@
+"""The plot of a run: what it says where things share a place, or are few."""
+
+import numpy as np
+import pytest
+
+from omnisim.plots.run_plot import run_figure, steps_to_show
+from omnisim.robot import Trajectory
+from omnisim.scene import load_scene
+
+LABELS = {"goal_yellow": "left", "goal_blue": "right"}
+
+
+def _figure(places_m, steps, scene=None, title="a run"):
+    places = np.array(places_m, dtype=np.float64)
+    truth = Trajectory.on_ground(np.arange(len(places)), places, np.zeros(len(places)))
+    pictures = {step: np.zeros((8, 8, 3), np.uint8) for step in steps}
+    return run_figure(title, scene, truth, places, pictures)
+
+
+def test_steps_at_one_place_share_a_label():
+    there_and_back = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.001), (0.0, 0.0)]
+    figure = _figure(there_and_back, [0, 1, 3, 4])
+    assert [text.get_text() for text in figure.axes[0].texts] == ["0, 4", "1, 3"]
+
+
+def test_names_of_landmarks_stay_on_the_map():
+    figure = _figure([(0.0, 0.0)], [0], load_scene("soccer"))
+    found = {text.get_text(): text for text in figure.axes[0].texts}
+    figure.draw_without_rendering()
+    inside = figure.axes[0].get_window_extent()
+    for name, side in LABELS.items():
+        assert found[name].get_ha() == side
+        box = found[name].get_window_extent()
+        assert inside.x0 <= box.x0
+        assert box.x1 <= inside.x1
+
+
+def test_one_picture_does_not_fill_the_page():
+    figure = _figure([(0.0, 0.0)], steps_to_show(1))
+    assert len(figure.axes) == 2
+    figure.draw_without_rendering()
+    assert figure.axes[1].get_window_extent().height < 0.5 * figure.bbox.height
+
+
+def test_a_long_title_is_broken():
+    figure = _figure([(0.0, 0.0), (1.0, 0.0)], [], title="word " * 40)
+    figure.draw_without_rendering()
+    box = figure.axes[0].title.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= figure.bbox.width
+
+
+@pytest.mark.parametrize(("steps", "wanted"), [(1, [0]), (3, [0, 1, 2]), (11, [0, 2, 4, 6, 8, 10])])
+def test_steps_to_show(steps, wanted):
+    assert steps_to_show(steps) == wanted
