@@ -7,6 +7,7 @@ import textwrap
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from omnisim.plots.scene_map import draw_scene_map
@@ -55,7 +56,7 @@ def run_figure(
     if scene is not None:
         draw_scene_map(axes, scene, low, high, float(np.median(truth.positions_m[:, 2])))
         for landmark in scene.landmarks:
-            _draw_landmark(axes, landmark, 0.5 * float(low[0] + high[0]))
+            _draw_landmark(axes, landmark)
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
     axes.plot(x, y, "-", color=TRUE, lw=2.2, label="true path")
@@ -109,20 +110,21 @@ def _limits(
     for landmark in scene.landmarks if scene is not None else ():
         place = np.array(landmark.position_m[:2])
         if np.all(place > low - room) and np.all(place < high + room):
-            low, high = np.minimum(low, place - 0.5), np.maximum(high, place + 0.5)
+            # half of a name's width, and of the marker's
+            beside = max(0.5, 0.08 * float(high[0] - low[0]))
+            low, high = np.minimum(low, place - beside), np.maximum(high, place + beside)
     return low, high
 
 
-def _draw_landmark(axes: Axes, landmark: Landmark, middle_m: float) -> None:
-    """Its bands from the lowest, outside, to the highest, inside; its name towards the middle."""
+def _draw_landmark(axes: Axes, landmark: Landmark) -> None:
+    """Its bands from the lowest, outside, to the highest, inside; its name below."""
     for index, band in enumerate(landmark.bands):
         axes.plot(
             *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,
             color=srgb_from_linear(band.linear_rgb), markeredgecolor=INK, markeredgewidth=0.6,
         )  # fmt: skip
-    is_right = landmark.position_m[0] > middle_m
     axes.annotate(
-        landmark.name, landmark.position_m[:2], textcoords="offset points",
-        xytext=(-9 if is_right else 9, -10), ha="right" if is_right else "left",
-        fontsize=7, color=INK,
+        landmark.name, landmark.position_m[:2], textcoords="offset points", xytext=(0, -16),
+        ha="center", fontsize=7, color=INK, zorder=5,
+        path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.8)],
     )  # fmt: skip
