@@ -50,3 +50,15 @@ def room():
         0,
         colors=colors.astype(np.float32),
     )
+
+
+def next_to_another_face(faces):
+    """Mask of the pixels beside which another face of the cube begins; faces (height, width)."""
+    other = np.zeros(faces.shape, dtype=bool)
+    for axis in (0, 1):
+        change = np.diff(faces, axis=axis) != 0
+        before, after = [slice(None)] * 2, [slice(None)] * 2
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        other[tuple(before)] |= change
+        other[tuple(after)] |= change
+    return other

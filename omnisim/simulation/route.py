@@ -112,6 +112,10 @@ def _from_file(path: Path, vehicle: Vehicle, route: Route) -> Trajectory:
     if waypoints_m is not None:
         return _along(waypoints_m, None, vehicle, route, str(path))
     recording = read_recording(path)
+    if route.ground_m != 0.0:
+        raise TrajectoryError(
+            f"{path}: has poses, which have heights of their own: want no --ground, or waypoints"
+        )
     if recording.times_s is None and route.rate_hz is None:
         kinematics = _kinematics(vehicle, str(path))
         try:

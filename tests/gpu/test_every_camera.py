@@ -15,7 +15,7 @@ from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.surface_program import SurfacePrograms
 from omnisim.srgb import srgb_from_linear
 from tests.camera_examples import CAMERA_EXAMPLES
-from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
+from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 
 POSE = frames.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
 examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
@@ -61,20 +61,9 @@ def test_room_has_the_right_colour_everywhere(context, camera):
     assert smooth.sum() > 0.6 * inside.sum()
     off = np.abs(rgba[..., :3] - expected).max(axis=-1)
     assert off[smooth].max() <= 2.0
-    seam = smooth & _next_to_other(face_index(rig))
+    seam = smooth & next_to_another_face(face_index(rig))
     if seam.any():
         assert off[seam].mean() < 1.0
-
-
-def _next_to_other(faces):
-    other = np.zeros(faces.shape, dtype=bool)
-    for axis in (0, 1):
-        change = np.diff(faces, axis=axis) != 0
-        before, after = [slice(None)] * 2, [slice(None)] * 2
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        other[tuple(before)] |= change
-        other[tuple(after)] |= change
-    return other
 
 
 @examples

@@ -13,7 +13,7 @@ from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import srgb_from_linear
-from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
+from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
@@ -59,21 +59,10 @@ def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, po
     assert smooth.sum() > 0.7 * valid.sum()
     assert off[smooth].max() <= 2.0
     # And across an edge of the cube it is no worse than inside a face.
-    seam = smooth & _next_to_other(faces)
+    seam = smooth & next_to_another_face(faces)
     assert seam.sum() > 500
     assert off[seam].max() <= 2.0
     assert off[seam].mean() < 1.0
-
-
-def _next_to_other(faces):
-    other = np.zeros(faces.shape, dtype=bool)
-    for axis in (0, 1):
-        change = np.diff(faces, axis=axis) != 0
-        before, after = [slice(None)] * 2, [slice(None)] * 2
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        other[tuple(before)] |= change
-        other[tuple(after)] |= change
-    return other
 
 
 def test_thousand_polygons_show_the_exact_picture():

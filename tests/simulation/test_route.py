@@ -108,6 +108,12 @@ def test_a_file_without_a_suffix(scene, vehicle, tmp_path, monkeypatch):
     assert len(_drive(scene, vehicle, "corner")) > 1
 
 
+def test_poses_have_heights_of_their_own(scene, vehicle, tmp_path):
+    (tmp_path / "my.csv").write_text("x_m,y_m,yaw_deg\n0,0,0\n0.1,0,0\n")
+    with pytest.raises(TrajectoryError, match=r"my\.csv: has poses.*want no --ground"):
+        _drive(scene, vehicle, tmp_path / "my.csv", ground_m=0.2)
+
+
 def test_poses_without_times_are_timed_by_the_robot(scene, vehicle, tmp_path):
     lines = ["x_m,y_m,yaw_deg"] + [f"{0.1 * k},0,0" for k in range(11)]
     (tmp_path / "my.csv").write_text("\n".join(lines) + "\n")
