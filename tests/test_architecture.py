@@ -16,6 +16,7 @@ LAYERS = (
     {"simulation"},
     {"sensors", "perception", "robot"},
     {"gpu"},
+    {"calibration"},
     {"scene", "cameras"},
     {"mirrors"},
     {"frame"},
@@ -36,6 +37,8 @@ HOMES = {
     "cv2": {"validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},
+    "pycolmap": {"validation"},
+    "yaml": {"calibration"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
