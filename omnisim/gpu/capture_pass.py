@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.gpu.face_plan import FacePlan
 from omnisim.gpu.shader_files import build_program
@@ -18,11 +18,12 @@ class LensCapture:
     """The exact capture: every pixel's ray by the camera model's GLSL file."""
 
     def __init__(self, context: moderngl.Context, camera: CentralCamera, emit_ray: bool = False):
+        wanted = {"EMIT_RAY": emit_ray, "MIRRORED": isinstance(camera, MirroredCamera)}
         self.program = build_program(
             context,
             "common/full_screen.vert",
             "capture/lens.frag",
-            defines=("EMIT_RAY",) if emit_ray else (),
+            defines=tuple(name for name, is_wanted in wanted.items() if is_wanted),
             includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
         )
         for name, value in camera.uniforms().items():
