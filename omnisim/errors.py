@@ -13,10 +13,6 @@ class OpticsError(OmnisimError):
     """Parameters that no mirror, camera or scanner can have."""
 
 
-class CalibrationError(OmnisimError):
-    """A calibration file, or a model, that cannot say what is asked for."""
-
-
 class SceneError(OmnisimError):
     """A scene that cannot be read or has nothing to draw."""
 

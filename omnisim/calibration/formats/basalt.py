@@ -66,7 +66,7 @@ class _Place(Foreign):
 
 
 class _Value(Foreign):
-    T_imu_cam: list[dict[str, Any]] = []
+    T_imu_cam: tuple[dict[str, Any], ...] = ()
     intrinsics: list[dict[str, Any]]
     resolution: list[list[Size]]
 

@@ -10,7 +10,7 @@ from omnisim.cameras import CentralCamera
 from omnisim.errors import CalibrationError
 
 COUNTS = (0, 4, 5, 8, 12, 14)
-NAMES = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 τx τy".split()
+NAMES = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "τx", "τy"]
 
 
 def brown_pinhole(
@@ -19,12 +19,11 @@ def brown_pinhole(
     principal_point_px: tuple[float, float],
     coefficients: Sequence[float],
     source: str,
-    skew_px: float = 0.0,
 ) -> tuple[CentralCamera, tuple[str, ...]]:
     """The lens, and notes where no model of ours is it.
 
     Args:
-        size_px, focal_lengths_px, principal_point_px, skew_px: of the picture.
+        size_px, focal_lengths_px, principal_point_px: of the picture.
         coefficients: as many as OpenCV has; thin prisms and tilts have to be 0.
         source: names file and key in messages.
 
@@ -39,10 +38,9 @@ def brown_pinhole(
         if value:
             raise CalibrationError(f"{source}: {name} = {value:g}: want 0: omnisim has no such")
     used = [float(value) for value in coefficients[:8]]
-    if not any(used[4:]):
-        four = (*used, 0.0, 0.0, 0.0, 0.0)[:4]
-        return pinhole(size_px, focal_lengths_px, principal_point_px, four, skew_px), ()
-    if skew_px:
-        raise CalibrationError(f"{source}: k3 with a skew: omnisim has no such lens")
+    used += [0.0] * (8 - len(used))
+    if not any(used[5:]):
+        known = used[:5] if used[4] else used[:4]
+        return pinhole(size_px, focal_lengths_px, principal_point_px, known), ()
     lens = BrownLens(*size_px, focal_lengths_px, principal_point_px, tuple(used))
     return nearest_lens(lens)

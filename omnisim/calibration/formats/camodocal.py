@@ -22,7 +22,7 @@ from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import Foreign, Size, parse
 from omnisim.calibration.formats.format import Format, Said, making
 from omnisim.calibration.formats.numerals import yaml_float
-from omnisim.calibration.formats.pinholes import as_pinhole, pinhole
+from omnisim.calibration.formats.pinholes import as_pinhole, pinhole, refuse_k3_and_skew
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.errors import CalibrationError
 from omnisim.toml_file import Number
@@ -142,7 +142,7 @@ def _write(cameras: Sequence[Said]) -> str:
         model = "PINHOLE" if as_pinhole(lens) else "MEI"
         if model == "MEI":
             parts["mirror_parameters"] = {"xi": lens.xi}
-        named = zip(("k1", "k2", "p1", "p2"), lens.distortion, strict=True)
+        named = zip(("k1", "k2", "p1", "p2"), lens.distortion[:4], strict=True)
         parts["distortion_parameters"] = dict(named)
         keys = ("gamma1", "gamma2", "u0", "v0") if model == "MEI" else ("fx", "fy", "cx", "cy")
         parts["projection_parameters"] = dict(zip(keys, (fu, fv, u, v), strict=True))
@@ -152,10 +152,6 @@ def _write(cameras: Sequence[Said]) -> str:
         text += f"{name}:\n"
         text += "".join(f"   {key}: {yaml_float(value)}\n" for key, value in values.items())
     return text
-
-
-def _refuse(lens: Any) -> str | None:
-    return "it has no skew" if getattr(lens, "skew_px", 0.0) else None
 
 
 MODELS = (UnifiedCamera, KannalaBrandtCamera)
@@ -168,5 +164,5 @@ KITTI360 = Format(
     _write,
     MODELS,
     tuple((model, {}) for model in MODELS),
-    _refuse,
+    refuse_k3_and_skew,
 )

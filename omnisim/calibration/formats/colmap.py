@@ -149,6 +149,8 @@ def _words(lens: Any) -> tuple[str, tuple[float, ...]]:
         return "EUCM", (*start, lens.alpha, lens.beta)
     if isinstance(lens, KannalaBrandtCamera):
         return "OPENCV_FISHEYE", (*start, *lens.coefficients)
+    if lens.k3:
+        return "FULL_OPENCV", (*start, *lens.distortion, 0.0, 0.0, 0.0)
     if any(lens.distortion):
         return "OPENCV", (*start, *lens.distortion)
     return "PINHOLE", start

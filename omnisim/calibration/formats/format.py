@@ -44,6 +44,10 @@ def _never(lens: Any) -> str | None:
     return None
 
 
+def _clear(text: str, source: str) -> str | None:
+    return None
+
+
 def _keep(index: int, name: str) -> str:
     return name
 
@@ -64,6 +68,7 @@ class Format:
         refuse: why it cannot say a lens of `models`, or None.
         remarks: where its files have room for what only omnisim says.
         widest_rad: angle from the axis past which it says nothing, if there is one.
+        unclear: why a text of this format cannot be read unless the user names the format, or None.
         several: whether a file holds more than one camera.
         rename: what it calls a camera, by its place in the file and the name it has.
         is_own: omnisim's own, which says mirrors as mirrors.
@@ -80,6 +85,7 @@ class Format:
     refuse: Callable[[Any], str | None] = field(default=_never)
     remarks: Remarks = Remarks.LINES
     widest_rad: float | None = None
+    unclear: Callable[[str, str], str | None] = field(default=_clear)
     several: bool = False
     rename: Callable[[int, str], str] = field(default=_keep)
     is_own: bool = False

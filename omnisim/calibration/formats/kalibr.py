@@ -27,7 +27,7 @@ from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import Foreign, Matrix, Numbers, Size, counted, parse, pose
 from omnisim.calibration.formats.format import Format, Said, making
 from omnisim.calibration.formats.numerals import yaml_floats
-from omnisim.calibration.formats.pinholes import pinhole
+from omnisim.calibration.formats.pinholes import pinhole, refuse_k3_and_skew
 from omnisim.cameras import (
     CentralCamera,
     DoubleSphereCamera,
@@ -36,6 +36,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.errors import CalibrationError
+from omnisim.toml_file import Number
 
 INTRINSICS = {
     "pinhole": "fu fv pu pv",
@@ -56,7 +57,7 @@ class _Camera(Foreign):
     camera_model: str
     intrinsics: Numbers
     distortion_model: str
-    distortion_coeffs: Numbers = []
+    distortion_coeffs: tuple[Number, ...] = ()
     resolution: list[Size]
     T_cn_cnm1: Matrix | None = None
     T_cam_imu: Matrix | None = None
@@ -156,12 +157,8 @@ def _words(lens: Any) -> tuple[str, tuple[float, ...], str, tuple[float, ...]]:
     if isinstance(lens, KannalaBrandtCamera):
         return "pinhole", end, "equidistant", lens.coefficients
     if lens.xi == 0.0:
-        return "pinhole", end, "radtan", lens.distortion
-    return "omni", (lens.xi, *end), "radtan", lens.distortion
-
-
-def _refuse(lens: Any) -> str | None:
-    return "it has no skew" if getattr(lens, "skew_px", 0.0) else None
+        return "pinhole", end, "radtan", lens.distortion[:4]
+    return "omni", (lens.xi, *end), "radtan", lens.distortion[:4]
 
 
 def _rename(index: int, name: str) -> str:
@@ -178,7 +175,7 @@ KALIBR = Format(
     _write,
     MODELS,
     tuple((model, {}) for model in MODELS),
-    _refuse,
+    refuse_k3_and_skew,
     several=True,
     rename=_rename,
 )

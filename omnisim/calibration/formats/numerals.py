@@ -14,5 +14,3 @@ def yaml_float(value: float) -> str:
 def yaml_floats(values: Iterable[float]) -> str:
     """A list of floats in YAML, on one line."""
     return "[" + ", ".join(map(yaml_float, values)) + "]"
-
-

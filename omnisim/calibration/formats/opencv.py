@@ -29,7 +29,7 @@ from omnisim.calibration.fields import Foreign, Numbers, Size, counted, parse
 from omnisim.calibration.formats.brown import brown_pinhole
 from omnisim.calibration.formats.format import Format, Said, making
 from omnisim.calibration.formats.numerals import yaml_float, yaml_floats
-from omnisim.calibration.formats.pinholes import as_pinhole
+from omnisim.calibration.formats.pinholes import as_pinhole, refuse_k3
 from omnisim.cameras import KannalaBrandtCamera, UnifiedCamera
 from omnisim.errors import CalibrationError
 from omnisim.toml_file import Number
@@ -88,27 +88,35 @@ def _read(wanted: str, text: str, source: str) -> list[Said]:
     k = counted(matrix, "fx skew cx 0 fy cy 0 0 1", f"{source}: {key}")
     if [k[3], *k[6:]] != [0.0, 0.0, 0.0, 1.0]:
         raise CalibrationError(f"{source}: {key} = {k}: want [fx, s, cx, 0, fy, cy, 0, 0, 1]")
-    key, coefficients = _matrix(data, DISTORTION_KEYS, source)
-    place = f"{source}: {key}"
+    name, coefficients = _matrix(data, DISTORTION_KEYS, source)
+    place = f"{source}: {name}"
     focal, centre, skew = (k[0], k[4]), (k[2], k[5]), k[1]
     name = data.get("camera_name")
     name = name if isinstance(name, str) and name else "camera"
     with making(source):
         if wanted == "opencv_omnidir":
             four = tuple(counted(coefficients, "k1 k2 p1 p2", place))
-            return [Said(name, UnifiedCamera(*size_px, focal, centre, _xi(data, source), four, skew))]
+            return [
+                Said(name, UnifiedCamera(*size_px, focal, centre, _xi(data, source), four, skew))
+            ]
+        if skew:  # cv2's projections leave it out
+            raise CalibrationError(f"{source}: {key} has the skew {skew:g}: want 0")
         if wanted == "opencv_fisheye":
-            if skew:
-                raise CalibrationError(f"{source}: skew = {skew:g}: want 0: omnisim has no such")
             four = tuple(counted(coefficients, "k1 k2 k3 k4", place))
             return [Said(name, KannalaBrandtCamera(*size_px, focal, centre, four))]
-        if len(coefficients) == 4 and not IS_PINHOLE.search(text):
-            raise CalibrationError(
-                f"{place}: 4 numbers, of a fisheye or of a pinhole camera: pass --format "
-                "opencv_fisheye or opencv_pinhole, or say fisheye_model: 1 or 0 in the file"
-            )
-        lens, notes = brown_pinhole(size_px, focal, centre, coefficients, place, skew)
-        return [Said(name, lens, notes=notes)]
+        pinhole, notes = brown_pinhole(size_px, focal, centre, coefficients, place)
+        return [Said(name, pinhole, notes=notes)]
+
+
+def _unclear(text: str, source: str) -> str | None:
+    """Four coefficients may be a fisheye's or a pinhole's."""
+    key, coefficients = _matrix(parse_yaml(text, source), DISTORTION_KEYS, source)
+    if len(coefficients) != 4 or IS_PINHOLE.search(text):
+        return None
+    return (
+        f"{key}: 4 numbers, of a fisheye or of a pinhole camera: pass --format opencv_fisheye or "
+        "opencv_pinhole, or say fisheye_model: 1 or 0 in the file"
+    )
 
 
 def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str, list[float]]:
@@ -164,7 +172,9 @@ def _write_pinhole(cameras: Sequence[Said]) -> str:
 
 
 def _refuse_pinhole(lens: Any) -> str | None:
-    return None if as_pinhole(lens) else "it has no ξ"
+    if not as_pinhole(lens):
+        return "it has no ξ"
+    return "it has no skew" if lens.skew_px else None
 
 
 def _format(
@@ -176,20 +186,27 @@ def _format(
     fixed: dict[str, float],
     refuse: Callable[[Any], str | None] = lambda lens: None,
     widest_rad: float | None = None,
+    unclear: Callable[[str, str], str | None] = lambda text, source: None,
 ) -> Format:
     return Format(
         name, f"OpenCV: {title}", ".yaml", looks_like, partial(_read, name), write, (model,),
-        ((model, fixed),), refuse, widest_rad=widest_rad,
+        ((model, fixed),), refuse, widest_rad=widest_rad, unclear=unclear,
     )  # fmt: skip
 
 
 OPENCV_OMNIDIR = _format(
-    "opencv_omnidir", "omnidir yaml", _is_omnidir, _write_omnidir, UnifiedCamera, {}
+    "opencv_omnidir",
+    "omnidir yaml",
+    _is_omnidir,
+    _write_omnidir,
+    UnifiedCamera,
+    {},
+    refuse_k3,
 )
 OPENCV_FISHEYE = _format(
     "opencv_fisheye", "fisheye yaml", _is_fisheye, _write_fisheye, KannalaBrandtCamera, {}
 )
 OPENCV_PINHOLE = _format(
     "opencv_pinhole", "pinhole yaml", _is_pinhole, _write_pinhole, UnifiedCamera, {"xi": 0.0},
-    _refuse_pinhole, widest_rad=0.5 * math.pi,
+    _refuse_pinhole, 0.5 * math.pi, _unclear,
 )  # fmt: skip

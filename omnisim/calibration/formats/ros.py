@@ -2,8 +2,8 @@
 
 | distortion_model | D | here |
 | --- | --- | --- |
-| plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0; k3: fitted |
-| rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | the same |
+| plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0 |
+| rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | the same; fitted where k4, k5, k6 are not 0 |
 | equidistant (fisheye) | k1 k2 k3 k4 | kannala_brandt |
 
 Pixels count from the first one's centre, as ours. There is no model for rays at or past 90° from
@@ -93,28 +93,28 @@ def camera_info_lens(
         raise CalibrationError(f"{source}: {keys[0]} = {k}: want [fx, 0, cx, 0, fy, cy, 0, 0, 1]")
     focal, centre, skew = (k[0], k[4]), (k[2], k[5]), k[1]
     place = f"{source}: {keys[1]}"
+    if skew:
+        raise CalibrationError(f"{source}: {keys[0]} has the skew {skew:g}: want 0")
     with making(source):
         if model in ("equidistant", "fisheye", "kannala_brandt"):
-            if skew:
-                raise CalibrationError(f"{source}: skew = {skew:g}: want 0: omnisim has no such")
             four = tuple(counted(coefficients, "k1 k2 k3 k4", place))
             return KannalaBrandtCamera(*size_px, focal, centre, four), ()
         if model in ("plumb_bob", "rational_polynomial", ""):
-            return brown_pinhole(size_px, focal, centre, coefficients, place, skew)
+            return brown_pinhole(size_px, focal, centre, coefficients, place)
     raise CalibrationError(
-        f"{source}: distortion_model = {model!r}: want plumb_bob, rational_polynomial or equidistant"
+        f"{source}: distortion_model = {model!r}: want plumb_bob, rational_polynomial or "
+        "equidistant"
     )
 
 
 def camera_info_numbers(lens: Any) -> tuple[str, list[float], list[float], list[float]]:
     """Distortion model as ROS calls it, D, K, and P of a lens."""
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
-    skew = getattr(lens, "skew_px", 0.0)
-    k = [fx, skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
-    p = [fx, skew, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     if isinstance(lens, KannalaBrandtCamera):
         return "equidistant", list(lens.coefficients), k, p
-    return "plumb_bob", [*lens.distortion, 0.0], k, p
+    return "plumb_bob", [*lens.distortion[:4], lens.k3], k, p
 
 
 def _write(cameras: Sequence[Said]) -> str:
@@ -135,9 +135,11 @@ def _matrix_text(key: str, rows: int, columns: int, values: Sequence[float]) -> 
 
 def refuse_no_pinhole(lens: Any) -> str | None:
     """Why CameraInfo cannot say a lens."""
-    if isinstance(lens, KannalaBrandtCamera) or as_pinhole(lens):
+    if isinstance(lens, KannalaBrandtCamera):
         return None
-    return "it has no model with ξ"
+    if not as_pinhole(lens):
+        return "it has no model with ξ"
+    return "it has no skew" if lens.skew_px else None
 
 
 CAMERA_INFO_MODELS = (UnifiedCamera, KannalaBrandtCamera)
