@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
+from omnisim.ground_truth import Labels
 from omnisim.image_files import is_float_format, write_image
 
 
@@ -21,11 +23,16 @@ class Frame:
         rgba: (height, width, 4) uint8, sRGB; alpha is 255 where the camera sees something.
         linear: (height, width, 3) float32 linear RGB, where it was asked for.
         metadata: camera, mirror, scene and pose, as JSON can hold them.
+        channels: ground truth by name, (height, width) or (height, width, n), where it was asked
+            for; `omnisim.ground_truth.CHANNELS` says what each holds.
+        labels: what the numbers of its classes and instances mean, or None: no channels.
     """
 
     rgba: NDArray[np.uint8]
     linear: NDArray[np.float32] | None
     metadata: dict[str, Any]
+    channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    labels: Labels | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8]:

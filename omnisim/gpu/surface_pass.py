@@ -35,7 +35,7 @@ class Surfaces(NamedTuple):
     "Here" has the world's axes and its origin in the effective viewpoint.
     """
 
-    points_m: NDArray[np.float32]  # (height, width, 3), here; 0 where nothing is hit
+    points_m: NDArray[np.float32]  # (height, width, 3), here; nothing is hit: direction
     ranges_m: NDArray[np.float32]  # (height, width); +inf: nothing is hit
     draws: NDArray[np.int32]  # (height, width), into `SceneBuffers.draws`; −1: nothing is hit
     triangles: NDArray[np.uint32]  # (height, width), of the draw

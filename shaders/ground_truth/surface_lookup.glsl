@@ -19,7 +19,7 @@ uniform usampler2D u_atlas;  // as visibility.frag writes it
 uniform mat3 u_here_from_optical;
 uniform vec2 u_depth_limits_m;  // near and far plane of the faces
 
-layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit
+layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
 layout(location = 1) out uvec2 out_surface;  // as in the atlas
 layout(location = 2) out vec4 out_normal;    // here, unit; 1 where the pixel is valid
 #ifdef ALBEDO
@@ -99,7 +99,7 @@ Cut cut(Triangle t, vec3 ray) {
 }
 
 void emit(bool valid, vec3 ray) {
-    out_hit = vec4(0.0, 0.0, 0.0, INFINITE);
+    out_hit = vec4(u_here_from_optical * normalize(ray), INFINITE);
     out_surface = uvec2(0u);
     out_normal = vec4(0.0, 0.0, 0.0, valid ? 1.0 : 0.0);
 #ifdef ALBEDO
