@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.capture_pass import Emit, LensCapture, MirrorMeshCapture
 from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.surface_pass import SurfacePass, Surfaces
 from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.mirrors import tessellate
@@ -41,7 +41,7 @@ class GroundTruth:
     def __init__(
         self, stage: Stage, sensor: OmniCamera, hidden: Collection[str], albedo: bool = False
     ):
-        self._context, self._sensor, self._buffers = stage.context, sensor, stage.buffers
+        self._sensor, self._buffers = sensor, stage.buffers
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
         camera = sensor.camera
@@ -54,7 +54,7 @@ class GroundTruth:
         self._surfaces = SurfacePass(
             stage.context,
             self._visibility,
-            _capture(stage.context, sensor, albedo),
+            _capture(stage.buffers, sensor, albedo),
             self._size,
             camera.rig_from_optical,
         )
@@ -101,7 +101,7 @@ class GroundTruth:
         }
         if after is not None and "flow" in names:
             if self._flow is None:
-                self._flow = OpticalFlow(self._context, self._buffers, self._sensor, self._hidden)
+                self._flow = OpticalFlow(self._buffers, self._sensor, self._hidden)
             flow, occluded = self._flow.between(surfaces, now, after)
             make |= {"flow": lambda: flow, "occluded": lambda: occluded}
         return {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
@@ -111,14 +111,14 @@ class GroundTruth:
 
 
 def _capture(
-    context: moderngl.Context, sensor: OmniCamera, albedo: bool
+    buffers: SceneBuffers, sensor: OmniCamera, albedo: bool
 ) -> LensCapture | MirrorMeshCapture:
     """The rays of the sensor's pixels: one each, whatever its supersampling."""
     emit = Emit.SURFACE_WITH_ALBEDO if albedo else Emit.SURFACE
     if sensor.polygons is None:
-        return LensCapture(context, sensor.camera, emit)
+        return LensCapture(buffers.context, sensor.camera, emit)
     mesh = tessellate(sensor.camera.mirror, sensor.polygons)
-    return MirrorMeshCapture(context, sensor.camera, mesh, emit)
+    return MirrorMeshCapture(buffers.context, sensor.camera, mesh, emit)
 
 
 def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]:

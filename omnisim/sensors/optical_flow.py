@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection
 from typing import NamedTuple
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,12 +59,11 @@ class OpticalFlow:
 
     def __init__(
         self,
-        context: moderngl.Context,
         buffers: SceneBuffers,
         sensor: OmniCamera,
         hidden: Collection[str] = (),
     ):
-        self._buffers, self._sensor = buffers, sensor
+        self._sensor, context = sensor, buffers.context
         camera = sensor.camera
         size = (camera.width_px, camera.height_px)
         visibility = VisibilityPass(
