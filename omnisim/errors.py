@@ -39,3 +39,7 @@ class RunError(OmnisimError):
 
 class OutputError(OmnisimError):
     """A picture, mesh, scan or plot that cannot be written, or read back."""
+
+
+class CalibrationError(OmnisimError):
+    """A calibration file, or a model, that cannot say what is asked for."""
