@@ -87,6 +87,34 @@ class Channels(NamedTuple):
     attributes: dict[str, str | int | float]
 
 
+def write_numbers(
+    path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: dict[str, Any] | None = None
+) -> None:
+    """Write whole numbers, not colours, (height, width) or (height, width, n) as a PNG file.
+
+    Args:
+        path: with the suffix .png.
+        numbers: 8 or 16 bits each.
+        metadata: omnisim's own, as `write_image` has it.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    if path.suffix.lower() != ".png":
+        raise OutputError(f"{path}: numbers are written as .png")
+    check_target(path)
+    height, width = numbers.shape[:2]
+    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16}
+    channels = 1 if numbers.ndim == 2 else numbers.shape[2]
+    spec = oiio.ImageSpec(width, height, channels, kinds[numbers.dtype.name])
+    spec["Software"] = f"omnisim {__version__}"
+    if metadata is not None:
+        spec[METADATA_KEY] = json.dumps(metadata)
+    data = _encoded(path, spec, np.ascontiguousarray(numbers.reshape(height, width, channels)))
+    with whole_file(path) as partial:
+        partial.write_bytes(data)
+
+
 def write_channels(
     path: Path,
     channels: Mapping[str, NDArray[Any]],

@@ -20,10 +20,9 @@ from scipy.optimize import least_squares
 
 from omnisim.calibration.fit_start import Samples, start_of
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.domain import corner_pixels, edge_pixels, optical_axis
+from omnisim.cameras.domain import corner_pixels, edge_pixels, middle_px, optical_axis
 from omnisim.errors import CalibrationError, OpticsError
 
-UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])
 EXACT_PX = 1e-10  # rounding of a projection
 MARGIN_RAD = 1e-9  # the source's edge, rounded, is still seen
 LEAST_SHARE = 0.05  # of the source's pixels; less is no picture of it
@@ -97,19 +96,22 @@ class Residuals:
     theta_max_rad: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """A camera in another model.
 
     Attributes:
         camera: it.
-        mirrored: its rays are (x, y, −z) of the source's.
+        mirrored: its rays are the source's in a mirrored frame.
+        fitted_from_source: (3, 3) the matrix that takes the source's rays to the fit's: the unit
+            matrix, or `mirrored_frame` of the source.
         rms_px, max_px, covered, theta_max_rad: see `Residuals`; over the source's valid cone, at
             pixels that the fit was not made from.
     """
 
     camera: CentralCamera
     mirrored: bool
+    fitted_from_source: NDArray[np.float64]
     rms_px: float
     max_px: float
     covered: float
@@ -134,8 +136,8 @@ def fit_camera(
         camera: the source.
         model: the target's class, one of those whose names are in `FITTED_MODELS`, or the
             source's own.
-        mirrored: take the source's rays as (x, y, −z): mirrors look down −z of their optical
-            frame, where most models see nothing.
+        mirrored: take the source's rays in a mirrored frame, see `mirrored_frame`: mirrors look
+            down −z of their optical frame, where most models see nothing.
         fixed: attributes of the target that are given: `{"xi": 0.0}` makes the unified model a
             pinhole camera with radial and tangential distortion.
 
@@ -184,14 +186,16 @@ def samples_of(camera: CentralCamera, mirrored: bool, turned: float = 0.0) -> Sa
 
     Args:
         camera: the camera.
-        mirrored: rays are (x, y, −z).
+        mirrored: rays in `mirrored_frame`.
         turned: another number, from 0 to 1, gives others.
     """
     steps = np.arange(1, INNER + 1)[:, None] / np.array([GOLDEN, GOLDEN**2]) + turned
     inner = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
     pixels = np.concatenate((inner, edge_pixels(camera, ON_EDGE, turned), corner_pixels(camera)))
     rays = camera.ray_from_pixel(pixels)
-    directions = rays.directions[rays.valid] * (UPSIDE_DOWN if mirrored else 1.0)
+    directions = rays.directions[rays.valid]
+    if mirrored:
+        directions = directions @ mirrored_frame(camera).T
     on_area = np.arange(len(pixels)) < INNER
     return Samples(pixels[rays.valid], directions, on_area[rays.valid])
 
@@ -227,7 +231,19 @@ def _hint(source: CentralCamera, mirrored: bool) -> str:
 
 def _stated(source: CentralCamera, target: CentralCamera, mirrored: bool) -> Fit:
     found = residuals(source, target, mirrored=mirrored)
-    return Fit(target, mirrored, **dataclasses.asdict(found))
+    frame = mirrored_frame(source) if mirrored else np.eye(3)
+    return Fit(target, mirrored, frame, **dataclasses.asdict(found))
+
+
+def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
+    """The matrix (3, 3) from a mirror's optical frame to one in which its picture is a lens's.
+
+    (x, y, −z), a reflection as the mirror itself is one; (−x, −y, −z) where the picture is also
+    turned upside down, as the elliptic mirror's. It is its own inverse.
+    """
+    beside = source.ray_from_pixel(middle_px(source) + (0.25, 0.0)).directions
+    turn = -1.0 if beside[0] < 0.0 else 1.0
+    return np.diag([turn, turn, -1.0])
 
 
 def _ended(camera: Any, theta_max_rad: float) -> Any:

@@ -15,7 +15,7 @@ from tests.camera_examples import CAMERA_EXAMPLES
 EXACT_PAIRS = [
     *((name, model) for name in ("hyperbolic-paper", "hyperbolic-up-face", "parabolic-off-centre",
                                  "stereographic", "perspective-wide", "unified-no-distortion",
-                                 "planar")
+                                 "planar", "elliptic-off-centre")
       for model in ("unified", "eucm", "double_sphere")),
     ("orthographic-full", "eucm"),
     ("orthographic-full", "gazebo"),
@@ -55,6 +55,19 @@ def test_unified_of_a_mirror_is_geyers_closed_form():
     assert fit.camera.focal_lengths_px == pytest.approx(
         [camera.unified_focal_length_px] * 2, rel=1e-12
     )
+
+
+def test_mirrored_frame_takes_the_rays_of_one_camera_to_those_of_the_other():
+    for name in ("hyperbolic-paper", "elliptic"):
+        camera, fit = CAMERA_EXAMPLES[name], _fit(name, "unified")
+        pixels = pixel_grid(camera.width_px, camera.height_px)[::40, ::40]
+        source, fitted = camera.ray_from_pixel(pixels), fit.camera.ray_from_pixel(pixels)
+        np.testing.assert_allclose(
+            fitted.directions[source.valid],
+            source.directions[source.valid] @ fit.fitted_from_source.T,
+            atol=1e-12,
+        )
+        assert np.linalg.det(fit.fitted_from_source) == -1.0  # a mirror's picture is mirrored
 
 
 def _kannala_brandt(camera, rays):

@@ -11,7 +11,7 @@ from omnisim.cameras import (
     pixel_grid,
 )
 from omnisim.errors import OpticsError
-from omnisim.gpu.capture_pass import LensCapture
+from omnisim.gpu.capture_pass import Emit, LensCapture
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import HyperbolicMirror
 
@@ -50,7 +50,7 @@ def test_what_cannot_be_mirrored_is_named():
 
 def test_the_gpu_sees_the_mirrored_rays(context):
     mirrored = MirroredCamera(LENS)
-    rays, valid = capture_rays(context, mirrored, LensCapture(context, mirrored, emit_ray=True))
+    rays, valid = capture_rays(context, mirrored, LensCapture(context, mirrored, Emit.RAY))
     reference = mirrored.ray_from_pixel(pixel_grid(240, 200))
     both = valid & reference.valid
     assert both.sum() > 0.9 * reference.valid.sum()

@@ -20,7 +20,7 @@ from typing import Any
 
 from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import Foreign, Size, parse
-from omnisim.calibration.formats.format import Format, Said, making
+from omnisim.calibration.formats.format import NO_SKEW, Format, Said, making
 from omnisim.calibration.formats.numerals import yaml_float
 from omnisim.calibration.formats.pinholes import as_pinhole, pinhole, refuse_k3_and_skew
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
@@ -163,6 +163,6 @@ KITTI360 = Format(
     _read,
     _write,
     MODELS,
-    tuple((model, {}) for model in MODELS),
+    tuple((model, NO_SKEW if model is UnifiedCamera else {}) for model in MODELS),
     refuse_k3_and_skew,
 )

@@ -15,6 +15,10 @@ from omnisim.cameras import CentralCamera
 from omnisim.errors import CalibrationError, OpticsError
 
 
+# Given to a fit of the unified model it leaves skew and k3 out, which most formats have not.
+NO_SKEW = {"skew_px": 0.0}
+
+
 class Remarks(Enum):
     """Where a format has room for what only omnisim says; see `remarks`."""
 

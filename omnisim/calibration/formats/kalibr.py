@@ -25,7 +25,7 @@ from omnisim.calibration.calibration import Pose, find_pose
 from omnisim.calibration.distorted_pinhole import FovLens, nearest_lens
 from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import Foreign, Matrix, Numbers, Size, counted, parse, pose
-from omnisim.calibration.formats.format import Format, Said, making
+from omnisim.calibration.formats.format import NO_SKEW, Format, Said, making
 from omnisim.calibration.formats.numerals import yaml_floats
 from omnisim.calibration.formats.pinholes import pinhole, refuse_k3_and_skew
 from omnisim.cameras import (
@@ -174,7 +174,7 @@ KALIBR = Format(
     _read,
     _write,
     MODELS,
-    tuple((model, {}) for model in MODELS),
+    tuple((model, NO_SKEW if model is UnifiedCamera else {}) for model in MODELS),
     refuse_k3_and_skew,
     several=True,
     rename=_rename,
