@@ -110,7 +110,8 @@ def _camera(
         mirrored = remark.mirrored if remark else False
     limit = remark.theta_max_rad if remark else None
     with making(place):
-        camera = optical_camera(said.lens, mirrored, limit)
+        turned = remark.turned if remark else False
+        camera = optical_camera(said.lens, mirrored, limit, turned)
         check_camera(camera, place)
     residual = remark.residual if remark else None
     return CalibratedCamera(said.name, camera, said.poses, residual, said.notes)

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from omnisim.atomic_file import check_target
-from omnisim.cli.options import load_labelled_scene, parse_polygons, read_sensor
+from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.image_files import is_float_format, write_image
@@ -24,6 +24,8 @@ class RenderRequest:
     scene: str
     output: Path
     sensor: Path | None
+    calibration: Path | None
+    camera_name: str | None
     at: tuple[float, float, float] | None
     yaw_deg: float | None
     polygons: str | None
@@ -52,7 +54,7 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     check_target(request.output)
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_sensor(request.sensor)
+    camera = read_camera(request.sensor, request.calibration, request.camera_name, err)
     if request.size_px is not None:
         camera = camera.resized(request.size_px)
     if request.polygons is not None:
