@@ -2,7 +2,6 @@
 
 import json
 import random
-import warnings
 
 import pytest
 
@@ -55,18 +54,22 @@ def test_broken_files_are_one_line(path, tmp_path):
         text = text[: text.index("cam4:")]
     generator = random.Random(path.name)
     broken = tmp_path / path.name
-    refused = 0
+    complaints = []
     for _ in range(60):
-        try:
-            broken.write_text(_broken(text, generator), errors="replace")
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                load_calibration(broken)
-        except OmnisimError as reason:
-            refused += 1
-            assert str(reason).startswith(str(broken))
-            assert all(len(line) < 700 for line in str(reason).splitlines())
-    assert refused > 10
+        broken.write_text(_broken(text, generator), errors="replace")
+        complaints += _complaint(broken)
+    assert len(complaints) > 10
+    assert all(one.startswith(str(broken)) for one in complaints)
+    assert all(len(line) < 700 for one in complaints for line in one.splitlines())
+
+
+def _complaint(path):
+    """What is wrong with a file, in a list, empty where nothing is."""
+    try:
+        load_calibration(path)
+    except OmnisimError as reason:
+        return [str(reason)]
+    return []
 
 
 def _swap(value, generator):
@@ -89,7 +92,4 @@ def test_values_of_other_types_are_one_line(path, tmp_path):
     broken = tmp_path / path.name
     for _ in range(150):
         broken.write_text(json.dumps(_swap(data, generator)))
-        try:
-            load_calibration(broken)
-        except OmnisimError as reason:
-            assert str(reason).startswith(str(broken))
+        assert all(one.startswith(str(broken)) for one in _complaint(broken))

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from omnisim.calibration.fields import LARGEST_SIZE_PX
+from omnisim.calibration.fields import LARGEST_SIZE_PX, short
 from omnisim.calibration.formats.format import Format, Said, making, nameless
 from omnisim.cameras import OcamcalibCamera, pixel_grid
 from omnisim.errors import CalibrationError
@@ -67,7 +67,7 @@ def _read(text: str, source: str) -> list[Said]:
         places.append(f"{source}: line {number}: {block}")
         wrong = next((word for word in words if not _is_number(word)), None)
         if wrong is not None:
-            raise CalibrationError(f"{places[-1]}: {wrong!r}: want a number")
+            raise CalibrationError(f"{places[-1]}: {short(wrong)}: want a number")
         blocks.append([float(word) for word in words])
     places = [
         f"{source}: line {number}: {block}"
