@@ -6,7 +6,7 @@ import pytest
 from omnisim.calibration import FORMATS, calibration_of, calibration_text, load_calibration, save
 from omnisim.cameras import CAMERA_MODELS, KannalaBrandtCamera, MirroredCamera
 from omnisim.errors import CalibrationError
-from tests.calibration.sample_files import SAMPLES, rig_rays
+from tests.calibration.sample_files import EXACT_SAMPLES, rig_rays
 from tests.camera_examples import CAMERA_EXAMPLES
 
 UNIFIED = {"hyperbolic", "elliptic", "parabolic", "planar", "perspective", "stereographic"}
@@ -76,14 +76,10 @@ def test_what_a_format_says_exactly_comes_back(form, tmp_path):
 
 
 @pytest.mark.usefixtures("no_fits")
-@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", EXACT_SAMPLES, ids=lambda path: path.name)
 def test_a_file_of_its_own_format_keeps_every_bit(path, tmp_path):
     """Numbers, names and poses."""
-    text = path.read_text()
-    if "cam4:" in text:  # the FOV model is read by a fit
-        text = text[: text.index("cam4:")]
-    (tmp_path / path.name).write_text(text)
-    loaded = load_calibration(tmp_path / path.name)
+    loaded = load_calibration(path)
     form = FORMATS[loaded.format]
     for one in loaded.cameras if not form.several else [None]:
         calibration = loaded if one is None else loaded.only(one.name)
