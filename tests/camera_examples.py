@@ -97,6 +97,10 @@ CAMERA_EXAMPLES = {
     "unified-kalibr": UnifiedCamera(
         376, 240, (260.0, 261.0), (188.25, 119.0), xi=1.6, distortion=(-0.2, 0.15, 1e-3, -5e-4)
     ),
+    "unified-pinhole-with-k3": UnifiedCamera(
+        320, 240, (266.4, 266.5), (171.2, 116.9), xi=0.0,
+        distortion=(-0.281, 0.0252, 1.2e-3, -1.4e-4, 0.163),
+    ),
     "equirectangular": EquirectangularCamera(400, 200),
     "equirectangular-odd": EquirectangularCamera(301, 203),
     "f-theta-woodscape-like": FThetaCamera(

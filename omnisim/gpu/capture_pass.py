@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.gpu.face_plan import FacePlan
 from omnisim.gpu.shader_files import build_program, included_files
@@ -69,11 +69,12 @@ def searches_for_rays(model: str) -> bool:
 def _model_program(
     context: moderngl.Context, camera: CentralCamera, emit: Emit
 ) -> moderngl.Program:
+    mirrored = ("MIRRORED",) if isinstance(camera, MirroredCamera) else ()
     program = build_program(
         context,
         "common/full_screen.vert",
         "capture/lens.frag",
-        defines=emit.defines,
+        defines=emit.defines + mirrored,
         includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
     )
     for name, value in camera.uniforms().items():

@@ -54,6 +54,16 @@ def test_perspective_is_opencv():
     _assert_same(camera, points, pixels)
 
 
+def test_a_pinhole_with_five_coefficients_is_opencv():
+    camera = CAMERA_EXAMPLES["unified-pinhole-with-k3"]
+    points = _points(math.radians(45.0))
+    points = points[camera.pixel_from_ray(points).valid]
+    assert len(points) > 1000
+    coefficients = np.array(camera.distortion)
+    pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), coefficients)
+    _assert_same(camera, points, pixels)
+
+
 def test_kannala_brandt_is_opencv_in_front():
     camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
     points = _points(math.radians(80.0))  # past 90° OpenCV is wrong
