@@ -31,9 +31,17 @@ class Ratio:
 
 @dataclass(frozen=True, eq=False)
 class Timings:
-    """Seconds of every round, by variant; the same round of two variants is a pair."""
+    """Every round, by variant; the same round of two variants is a pair.
+
+    Attributes:
+        seconds: by the wall clock.
+        processor_seconds: of all threads of this process together, which other processes on the
+            machine hardly touch. All the work where the renderer is software; on a GPU only what
+            Python and the driver do.
+    """
 
     seconds: dict[str, NDArray[np.float64]]
+    processor_seconds: dict[str, NDArray[np.float64]]
 
     def percentile_ms(self, variant: str, percent: float) -> float:
         """Milliseconds that so many percent of the rounds stay below."""
@@ -45,9 +53,11 @@ class Timings:
 
     def ratio(self, variant: str, to: str) -> Ratio:
         """How many times as long `variant` takes as `to`."""
-        ratios = np.sort(self.seconds[variant] / self.seconds[to])
-        outer = _outer(len(ratios))
-        return Ratio(float(np.median(ratios)), float(ratios[outer]), float(ratios[-1 - outer]))
+        return _ratio(self.seconds[variant], self.seconds[to])
+
+    def processor_ratio(self, variant: str, to: str) -> Ratio:
+        """How many times as much of the processor `variant` takes as `to`."""
+        return _ratio(self.processor_seconds[variant], self.processor_seconds[to])
 
 
 def take_turns(
@@ -66,12 +76,20 @@ def take_turns(
         for work in variants.values():
             work()
     seconds = {name: np.empty(rounds) for name in variants}
+    processor_seconds = {name: np.empty(rounds) for name in variants}
     for turn in range(rounds):
         for name, work in variants.items():
-            start = time.perf_counter()
+            start, busy = time.perf_counter(), time.process_time()
             work()
             seconds[name][turn] = time.perf_counter() - start
-    return Timings(seconds)
+            processor_seconds[name][turn] = time.process_time() - busy
+    return Timings(seconds, processor_seconds)
+
+
+def _ratio(one: NDArray[np.float64], other: NDArray[np.float64]) -> Ratio:
+    ratios = np.sort(one / other)
+    outer = _outer(len(ratios))
+    return Ratio(float(np.median(ratios)), float(ratios[outer]), float(ratios[-1 - outer]))
 
 
 def _outer(count: int) -> int:

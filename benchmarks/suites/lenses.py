@@ -54,6 +54,7 @@ def run(rounds: int) -> dict[str, Any]:
         lenses[name] = {
             **{f"p{p}_ms": timings.percentile_ms(name, p) for p in (50, 95, 99)},
             "ratio": dataclasses.asdict(ratio),
+            "processor_ratio": dataclasses.asdict(timings.processor_ratio(name, cheapest)),
         }
     worst = max(lenses, key=lambda name: lenses[name]["ratio"]["median"])
     return {
@@ -75,13 +76,14 @@ def run(rounds: int) -> dict[str, Any]:
 def lines(report: dict[str, Any]) -> list[str]:
     """The report in words, cheapest first."""
     lenses = report["lenses"]
-    rows = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)"]
+    rows = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)        processor"]
     for name in sorted(lenses, key=lambda one: lenses[one]["ratio"]["median"]):
         one = lenses[name]
         times = " ".join(f"{one[f'p{p}_ms']:6.1f}ms" for p in (50, 95, 99))
         ratio = one["ratio"]
         rows.append(
             f"{name:18} {times}   {ratio['median']:.3f} ({ratio['low']:.3f} – {ratio['high']:.3f})"
+            f"   {one['processor_ratio']['median']:.3f}"
         )
     worst = report["worst"]
     verdict = "holds" if report["passed"] else "FAILS"
