@@ -13,6 +13,7 @@ from typing import Any
 from omnisim.calibration.equivalents import equivalent, is_plain
 from omnisim.cameras import (
     CentralCamera,
+    EllipticCamera,
     HyperbolicCamera,
     MirroredCamera,
     ParabolicCamera,
@@ -50,31 +51,46 @@ def lens_of(camera: Any) -> CentralCamera | None:
         size = camera.width_px, camera.height_px
         half = 0.5 * camera.horizon_radius_px
         return StereographicCamera(*size, half, camera.principal_point_px, camera.theta_max_rad)
-    if hasattr(camera, "unified_focal_length_px"):  # hyperbolic, elliptic
+    if isinstance(camera, EllipticCamera):
+        ratio, size = camera.half_angle_ratio, (camera.width_px, camera.height_px)
+        xi = (ratio * ratio - 1.0) / (ratio * ratio + 1.0)
+        gamma = camera.focal_length_px * (1.0 + xi) / ratio
+        return UnifiedCamera(*size, (gamma, gamma), camera.principal_point_px, xi)
+    if isinstance(camera, HyperbolicCamera):
         gamma = camera.unified_focal_length_px
         size = camera.width_px, camera.height_px
         return UnifiedCamera(*size, (gamma, gamma), camera.principal_point_px, camera.mirror.xi)
     return None if looks_back(camera) else camera
 
 
-def optical_camera(lens: Any, mirrored: bool, limit_rad: float | None) -> CentralCamera:
+def is_turned(camera: CentralCamera) -> bool:
+    """Whether a mirror's picture is upside down: its lens's rays are (−x, −y, −z) of its own."""
+    return isinstance(camera, EllipticCamera)
+
+
+def optical_camera(
+    lens: Any, mirrored: bool, limit_rad: float | None, turned: bool = False
+) -> CentralCamera:
     """The camera that a file means by a lens.
 
     Args:
         lens: what the file says.
         mirrored: its rays are (x, y, −z) of the camera's.
         limit_rad: angle from the axis where its domain ends, if the file says it.
+        turned: and they are (−x, −y, −z), as an elliptic mirror's.
     """
     if limit_rad is not None and hasattr(lens, "theta_max_rad"):
         lens = dataclasses.replace(lens, theta_max_rad=limit_rad)
         limit_rad = None
-    known = _known(lens, mirrored, limit_rad)
+    known = _known(lens, mirrored, limit_rad, turned)
     if known is not None:
         return known
     return MirroredCamera(lens) if mirrored else lens
 
 
-def _known(lens: Any, mirrored: bool, limit_rad: float | None) -> CentralCamera | None:
+def _known(
+    lens: Any, mirrored: bool, limit_rad: float | None, turned: bool
+) -> CentralCamera | None:
     """The model that says more than the unified one, whose parameters it has."""
     unified = equivalent(lens, UnifiedCamera)
     if not isinstance(unified, UnifiedCamera) or not is_plain(unified):
@@ -92,6 +108,11 @@ def _known(lens: Any, mirrored: bool, limit_rad: float | None) -> CentralCamera 
             if mirrored:
                 return ParabolicCamera(*size, gamma, centre, limit_rad)
             return StereographicCamera(*size, 0.5 * gamma, centre, limit_rad)
+        if mirrored and turned and 0.0 < unified.xi < 1.0:
+            root = math.sqrt((1.0 - unified.xi) * (1.0 + unified.xi))
+            eccentricity = unified.xi / (1.0 + root)
+            focal = gamma / root  # γ K/(1 + ξ)
+            return EllipticCamera(*size, focal, centre, eccentricity, limit_rad)
         if mirrored and unified.xi < 1.0:
             k = 1.0 + 1.0 / math.sqrt((1.0 - unified.xi) * (1.0 + unified.xi))
             mirror = HyperbolicMirror(k=k, theta_max_rad=limit_rad)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from omnisim.cameras import CentralCamera
 from omnisim.errors import CalibrationError
 
 CENTRE_WITHIN = 0.5  # of the picture's size beside it: further away, one of both is wrong
-_SENSOR_FILE = re.compile(r"^\s*\[(lens|mirror|camera|virtual_cameras)[.\]]", re.M)
 
 
 def load_calibration(
@@ -69,7 +68,7 @@ def format_of(text: str, source: str, name: str | None = None) -> Format:
             if unclear is not None:
                 raise CalibrationError(f"{source}: {unclear}")
             return alike[0]
-        if _SENSOR_FILE.search(text):
+        if _is_sensor_file(text):
             raise CalibrationError(
                 f"{source}: this looks like a sensor file: pass --sensor {source}"
             )
@@ -85,6 +84,13 @@ def format_of(text: str, source: str, name: str | None = None) -> Format:
             f"pass --format {foreign[0].name}"
         )
     return form
+
+
+def _is_sensor_file(text: str) -> bool:
+    try:
+        return bool({"lens", "mirror", "virtual_cameras"} & tomllib.loads(text).keys())
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return False
 
 
 def format_named(name: str) -> Format:
@@ -110,7 +116,8 @@ def _camera(
         mirrored = remark.mirrored if remark else False
     limit = remark.theta_max_rad if remark else None
     with making(place):
-        camera = optical_camera(said.lens, mirrored, limit)
+        turned = remark.turned if remark else False
+        camera = optical_camera(said.lens, mirrored, limit, turned)
         check_camera(camera, place)
     residual = remark.residual if remark else None
     return CalibratedCamera(said.name, camera, said.poses, residual, said.notes)

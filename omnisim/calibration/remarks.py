@@ -7,6 +7,7 @@ the key `omnisim`, which the formats' own readers leave alone.
 | --- | --- |
 | camera | name of the camera in the file |
 | mirrored | true: the file's rays are (x, y, −z) of the camera's, which looks into a mirror |
+| turned | true: they are (−x, −y, −z), as an elliptic mirror's |
 | theta_max_rad | angle from the axis where the camera's domain ends |
 | fitted_from | model of the camera that this one was fitted to |
 | rms_px, max_px | how far off the fit is, within cone_deg of the axis |
@@ -41,6 +42,7 @@ class Remark(Foreign):
 
     camera: str
     mirrored: Annotated[bool, Field(strict=True)] = False
+    turned: Annotated[bool, Field(strict=True)] = False
     theta_max_rad: Angle | None = None
     fitted_from: str | None = None
     rms_px: Number | None = None
@@ -62,12 +64,18 @@ class Remark(Foreign):
 
 
 def remark_of(
-    name: str, mirrored: bool, limit_rad: float | None, residual: Residual | None
+    name: str,
+    mirrored: bool,
+    turned: bool,
+    limit_rad: float | None,
+    residual: Residual | None,
 ) -> dict[str, Any]:
     """A camera's remark; only its name where there is nothing to say."""
     told: dict[str, Any] = {"camera": name}
     if mirrored:
         told["mirrored"] = True
+    if turned:
+        told["turned"] = True
     if limit_rad is not None:
         told["theta_max_rad"] = limit_rad
     if residual is not None:

@@ -11,7 +11,13 @@ import numpy as np
 from omnisim.atomic_file import check_target, whole_file
 from omnisim.calibration.calibration import CalibratedCamera, Calibration, Residual
 from omnisim.calibration.equivalents import equivalent
-from omnisim.calibration.file_frame import lens_of, looks_back, optical_camera, theta_max_rad
+from omnisim.calibration.file_frame import (
+    is_turned,
+    lens_of,
+    looks_back,
+    optical_camera,
+    theta_max_rad,
+)
 from omnisim.calibration.fit import Fit, fit_camera
 from omnisim.calibration.formats import Format, Said
 from omnisim.calibration.load import format_named, renamed
@@ -22,7 +28,7 @@ from omnisim.errors import CalibrationError, OmnisimError, OutputError
 
 PANORAMAS = (CylindricalCamera, EquirectangularCamera)
 LEAST_COVERED = 0.95  # of the picture's pixels; a fit that shows fewer is another camera
-FURTHEST_OFF = 0.05  # of the picture's shorter side; a fit further off is no calibration
+FURTHEST_OFF = 0.02  # of the picture's shorter side; a fit further off is no calibration
 
 
 class Words(NamedTuple):
@@ -30,6 +36,7 @@ class Words(NamedTuple):
 
     said: Said
     mirrored: bool
+    turned: bool
     limit_rad: float | None
     residual: Residual | None
 
@@ -81,11 +88,14 @@ def calibration_text(
     cameras = renamed(calibration.cameras, names)
     words = [in_words(camera, form, model) for camera in cameras]
     text = form.write([one.said for one in words])
-    remarks = [remark_of(one.said.name, one.mirrored, one.limit_rad, one.residual) for one in words]
+    remarks = [
+        remark_of(one.said.name, one.mirrored, one.turned, one.limit_rad, one.residual)
+        for one in words
+    ]
     written = tuple(
         CalibratedCamera(
             one.said.name,
-            optical_camera(one.said.lens, one.mirrored, one.limit_rad),
+            optical_camera(one.said.lens, one.mirrored, one.limit_rad, one.turned),
             one.said.poses,
             one.residual,
             one.said.notes,
@@ -103,10 +113,11 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
     """
     if form.is_own:
         _kinds(form, model)
-        return Words(Said(camera.name, camera.camera, camera.poses), False, None, camera.residual)
+        said = Said(camera.name, camera.camera, camera.poses)
+        return Words(said, False, False, None, camera.residual)
     kinds = _kinds(form, model)
     _check_cone(camera, form)
-    mirrored = looks_back(camera.camera)
+    mirrored, turned = looks_back(camera.camera), is_turned(camera.camera)
     lens = lens_of(camera.camera)
     reasons: list[str] = []
     for kind in kinds if lens is not None else ():
@@ -114,7 +125,8 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
         reason = form.refuse(same) if same is not None else None
         if same is not None and reason is None:
             said = Said(camera.name, same, camera.poses)
-            return Words(said, mirrored, theta_max_rad(camera.camera), camera.residual)
+            limit = theta_max_rad(camera.camera)
+            return Words(said, mirrored, turned, limit, camera.residual)
         if reason is not None and reason not in reasons:
             reasons.append(reason)
     if isinstance(camera.camera, PANORAMAS):
@@ -129,7 +141,7 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
     )
     said = Said(camera.name, fit.camera, camera.poses, (note,))
     limit = theta_max_rad(fit.camera) or theta_max_rad(camera.camera)
-    return Words(said, mirrored, limit, residual)
+    return Words(said, mirrored, turned, limit, residual)
 
 
 def _kinds(form: Format, model: str | None) -> list[type[Any]]:
@@ -156,13 +168,15 @@ def _best_fit(
     camera: CalibratedCamera, form: Format, model: str | None, mirrored: bool, reasons: list[str]
 ) -> Fit:
     """The fit whose largest residual is smallest, of those that show the whole picture."""
-    fits = []
+    fits, side = [], min(camera.camera.width_px, camera.camera.height_px)
+    middle = 0.5 * (camera.camera.width_px - 1), 0.5 * (camera.camera.height_px - 1)
+    centred = {"principal_point_px": middle} if form.centred else {}
     for kind, fixed in form.fits:
         if model not in (None, kind.model):
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
-                fit = fit_camera(camera.camera, kind, mirrored=mirrored, fixed=dict(fixed))
+                fit = fit_camera(camera.camera, kind, mirrored=mirrored, fixed={**fixed, **centred})
         except OmnisimError as reason:
             reasons.append(str(reason).removeprefix("camera: "))
             continue
@@ -173,15 +187,14 @@ def _best_fit(
             reasons.append(reason)
     if not fits:
         raise CalibrationError(
-            f"{camera.name}: {form.name} cannot say a {camera.camera.model}: "
+            f"{camera.name}: {form.name} cannot say model {camera.camera.model!r}: "
             + ("; ".join(dict.fromkeys(reasons)) or "none of its models is one")
         )
     best = min(fits, key=lambda fit: (fit.covered < LEAST_COVERED, fit.max_px))
-    side = min(camera.camera.width_px, camera.camera.height_px)
     if best.covered < LEAST_COVERED or best.max_px > FURTHEST_OFF * side:
         raise CalibrationError(
-            f"{camera.name}: {form.name} cannot say a {camera.camera.model}: the nearest, a "
-            f"{best.camera.model}, is up to {best.max_px:.3g} px off and shows "
-            f"{100.0 * best.covered:.1f} % of its pixels"
+            f"{camera.name}: {form.name} cannot say model {camera.camera.model!r}: the nearest, "
+            f"{best.camera.model!r}, is up to {best.max_px:.3g} px off and shows "
+            f"{100.0 * best.covered:.1f} % of its pixels" + "".join(f"; {one}" for one in reasons)
         )
     return best

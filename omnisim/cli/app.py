@@ -23,6 +23,7 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
+from omnisim.cli.calibration import NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
 from omnisim.cli.robot import robot_app
@@ -41,6 +42,7 @@ app = typer.Typer(
 )
 
 app.add_typer(robot_app)
+app.add_typer(calibration_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -74,6 +76,16 @@ def render(
     sensor: Annotated[
         Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
     ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Calibration file instead: Kalibr, OpenCV, COLMAP, … "
+            "(`omnisim calibration formats`).",
+        ),
+    ] = None,
+    camera_name: NameOption = None,
     at: AtOption = None,
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
@@ -113,8 +125,8 @@ def render(
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device,
-        also, labels, next_at, next_yaw, preview, rays, calibration,
+        scene, output, sensor, camera, camera_name, at, yaw, polygons, size, unlit, faces, up,
+        device, also, labels, next_at, next_yaw, preview, rays, calibration,
     )  # fmt: skip
     run(request, out, err)
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from omnisim.atomic_file import check_target
 from omnisim.calibration import CalibratedCamera, Calibration, Pose
 from omnisim.calibration.ray_table import write_ray_table
-from omnisim.cli.options import load_labelled_scene, parse_polygons, read_sensor
+from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.image_files import is_float_format, write_image
@@ -28,6 +28,8 @@ class RenderRequest:
     scene: str
     output: Path
     sensor: Path | None
+    calibration: Path | None
+    camera_name: str | None
     at: tuple[float, float, float] | None
     yaw_deg: float | None
     polygons: str | None
@@ -42,7 +44,7 @@ class RenderRequest:
     next_yaw_deg: float | None = None
     preview: bool = False
     rays: Path | None = None
-    calibration: Path | None = None
+    calibration_beside: Path | None = None
 
 
 DEFAULT_AHEAD_M = 0.1  # from a picture to the next, where flow is asked for and nobody says
@@ -56,14 +58,14 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     """
     is_float = is_float_format(request.output)
     check_target(request.output)
-    for beside in (request.rays, request.calibration):
+    for beside in (request.rays, request.calibration_beside):
         if beside is not None:
             check_target(beside)
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
         raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_sensor(request.sensor)
+    camera = read_camera(request.sensor, request.calibration, request.camera_name, err)
     if request.size_px is not None:
         camera = camera.resized(request.size_px)
     if request.polygons is not None:
@@ -84,8 +86,8 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     frame.save(request.output, previews=request.preview)
     if request.rays is not None:
         write_ray_table(request.rays, camera.camera, frame.metadata)
-    if request.calibration is not None:
-        _calibration(camera, pose).save(request.calibration, "omnisim")
+    if request.calibration_beside is not None:
+        _calibration(camera, pose).save(request.calibration_beside, "omnisim")
     x, y, z = position
     out.print(
         f"{request.output}: {camera.camera.width_px} × {camera.camera.height_px} px, "
@@ -93,7 +95,10 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
         markup=False,
     )
-    for beside, what in ((request.rays, "a ray of each pixel"), (request.calibration, "camera")):
+    for beside, what in (
+        (request.rays, "a ray of each pixel"),
+        (request.calibration_beside, "camera and pose"),
+    ):
         if beside is not None:
             out.print(f"{beside}: {what}", markup=False)
     if also:

@@ -14,7 +14,6 @@ from omnisim.calibration.calibration import Pose
 from omnisim.cameras import CentralCamera
 from omnisim.errors import CalibrationError, OpticsError
 
-
 # Given to a fit of the unified model it leaves skew and k3 out, which most formats have not.
 NO_SKEW = {"skew_px": 0.0}
 
@@ -48,6 +47,11 @@ def _never(lens: Any) -> str | None:
     return None
 
 
+def nameless(index: int, name: str) -> str:
+    """What a camera is called in a format that has no names."""
+    return "camera"
+
+
 def _clear(text: str, source: str) -> str | None:
     return None
 
@@ -73,6 +77,7 @@ class Format:
         remarks: where its files have room for what only omnisim says.
         widest_rad: angle from the axis past which it says nothing, if there is one.
         unclear: why a text of this format cannot be read unless the user names the format, or None.
+        centred: whether the axis is in the picture's middle always.
         several: whether a file holds more than one camera.
         rename: what it calls a camera, by its place in the file and the name it has.
         is_own: omnisim's own, which says mirrors as mirrors.
@@ -90,6 +95,7 @@ class Format:
     remarks: Remarks = Remarks.LINES
     widest_rad: float | None = None
     unclear: Callable[[str, str], str | None] = field(default=_clear)
+    centred: bool = False
     several: bool = False
     rename: Callable[[int, str], str] = field(default=_keep)
     is_own: bool = False

@@ -244,4 +244,5 @@ GAZEBO = Format(
     ((GazeboCamera, {}),),
     _refuse,
     Remarks.XML,
+    centred=True,
 )

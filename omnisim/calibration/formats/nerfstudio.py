@@ -26,7 +26,7 @@ import numpy as np
 from omnisim.calibration.calibration import Pose, find_pose
 from omnisim.calibration.documents import parse_json
 from omnisim.calibration.fields import Foreign, Matrix, Size, parse, pose, rows
-from omnisim.calibration.formats.format import Format, Remarks, Said, making
+from omnisim.calibration.formats.format import Format, Remarks, Said, making, nameless
 from omnisim.calibration.formats.pinholes import as_pinhole, pinhole
 from omnisim.cameras import (
     CentralCamera,
@@ -191,4 +191,5 @@ NERFSTUDIO = Format(
     ((KannalaBrandtCamera, {}), (UnifiedCamera, {"xi": 0.0})),
     _refuse,
     Remarks.KEY,
+    rename=nameless,
 )

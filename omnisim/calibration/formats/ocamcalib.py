@@ -25,7 +25,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from omnisim.calibration.fields import LARGEST_SIZE_PX
-from omnisim.calibration.formats.format import Format, Said, making
+from omnisim.calibration.formats.format import Format, Said, making, nameless
 from omnisim.cameras import OcamcalibCamera, pixel_grid
 from omnisim.errors import CalibrationError
 
@@ -161,4 +161,5 @@ OCAMCALIB = Format(
     _write,
     (OcamcalibCamera,),
     ((OcamcalibCamera, {}),),
+    rename=nameless,
 )

@@ -27,7 +27,7 @@ from typing import Any
 from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import Foreign, Numbers, Size, counted, parse
 from omnisim.calibration.formats.brown import brown_pinhole
-from omnisim.calibration.formats.format import Format, Said, making
+from omnisim.calibration.formats.format import NO_SKEW, Format, Said, making, nameless
 from omnisim.calibration.formats.numerals import yaml_float, yaml_floats
 from omnisim.calibration.formats.pinholes import as_pinhole, refuse_k3
 from omnisim.cameras import KannalaBrandtCamera, UnifiedCamera
@@ -88,24 +88,24 @@ def _read(wanted: str, text: str, source: str) -> list[Said]:
     k = counted(matrix, "fx skew cx 0 fy cy 0 0 1", f"{source}: {key}")
     if [k[3], *k[6:]] != [0.0, 0.0, 0.0, 1.0]:
         raise CalibrationError(f"{source}: {key} = {k}: want [fx, s, cx, 0, fy, cy, 0, 0, 1]")
-    name, coefficients = _matrix(data, DISTORTION_KEYS, source)
-    place = f"{source}: {name}"
+    key_of_d, coefficients = _matrix(data, DISTORTION_KEYS, source)
+    place = f"{source}: {key_of_d}"
     focal, centre, skew = (k[0], k[4]), (k[2], k[5]), k[1]
-    name = data.get("camera_name")
-    name = name if isinstance(name, str) and name else "camera"
     with making(source):
         if wanted == "opencv_omnidir":
             four = tuple(counted(coefficients, "k1 k2 p1 p2", place))
             return [
-                Said(name, UnifiedCamera(*size_px, focal, centre, _xi(data, source), four, skew))
+                Said(
+                    "camera", UnifiedCamera(*size_px, focal, centre, _xi(data, source), four, skew)
+                )
             ]
         if skew:  # cv2's projections leave it out
             raise CalibrationError(f"{source}: {key} has the skew {skew:g}: want 0")
         if wanted == "opencv_fisheye":
             four = tuple(counted(coefficients, "k1 k2 k3 k4", place))
-            return [Said(name, KannalaBrandtCamera(*size_px, focal, centre, four))]
+            return [Said("camera", KannalaBrandtCamera(*size_px, focal, centre, four))]
         pinhole, notes = brown_pinhole(size_px, focal, centre, coefficients, place)
-        return [Said(name, pinhole, notes=notes)]
+        return [Said("camera", pinhole, notes=notes)]
 
 
 def _unclear(text: str, source: str) -> str | None:
@@ -190,7 +190,7 @@ def _format(
 ) -> Format:
     return Format(
         name, f"OpenCV: {title}", ".yaml", looks_like, partial(_read, name), write, (model,),
-        ((model, fixed),), refuse, widest_rad=widest_rad, unclear=unclear,
+        ((model, fixed),), refuse, widest_rad=widest_rad, unclear=unclear, rename=nameless,
     )  # fmt: skip
 
 
@@ -200,7 +200,7 @@ OPENCV_OMNIDIR = _format(
     _is_omnidir,
     _write_omnidir,
     UnifiedCamera,
-    {},
+    NO_SKEW,
     refuse_k3,
 )
 OPENCV_FISHEYE = _format(
