@@ -129,7 +129,7 @@ CAMERA_EXAMPLES = {
         200, 200, (99.5, 99.5), (0.0, 0.7, 1.4), (0.0, 60.0, 95.0)
     ),
     "gazebo-sin": GazeboCamera(
-        300, 200, 60.0, (149.5, 99.5), 1.2, 1.6, 0.0, "sin", theta_max_rad=math.radians(130.0)
+        300, 200, 82.0, (149.5, 99.5), 1.2, 1.6, 0.0, "sin", theta_max_rad=math.radians(130.0)
     ),
     "gazebo-tan": GazeboCamera(
         300, 240, 40.0, (150.5, 118.5), 2.0, 2.2, -0.1, "tan", theta_max_rad=math.radians(120.0)

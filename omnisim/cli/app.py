@@ -110,6 +110,14 @@ def render(
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a picture to look at of each channel.")
     ] = False,
+    rays: Annotated[
+        Path | None,
+        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json"),
+    ] = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -118,7 +126,7 @@ def render(
 
     request = RenderRequest(
         scene, output, sensor, camera, camera_name, at, yaw, polygons, size, unlit, faces, up,
-        device, also, labels, next_at, next_yaw, preview,
+        device, also, labels, next_at, next_yaw, preview, rays, calibration,
     )  # fmt: skip
     run(request, out, err)
 
