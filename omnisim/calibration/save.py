@@ -22,7 +22,7 @@ from omnisim.calibration.fit import Fit, fit_camera
 from omnisim.calibration.formats import Format, Said
 from omnisim.calibration.load import format_named, renamed
 from omnisim.calibration.remarks import remark_of, with_remarks
-from omnisim.cameras import CentralCamera, CylindricalCamera, EquirectangularCamera
+from omnisim.cameras import CentralCamera, CylindricalCamera, EquirectangularCamera, MirroredCamera
 from omnisim.cameras.domain import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.errors import CalibrationError, OmnisimError, OutputError
 
@@ -182,6 +182,10 @@ def _best_fit(
     camera: CalibratedCamera, form: Format, model: str | None, mirrored: bool, reasons: list[str]
 ) -> Fit:
     """The fit whose largest residual is smallest, of those that show the whole picture."""
+    # a mirrored lens is fitted as the lens that it is
+    source = camera.camera
+    if isinstance(source, MirroredCamera):
+        source, mirrored = source.lens, False
     fits, side = [], min(camera.camera.width_px, camera.camera.height_px)
     middle = 0.5 * (camera.camera.width_px - 1), 0.5 * (camera.camera.height_px - 1)
     centred = {"principal_point_px": middle} if form.centred else {}
@@ -190,7 +194,7 @@ def _best_fit(
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
-                fit = fit_camera(camera.camera, kind, mirrored=mirrored, fixed={**fixed, **centred})
+                fit = fit_camera(source, kind, mirrored=mirrored, fixed={**fixed, **centred})
         except OmnisimError as reason:
             reasons.append(str(reason).removeprefix("camera: "))
             continue
