@@ -64,8 +64,8 @@ def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
     ("name", "words"),
     [
         (KITTI, ["kitti360, 1 camera", "image_02", "unified", "1400 × 1400 px", "2.213404751",
-                 "field of view    198.2° × 197.9°", "116.86°", "86.78 %"]),
-        (TUM_VI, ["kalibr, 2 cameras", "cam0_from_imu", "512 × 512 px", "100.00 %"]),
+                 "field of view    198.2° × 197.9°", "116.86°", "86.8 %"]),
+        (TUM_VI, ["kalibr, 2 cameras", "cam0_from_imu", "512 × 512 px", "100.0 %"]),
         (FOLDER / "transforms.json", ["world_from_images/frame_00002.jpeg"]),
     ],
 )  # fmt: skip
@@ -148,8 +148,9 @@ def test_a_mirror_by_way_of_a_file_is_the_same_picture(omnisim, tmp_path):
         read_image(tmp_path / f"{name}.png")[0].astype(float) for name in ("ours", "file", "lens")
     )
     assert np.abs(ours - by_file).max() <= 1.0  # a colour's rounding
-    # a lens fitted to it: edges move by hundredths of a pixel, and its rim is softer
-    assert np.mean(np.abs(ours - by_lens)) < 1.0
+    # of a lens that is fitted to it the edges are others by a little; mirrored, all would be
+    mirrored = np.mean(np.abs(ours - ours[:, ::-1]))
+    assert np.mean(np.abs(ours - by_lens)) < 0.1 * mirrored
 
 
 @pytest.mark.parametrize(
