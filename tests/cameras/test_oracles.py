@@ -107,6 +107,33 @@ def test_unified_is_opencv_omnidir(name):
     _assert_same(camera, points, pixels)
 
 
+@pytest.mark.parametrize(
+    ("name", "xi", "gamma"),
+    [
+        ("hyperbolic-paper", lambda c: c.mirror.xi, lambda c: c.unified_focal_length_px),
+        ("parabolic", lambda c: 1.0, lambda c: c.horizon_radius_px),
+        (
+            "elliptic",
+            lambda c: 2.0 * c.eccentricity / (1.0 + c.eccentricity**2),
+            lambda c: c.focal_length_px * (1.0 - c.eccentricity**2) / (1.0 + c.eccentricity**2),
+        ),
+    ],
+)
+def test_mirrors_are_opencv_omnidir_in_a_mirrored_frame(name, xi, gamma):
+    camera = CAMERA_EXAMPLES[name]
+    omnidir = getattr(_cv2(), "omnidir", None)
+    if omnidir is None:
+        pytest.skip("OpenCV without its contributed modules has no omnidir")
+    points = _points(0.99 * camera.theta_max_rad if name == "elliptic" else math.radians(100.0))
+    frame = np.diag([-1.0, -1.0, -1.0] if name == "elliptic" else [1.0, 1.0, -1.0])
+    u, v = camera.principal_point_px
+    matrix = np.array([[gamma(camera), 0.0, u], [0.0, gamma(camera), v], [0.0, 0.0, 1.0]])
+    pixels, _ = omnidir.projectPoints(
+        points[:, None], NO_TURN, NO_TURN, matrix, xi(camera), np.zeros(4)
+    )
+    _assert_same(camera, points @ frame, pixels)
+
+
 @pytest.mark.parametrize("name", ["equirectangular", "equirectangular-odd"])
 def test_equirectangular_is_colmap(name):
     camera = CAMERA_EXAMPLES[name]
