@@ -187,8 +187,6 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
     assert sensor.polygons is None
     looks_up = text.replace("[lens.mounting]", "mirrored = true\n[lens.mounting]")
     (tmp_path / "up.toml").write_text(looks_up)
-        f"{text.replace('[lens.', 'mirrored = true' + chr(10) + '[lens.')}"
-    )
     assert OmniCamera.from_file(tmp_path / "up.toml").camera == MirroredCamera(sensor.camera)
     # a drive's own copy stands for itself
     (tmp_path / "copy.toml").write_text(sensor_toml(sensor))
