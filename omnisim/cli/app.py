@@ -23,7 +23,7 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
-from omnisim.cli.calibration import NameOption, calibration_app
+from omnisim.cli.calibration import MirroredOption, NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
 from omnisim.cli.robot import robot_app
@@ -86,6 +86,7 @@ def render(
         ),
     ] = None,
     camera_name: NameOption = None,
+    mirrored: MirroredOption = None,
     at: AtOption = None,
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
@@ -125,8 +126,8 @@ def render(
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, camera, camera_name, at, yaw, polygons, size, unlit, faces, up,
-        device, also, labels, next_at, next_yaw, preview, rays, calibration,
+        scene, output, sensor, camera, camera_name, mirrored, at, yaw, polygons, size, unlit,
+        faces, up, device, also, labels, next_at, next_yaw, preview, rays, calibration,
     )  # fmt: skip
     run(request, out, err)
 
