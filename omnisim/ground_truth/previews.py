@@ -25,8 +25,9 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     """A channel as colours (height, width, 3) uint8, sRGB; black where there is nothing.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
-    and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow: direction as hue, length as saturation,
-    full at the 99th percentile. Occlusion: green visible, red hidden, yellow outside.
+    and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow:
+    direction as hue, length as saturation, full at the 99th percentile. Occlusion: green visible,
+    red hidden, yellow outside.
     """
     makers = {
         "range": _distances,
