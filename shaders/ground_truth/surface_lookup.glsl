@@ -20,8 +20,10 @@ uniform mat3 u_here_from_optical;
 uniform vec2 u_depth_limits_m;  // near and far plane of the faces
 
 layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
-layout(location = 1) out uvec2 out_surface;  // as in the atlas
-layout(location = 2) out vec4 out_normal;    // here, unit; 1 where the pixel is valid
+layout(location = 1) out uvec2 out_surface;  // as in the atlas; 0, 1: a ray that hits nothing
+#ifdef NORMALS
+layout(location = 2) out vec4 out_normal;  // here, unit
+#endif
 #ifdef ALBEDO
 uniform sampler2D u_albedos;
 layout(location = 3) out vec4 out_albedo;
@@ -68,6 +70,7 @@ Triangle triangle_of(uvec2 surface) {
     return t;
 }
 
+#ifdef NORMALS
 // As scene/surface.frag has it: the interpolated normal, or the plane's, of the side that is seen.
 vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
     uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
@@ -81,6 +84,7 @@ vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
     vec3 normal = dot(smooth_normal, smooth_normal) > 0.0 ? smooth_normal : t.normal;
     return normalize(normal * (dot(normal, t.normal) < 0.0 ? -1.0 : 1.0));
 }
+#endif
 
 // An edge and the viewpoint span a plane; the ray's sine to it tells the side that it passes on.
 // Differences of corners, which are exact enough where the corners themselves are far away.
@@ -100,8 +104,10 @@ Cut cut(Triangle t, vec3 ray) {
 
 void emit(bool valid, vec3 ray) {
     out_hit = vec4(u_here_from_optical * normalize(ray), INFINITE);
-    out_surface = uvec2(0u);
-    out_normal = vec4(0.0, 0.0, 0.0, valid ? 1.0 : 0.0);
+    out_surface = uvec2(0u, valid ? 1u : 0u);
+#ifdef NORMALS
+    out_normal = vec4(0.0);
+#endif
 #ifdef ALBEDO
     out_albedo = vec4(0.0);
 #endif
@@ -171,12 +177,15 @@ void emit(bool valid, vec3 ray) {
     }
     out_hit = vec4(hit.range * here, hit.range);
     out_surface = surface;
-    out_normal.xyz = normal_of(surface, hit_triangle, weights);
+#ifdef NORMALS
+    out_normal = vec4(normal_of(surface, hit_triangle, weights), 1.0);
+#endif
 #ifdef ALBEDO
+    // that of the nearest texel that shows it
     ivec2 shown = own_texel;
     float closest = 9.0;
     vec2 at = tile.xy + tangent * tile.zw - vec2(own_texel) - 0.5;
-    for (uint place = 0u; place < PLACES; ++place) {
+    for (uint place = surface == own ? PLACES : 0u; place < PLACES; ++place) {
         ivec2 step = step_to(place);
         vec2 away = vec2(step) - at;
         if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == surface) {
@@ -184,6 +193,7 @@ void emit(bool valid, vec3 ray) {
             shown = own_texel + step;
         }
     }
-    out_albedo = texelFetch(u_albedos, shown, 0);
+    vec3 root = texelFetch(u_albedos, shown, 0).rgb;
+    out_albedo = vec4(root * root, 1.0);
 #endif
 }
