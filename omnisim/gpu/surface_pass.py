@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture_pass import Capture, Emit, connect_cube
-from omnisim.gpu.scene_buffers import Placement
+from omnisim.gpu.scene_buffers import Draw, Placement
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first
 from omnisim.gpu.visibility_pass import VisibilityPass, alpha_cutoff, clear_integers
@@ -21,11 +21,13 @@ _RECORD = np.dtype(  # DrawRecord in shaders/ground_truth/surface_lookup.glsl
         ("here_from_mesh", "<f4", (3, 4)),
         ("normal_from_mesh", "<f4", (3, 4)),
         ("first", "<u4"),
-        ("holed", "<u4"),
+        ("kind", "<u4"),
         ("unused", "<u4", 2),
     ]
 )
-_VERTICES, _INDICES, _DRAWS = range(3)  # bindings
+_VERTICES, _INDICES, _DRAWS, _NEIGHBOURS = range(4)  # bindings
+# What a record says of a draw's material, in the bits of one number.
+_HOLED, _DOUBLE_SIDED, _MIRRORED = 1, 2, 4
 _HITS, _SURFACES, _NORMALS, _ALBEDOS = range(4)  # attachments
 
 
@@ -123,7 +125,7 @@ class SurfacePass:
             ) from None
         self._records = np.zeros(len(buffers.draws), dtype=_RECORD)
         self._records["first"] = [draw.first for draw in buffers.draws]
-        self._records["holed"] = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draws]
+        self._records["kind"] = [_kind(draw) for draw in buffers.draws]
         self._record_buffer = context.buffer(reserve=self._records.nbytes)
 
     def render(
@@ -153,6 +155,7 @@ class SurfacePass:
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.indices.bind_to_storage_buffer(_INDICES)
         self._record_buffer.bind_to_storage_buffer(_DRAWS)
+        buffers.neighbours.bind_to_storage_buffer(_NEIGHBOURS)
         self._capture.draw()
         return self._read(normals, albedos)
 
@@ -187,3 +190,11 @@ class SurfacePass:
             normals=turned,
             albedos=colors,
         )
+
+
+def _kind(draw: Draw) -> int:
+    return (
+        _HOLED * (alpha_cutoff(draw.material) > 0.0)
+        + _DOUBLE_SIDED * draw.material.double_sided
+        + _MIRRORED * draw.mirrored
+    )

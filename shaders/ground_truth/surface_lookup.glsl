@@ -1,9 +1,9 @@
 // void emit(bool valid, vec3 ray): what the ray of a pixel hits, exactly; the ray in the optical
 // frame, of any length.
 //
-// The atlas says which triangles are seen around the ray. Those are cut with the ray itself, and
-// the nearest one counts: nothing is blended, no texel's edge is seen, and the distance is as
-// exact as floats are. "Here" has the world's axes and its origin in the viewpoint, metres.
+// The atlas says which triangles are seen around the ray. Those, and what lies beside them where the
+// ray just misses, are cut with the ray itself, and the nearest one counts: nothing is blended, no
+// texel's edge is seen, and the distance is as exact as floats are. "Here" has the world's axes and its origin in the viewpoint, metres.
 
 #include "capture/cube_faces.glsl"
 #include "scene/vertex_words.glsl"
@@ -11,9 +11,14 @@
 struct DrawRecord {
     vec4 here_from_mesh[3];    // rows
     vec4 normal_from_mesh[3];  // rows of the cofactors, see scene_buffers.py
-    uvec4 first_holed;         // first index, 1 where the material has holes, unused
+    uvec4 first_kind;          // first index, bits of the constants below, unused
 };
 layout(std430, binding = 2) readonly buffer Draws { DrawRecord draws[]; };
+layout(std430, binding = 3) readonly buffer Neighbours { uint neighbours[]; };
+
+const uint HOLED = 1u, DOUBLE_SIDED = 2u, MIRRORED = 4u;
+const uint NO_NEIGHBOUR = 0xFFFFFFFFu;
+const uint MOST_STEPS = 2u;  // over edges, from a triangle that the ray misses
 
 uniform usampler2D u_atlas;  // as visibility.frag writes it
 uniform mat3 u_here_from_optical;
@@ -43,12 +48,14 @@ ivec2 step_to(uint place) {
 struct Triangle {
     vec3 a, b, c;  // corners, here
     vec3 normal;   // of its plane, towards the viewpoint, not of unit length
+    bool turned;   // its corners run clockwise, seen from the viewpoint
 };
 
 struct Cut {
     float missed_rad;  // how far outside of the triangle the ray passes; negative: inside
     float range;       // to the triangle's plane
     vec3 weights;      // of the corners, not normalised
+    uint beyond;       // the corner opposite to the edge that it passes
 };
 
 vec3 here_at(uint number, uint index) {
@@ -60,20 +67,21 @@ vec3 here_at(uint number, uint index) {
 }
 
 Triangle triangle_of(uvec2 surface) {
-    uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
+    uint number = surface.x - 1u, first = draws[number].first_kind.x + 3u * surface.y;
     Triangle t;
     t.a = here_at(number, first);
     t.b = here_at(number, first + 1u);
     t.c = here_at(number, first + 2u);
     t.normal = cross(t.b - t.a, t.c - t.a);
-    t.normal *= dot(t.normal, t.a) > 0.0 ? -1.0 : 1.0;
+    t.turned = dot(t.normal, t.a) > 0.0;
+    t.normal *= t.turned ? -1.0 : 1.0;
     return t;
 }
 
 #ifdef NORMALS
 // As scene/surface.frag has it: the interpolated normal, or the plane's, of the side that is seen.
 vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
-    uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
+    uint number = surface.x - 1u, first = draws[number].first_kind.x + 3u * surface.y;
     vec3 mesh = weights.x * normal_at(vertex_at(first)) +
                 weights.y * normal_at(vertex_at(first + 1u)) +
                 weights.z * normal_at(vertex_at(first + 2u));
@@ -91,14 +99,13 @@ vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
 Cut cut(Triangle t, vec3 ray) {
     vec3 ab = cross(t.a, t.b - t.a), bc = cross(t.b, t.c - t.b), ca = cross(t.c, t.a - t.c);
     vec3 sides = vec3(dot(ray, bc), dot(ray, ca), dot(ray, ab));
-    // the viewpoint is on the normal's side: a ray that comes in passes all edges on one side
-    float side = dot(cross(t.b - t.a, t.c - t.a), t.a) > 0.0 ? 1.0 : -1.0;
-    sides *= side;
+    sides *= t.turned ? 1.0 : -1.0;  // a ray that hits passes all edges on this side
     vec3 missed = -sides * inversesqrt(max(vec3(dot(bc, bc), dot(ca, ca), dot(ab, ab)), 1e-30));
     Cut result;
     result.missed_rad = max(max(missed.x, missed.y), missed.z);
     result.range = dot(t.normal, t.a) / min(dot(t.normal, ray), -1e-30);
     result.weights = sides;
+    result.beyond = missed.x >= max(missed.y, missed.z) ? 0u : (missed.y >= missed.z ? 1u : 2u);
     return result;
 }
 
@@ -140,14 +147,32 @@ void emit(bool valid, vec3 ray) {
         if (seen.x != 0u && seen != own && seen != before) candidates |= 1u << place;
         before = seen;
     }
-    while (candidates != 0u) {
-        uint place = uint(findLSB(candidates));
-        candidates &= candidates - 1u;
-        uvec2 seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+    uvec2 beside = uvec2(0u);  // what is beyond the edge by which the last one was missed
+    uint steps = 0u;
+    while (candidates != 0u || beside.x != 0u) {
+        uvec2 seen = beside;
+        bool is_neighbour = beside.x != 0u;
+        bool is_own = false;
+        if (!is_neighbour) {
+            uint place = uint(findLSB(candidates));
+            candidates &= candidates - 1u;
+            seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+            is_own = place == OWN;
+            steps = 0u;
+        }
+        beside = uvec2(0u);
+        uvec2 first_kind = draws[seen.x - 1u].first_kind.xy;
         // what has holes shows where its own texel says so
-        if (place != OWN && draws[seen.x - 1u].first_holed.y != 0u) continue;
+        if ((first_kind.y & HOLED) != 0u && !is_own) continue;
         Triangle t = triangle_of(seen);
+        bool is_back = t.turned != ((first_kind.y & MIRRORED) != 0u);
+        if (is_neighbour && is_back && (first_kind.y & DOUBLE_SIDED) == 0u) continue;
         Cut found = cut(t, here);
+        if (found.missed_rad >= EDGE_RAD && steps < MOST_STEPS) {
+            uint next = neighbours[first_kind.x + 3u * seen.y + found.beyond];
+            if (next != NO_NEIGHBOUR) beside = uvec2(seen.x, next);
+            ++steps;
+        }
         if (found.range < limits.x || found.range > limits.y) continue;
         if (found.missed_rad < EDGE_RAD) {
             if (surface.x == 0u || found.range < hit.range) {
