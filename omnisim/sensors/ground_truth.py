@@ -21,7 +21,7 @@ from omnisim.sensors.stage import Stage
 
 # Texels to a pixel along a side. A triangle is found where a texel near the ray shows it; measured
 # in the warehouse, 0.6 % of the rays meet one too thin for texels of a pixel, 0.4 % for these.
-FINENESS = 1.5
+FINENESS = 1.25
 
 
 class GroundTruth:

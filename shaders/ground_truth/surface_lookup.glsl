@@ -18,7 +18,7 @@ layout(std430, binding = 3) readonly buffer Neighbours { uint neighbours[]; };
 
 const uint HOLED = 1u, DOUBLE_SIDED = 2u, MIRRORED = 4u;
 const uint NO_NEIGHBOUR = 0xFFFFFFFFu;
-const uint MOST_STEPS = 2u;  // over edges, from a triangle that the ray misses
+const uint MOST_STEPS = 4u;  // over edges, from a triangle that the ray misses
 
 uniform usampler2D u_atlas;  // as visibility.frag writes it
 uniform mat3 u_here_from_optical;
@@ -58,6 +58,13 @@ struct Cut {
     uint beyond;       // the corner opposite to the edge that it passes
 };
 
+struct Found {
+    uvec2 surface;
+    float range;
+    vec3 weights;  // of the corners, not normalised
+    vec3 normal;   // of the plane, towards the viewpoint, not of unit length
+};
+
 vec3 here_at(uint number, uint index) {
     vec4 mesh = vec4(position_at(vertex_at(index)), 1.0);
     return vec3(
@@ -80,17 +87,19 @@ Triangle triangle_of(uvec2 surface) {
 
 #ifdef NORMALS
 // As scene/surface.frag has it: the interpolated normal, or the plane's, of the side that is seen.
-vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
-    uint number = surface.x - 1u, first = draws[number].first_kind.x + 3u * surface.y;
-    vec3 mesh = weights.x * normal_at(vertex_at(first)) +
-                weights.y * normal_at(vertex_at(first + 1u)) +
-                weights.z * normal_at(vertex_at(first + 2u));
+vec3 normal_of(Found hit) {
+    uint number = hit.surface.x - 1u;
+    uint first = draws[number].first_kind.x + 3u * hit.surface.y;
+    // of any length: the weights need not be normalised
+    vec3 mesh = hit.weights.x * normal_at(vertex_at(first)) +
+                hit.weights.y * normal_at(vertex_at(first + 1u)) +
+                hit.weights.z * normal_at(vertex_at(first + 2u));
     vec3 smooth_normal = vec3(
         dot(draws[number].normal_from_mesh[0].xyz, mesh),
         dot(draws[number].normal_from_mesh[1].xyz, mesh),
         dot(draws[number].normal_from_mesh[2].xyz, mesh));
-    vec3 normal = dot(smooth_normal, smooth_normal) > 0.0 ? smooth_normal : t.normal;
-    return normalize(normal * (dot(normal, t.normal) < 0.0 ? -1.0 : 1.0));
+    vec3 normal = dot(smooth_normal, smooth_normal) > 0.0 ? smooth_normal : hit.normal;
+    return normalize(normal * (dot(normal, hit.normal) < 0.0 ? -1.0 : 1.0));
 }
 #endif
 
@@ -132,12 +141,10 @@ void emit(bool valid, vec3 ray) {
     vec3 here = u_here_from_optical * ray;
     vec2 limits = u_depth_limits_m / local.z;  // along the ray
     bool beside_nothing = own.x == 0u;
-    uvec2 surface = uvec2(0u);  // the nearest that the ray hits
-    Cut hit;
-    Triangle hit_triangle;
-    uvec2 missed = uvec2(0u);  // what it misses by least
-    Cut miss;
-    Triangle missed_triangle;
+    Found hit, miss;  // the nearest that the ray hits; what it misses by least
+    hit.surface = miss.surface = uvec2(0u);
+    hit.range = INFINITE;
+    float least_rad = 1.0;
     // which texels around its own show something else, bit by bit
     uint candidates = own.x == 0u ? 0u : 1u << OWN;
     uvec2 before = own;
@@ -175,45 +182,35 @@ void emit(bool valid, vec3 ray) {
         }
         if (found.range < limits.x || found.range > limits.y) continue;
         if (found.missed_rad < EDGE_RAD) {
-            if (surface.x == 0u || found.range < hit.range) {
-                surface = seen;
-                hit = found;
-                hit_triangle = t;
-            }
-        } else if (missed.x == 0u || found.missed_rad < miss.missed_rad) {
-            missed = seen;
-            miss = found;
-            missed_triangle = t;
+            if (found.range < hit.range) hit = Found(seen, found.range, found.weights, t.normal);
+        } else if (found.missed_rad < least_rad) {
+            least_rad = found.missed_rad;
+            // the point of the triangle that is nearest to the ray, more or less
+            vec3 weights = max(found.weights, vec3(0.0));
+            weights /= max(weights.x + weights.y + weights.z, 1e-30);
+            float range = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
+            miss = Found(seen, range, weights, t.normal);
         }
     }
     // A triangle too small to show in any texel: the one beside it that the ray misses by least.
-    bool is_missed = surface.x == 0u;
-    if (is_missed) {
-        if (beside_nothing || missed.x == 0u) return;
-        surface = missed;
+    if (hit.surface.x == 0u) {
+        if (beside_nothing || miss.surface.x == 0u) return;
         hit = miss;
-        hit_triangle = missed_triangle;
-    }
-    vec3 weights = max(hit.weights, vec3(0.0));
-    weights /= max(weights.x + weights.y + weights.z, 1e-30);
-    if (is_missed) {
-        hit.range = length(weights.x * hit_triangle.a + weights.y * hit_triangle.b +
-                           weights.z * hit_triangle.c);
     }
     out_hit = vec4(hit.range * here, hit.range);
-    out_surface = surface;
+    out_surface = hit.surface;
 #ifdef NORMALS
-    out_normal = vec4(normal_of(surface, hit_triangle, weights), 1.0);
+    out_normal = vec4(normal_of(hit), 1.0);
 #endif
 #ifdef ALBEDO
     // that of the nearest texel that shows it
     ivec2 shown = own_texel;
     float closest = 9.0;
     vec2 at = tile.xy + tangent * tile.zw - vec2(own_texel) - 0.5;
-    for (uint place = surface == own ? PLACES : 0u; place < PLACES; ++place) {
+    for (uint place = hit.surface == own ? PLACES : 0u; place < PLACES; ++place) {
         ivec2 step = step_to(place);
         vec2 away = vec2(step) - at;
-        if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == surface) {
+        if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == hit.surface) {
             closest = dot(away, away);
             shown = own_texel + step;
         }
