@@ -16,12 +16,8 @@ from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.mirrors import tessellate
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.optical_flow import OpticalFlow, View
+from omnisim.sensors.optical_flow import FINENESS, OpticalFlow, View
 from omnisim.sensors.stage import Stage
-
-# Texels to a pixel along a side. A triangle is found where a texel near the ray shows it; measured
-# in the warehouse, 0.6 % of the rays meet one too thin for texels of a pixel, 0.4 % for these.
-FINENESS = 1.25
 
 
 class GroundTruth:

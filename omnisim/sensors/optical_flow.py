@@ -22,6 +22,9 @@ from omnisim.gpu.surface_pass import GivenRays, SurfacePass, Surfaces
 from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.sensors.omnicamera import OmniCamera
 
+# Texels to a pixel along a side. A triangle is found where a texel near the ray shows it, or one
+# beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5.
+FINENESS = 1.25
 VISIBLE, HIDDEN, OUTSIDE, NOTHING_SEEN = 0, 1, 2, 255
 # What is nearer than the point by more than this share hides it. Ranges of the same point are equal
 # to 1e-6; the rest is for rays that meet a triangle too small to show in any texel.
@@ -69,14 +72,14 @@ class OpticalFlow:
         visibility = VisibilityPass(
             context,
             buffers,
-            plan_faces(camera, camera.rig_from_optical),
+            plan_faces(camera.scaled(FINENESS), camera.rig_from_optical),
             sensor.near_m,
             sensor.far_m,
             hidden,
         )
         self._rays = GivenRays(context, size)
         self._surfaces = SurfacePass(context, visibility, self._rays, size, np.eye(3))
-        self._pixels = pixel_grid(*size)
+        self._size, self._now_px = size, None
         self._mover_of_draw = np.array(
             [-1 if draw.mover is None else draw.mover for draw in buffers.draws]
         )
@@ -119,12 +122,18 @@ class OpticalFlow:
         return points_m @ after.world_from_rig[:3, :3]
 
     def _pixels_now(self, surfaces: Surfaces, now: View) -> NDArray[np.float64]:
-        """Where the exact camera sees the points (n, 2): at their pixels, but for a mesh."""
-        if not self._is_mesh:
-            return self._pixels[surfaces.valid]
-        here_from_optical = now.world_from_rig[:3, :3] @ self._camera.rig_from_optical
-        points = surfaces.points_m[surfaces.valid] @ here_from_optical
-        return self._camera.pixel_from_ray(points).positions_px
+        """Where the exact camera sees the valid pixels' points (n, 2).
+
+        At the pixels themselves, but for a mesh; there, too, a pixel's ray never changes.
+        """
+        if self._now_px is None:
+            if self._is_mesh:
+                here_from_optical = now.world_from_rig[:3, :3] @ self._camera.rig_from_optical
+                rays = surfaces.points_m[surfaces.valid] @ here_from_optical
+                self._now_px = self._camera.pixel_from_ray(rays).positions_px
+            else:
+                self._now_px = pixel_grid(*self._size)[surfaces.valid]
+        return self._now_px
 
     def _fate(
         self,
