@@ -17,19 +17,21 @@ _NEAR_TO_FAR = np.array(
     [[253, 250, 160], [251, 176, 51], [226, 84, 62], [142, 36, 106], [56, 22, 100], [12, 10, 44]]
 )
 _FATES = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, hidden, outside
+_OFF_M = 0.37  # floors and walls like to be at whole metres, where the pattern jumps
 _HUES = np.array([colorsys.hsv_to_rgb(hue / 256, 1.0, 1.0) for hue in range(257)])
 
 
 def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> NDArray[np.uint8]:
     """A channel as colours (height, width, 3) uint8, sRGB; black where there is nothing.
 
-    Range and z: logarithmic from the 1st percentile, bright, to the 99th, dark. Position: a pattern
-    of metres. Normals: x, y, z as red, green, blue. Flow: direction as hue, length as saturation,
-    full at the 99th percentile. Occlusion: green visible, red hidden, yellow outside.
+    Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
+    and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow:
+    direction as hue, length as saturation, full at the 99th percentile. Occlusion: green visible,
+    red hidden, yellow outside.
     """
     makers = {
         "range": _distances,
-        "z": lambda z: _distances(np.abs(z)),
+        "z": _signed,
         "position": _positions,
         "normals": _normals,
         "normals_camera": _normals,
@@ -56,10 +58,21 @@ def _distances(distances: NDArray[np.float32]) -> NDArray[np.uint8]:
     return colors
 
 
+def _signed(values: NDArray[np.float32]) -> NDArray[np.uint8]:
+    seen = np.isfinite(values)
+    colors = np.zeros((*values.shape, 3), dtype=np.uint8)
+    if seen.any():
+        largest = max(float(np.percentile(np.abs(values[seen]), 99.0)), 1e-6)
+        share = np.clip(values[seen] / largest, -1.0, 1.0)[:, None]
+        taken = np.where(share > 0.0, (20.0, 200.0, 220.0), (220.0, 160.0, 20.0))
+        colors[seen] = np.rint(255.0 - np.abs(share) * taken)
+    return colors
+
+
 def _positions(positions: NDArray[np.float64]) -> NDArray[np.uint8]:
     seen = np.isfinite(positions).all(axis=-1)
     colors = np.zeros(positions.shape, dtype=np.uint8)
-    colors[seen] = np.rint(255.0 * np.mod(positions[seen], 1.0)).astype(np.uint8)
+    colors[seen] = np.rint(255.0 * np.mod(positions[seen] + _OFF_M, 1.0)).astype(np.uint8)
     return colors
 
 

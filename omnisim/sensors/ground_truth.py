@@ -16,12 +16,8 @@ from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.mirrors import tessellate
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.optical_flow import OpticalFlow, View
+from omnisim.sensors.optical_flow import FINENESS, OpticalFlow, View
 from omnisim.sensors.stage import Stage
-
-# Texels to a pixel along a side. A triangle is found where a texel near the ray shows it; measured
-# in the warehouse, 0.6 % of the rays meet one too thin for texels of a pixel, 0.4 % for these.
-FINENESS = 1.5
 
 
 class GroundTruth:
@@ -45,7 +41,7 @@ class GroundTruth:
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
         camera = sensor.camera
-        self._size = (camera.width_px, camera.height_px)
+        emit = Emit.SURFACE_NORMAL_ALBEDO if albedo else Emit.SURFACE_AND_NORMAL
         plan = plan_faces(camera.scaled(FINENESS), camera.rig_from_optical)
         self._visibility = VisibilityPass(
             stage.context, stage.buffers, plan, sensor.near_m, sensor.far_m, hidden, albedo
@@ -54,9 +50,10 @@ class GroundTruth:
         self._surfaces = SurfacePass(
             stage.context,
             self._visibility,
-            _capture(stage.buffers, sensor, albedo),
-            self._size,
+            _capture(stage.buffers, sensor, emit),
+            (camera.width_px, camera.height_px),
             camera.rig_from_optical,
+            emit,
         )
         self._flow: OpticalFlow | None = None
         movers = [None, *stage.moving]
@@ -111,10 +108,9 @@ class GroundTruth:
 
 
 def _capture(
-    buffers: SceneBuffers, sensor: OmniCamera, albedo: bool
+    buffers: SceneBuffers, sensor: OmniCamera, emit: Emit
 ) -> LensCapture | MirrorMeshCapture:
     """The rays of the sensor's pixels: one each, whatever its supersampling."""
-    emit = Emit.SURFACE_WITH_ALBEDO if albedo else Emit.SURFACE
     if sensor.polygons is None:
         return LensCapture(buffers.context, sensor.camera, emit)
     mesh = tessellate(sensor.camera.mirror, sensor.polygons)
