@@ -13,12 +13,12 @@ from omnisim import __version__
 from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.errors import GraphicsError
 from omnisim.frame import Frame
-from omnisim.frames import check_pose
+from omnisim.frames import MIRROR_FROM_OPTICAL, check_pose
 from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
 from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.face_plan import FacePlan, plan_faces, whole_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
-from omnisim.mirrors import tessellate
+from omnisim.mirrors import MirrorMesh, tessellate
 from omnisim.scene import Scene
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import OnStage, Stage
@@ -56,31 +56,25 @@ class Renderer(OnStage):
     ):
         self.camera = OmniCamera() if camera is None else camera
         self._unlit = unlit
-        self._rendered = False
+        self._whole_cube: CubePass | None = None
+        self._last_base: NDArray[np.float64] | None = None
         super().__init__(scene, body, hidden, device)
 
     def _build(self, stage: Stage) -> None:
         sensor, context = self.camera, stage.context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
-        self._cube = CubePass(
-            context,
-            stage.buffers,
-            stage.surfaces,
-            plan_faces(camera, camera.rig_from_optical, sensor.face_size_px),
-            sensor.near_m,
-            sensor.far_m,
-            sensor.samples,
-            self._unlit,
-            self.scene.background,
-            self.hidden,
-        )
         capture: Capture
+        also_seen = None
         if sensor.polygons is None:
             capture = LensCapture(context, camera)
         else:
             mesh = tessellate(camera.mirror, sensor.polygons)
             capture = MirrorMeshCapture(context, camera, mesh)
+            also_seen = _edge_directions(mesh)
+        planned = sensor.camera.scaled(sensor.texels_per_pixel)
+        plan = plan_faces(planned, camera.rig_from_optical, sensor.face_size_px, also_seen)
+        self._cube = self._cube_pass(stage, plan)
         self._pipeline = Pipeline(
             context,
             camera,
@@ -90,7 +84,23 @@ class Renderer(OnStage):
             sensor.supersampling,
         )
 
+    def _cube_pass(self, stage: Stage, plan: FacePlan) -> CubePass:
+        sensor = self.camera
+        return CubePass(
+            stage.context,
+            stage.buffers,
+            stage.surfaces,
+            plan,
+            sensor.near_m,
+            sensor.far_m,
+            sensor.samples,
+            self._unlit,
+            self.scene.background,
+            self.hidden,
+        )
+
     def _forget(self) -> None:
+        self._whole_cube = None
         del self._cube, self._pipeline
 
     def render(self, world_from_base: ArrayLike, linear: bool = False) -> Frame:
@@ -108,19 +118,26 @@ class Renderer(OnStage):
         world_from_rig = base @ self.camera.base_from_rig
         with self._current() as stage:
             picture = self._pipeline.render(world_from_rig, linear, stage.movers_at(base))
-        self._rendered = True
+        self._last_base = base
         return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
+        They are drawn for this: a frame draws of each face only what its picture looks up.
+
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
-        with self._current():
-            if not self._rendered:
+        with self._current() as stage:
+            if self._last_base is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
-            linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
+            if self._whole_cube is None:
+                self._whole_cube = self._cube_pass(stage, whole_faces(self._cube.plan))
+            cube = self._whole_cube
+            world_from_rig = self._last_base @ self.camera.base_from_rig
+            cube.render(world_from_rig, stage.movers_at(self._last_base))
+            linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
             for name, pixels in linear.items()
@@ -143,6 +160,13 @@ class Renderer(OnStage):
             "world_from_base": world_from_base.tolist(),
             "world_from_optical": world_from_optical.tolist(),
         }
+
+
+def _edge_directions(mesh: MirrorMesh) -> NDArray[np.float64]:
+    """Directions (n, 3), optical frame, of the middles of all edges: they reach past the rim."""
+    corners = mesh.vertices_m[mesh.triangles]
+    middles = 0.5 * (corners + np.roll(corners, 1, axis=1))
+    return middles.reshape(-1, 3) @ MIRROR_FROM_OPTICAL
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
