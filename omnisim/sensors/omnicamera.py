@@ -65,7 +65,7 @@ class OmniCamera:
     far_m: float = np.inf
     samples: int = 1
     supersampling: int = 3
-    texels_per_pixel: float = 2.2
+    texels_per_pixel: float = 2.5
 
     def __post_init__(self) -> None:
         if self.polygons is not None:
