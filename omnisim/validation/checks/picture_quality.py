@@ -80,7 +80,7 @@ def measure_quality(
             Picture(
                 "picture-quality",
                 gallery({name: _encoded(one[DETAIL]) for name, one in pictures.items()}, 3),
-                "A detail. Edges and fine structures by many samples, by default, and by plain bilinear.",
+                "A detail: edges and fine lines by many samples, by us, and by plain bilinear.",
             ),
         ),
     )
