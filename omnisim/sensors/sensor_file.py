@@ -24,6 +24,8 @@ from omnisim.mirrors.hyperbolic import (
     PAPER_METERS_PER_UNIT,
 )
 from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.sensors.degradations.degradation import Degradation
+from omnisim.sensors.degradations.degradation_file import DegradationTable, from_table
 from omnisim.toml_file import Number, Table, parse_table, read_toml
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
@@ -161,7 +163,9 @@ class SensorFile(Table):
     virtual_cameras: VirtualCameras = VirtualCameras()
     camera: Camera = Camera()
     lens: Lens | None = None
+    degradation: DegradationTable = DegradationTable()
     _source: str = PrivateAttr("sensor")
+    _folder: Path = PrivateAttr(Path())
 
     @model_validator(mode="after")
     def _mirror_or_lens(self) -> SensorFile:
@@ -204,6 +208,14 @@ class SensorFile(Table):
             camera = replace(camera, principal_point_px=(float(centre[0]), float(centre[1])))
         return camera
 
+    def make_degradation(self) -> Degradation:
+        """What the camera lacks to be ideal.
+
+        Raises:
+            SensorFileError: an unknown preset, or values that do not fit each other.
+        """
+        return from_table(self.degradation, self._source, self._folder)
+
     def _make_mirror(self) -> HyperbolicMirror:
         data = self.mirror
         shape = (data.k, data.c, data.meters_per_unit)
@@ -236,7 +248,7 @@ def read_sensor_file(path: Path) -> SensorFile:
     Raises:
         SensorFileError: naming file, key, value and what was wanted.
     """
-    return _checked(read_toml(path, SensorFile, SensorFileError), str(path))
+    return _checked(read_toml(path, SensorFile, SensorFileError), str(path), path.parent)
 
 
 def parse_sensor(table: dict[str, Any], source: str) -> SensorFile:
@@ -245,10 +257,10 @@ def parse_sensor(table: dict[str, Any], source: str) -> SensorFile:
     Raises:
         SensorFileError: naming source, key, value and what was wanted.
     """
-    return _checked(parse_table(table, SensorFile, SensorFileError, source), source)
+    return _checked(parse_table(table, SensorFile, SensorFileError, source), source, Path())
 
 
-def _checked(settings: SensorFile, source: str) -> SensorFile:
-    settings._source = source
+def _checked(settings: SensorFile, source: str, folder: Path) -> SensorFile:
+    settings._source, settings._folder = source, folder
     settings.make_camera()
     return settings
