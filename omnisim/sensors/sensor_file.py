@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
 from omnisim.errors import OpticsError, SensorFileError
@@ -26,22 +25,11 @@ from omnisim.mirrors.hyperbolic import (
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.degradation_file import DegradationTable, from_table
-from omnisim.toml_file import Number, Table, parse_table, read_toml
+from omnisim.toml_file import Number, Table, parse_table, read_toml, word_or
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_SUPERSAMPLING = 8
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
-
-
-def _word_or(word: str, wanted: str, fits: Callable[[Any], bool]) -> BeforeValidator:
-    """A value that is one certain word, or fits; the message says both."""
-
-    def check(value: Any) -> Any:
-        if value == word or fits(value):
-            return value
-        raise ValueError(f"want {wanted} or {word!r}")
-
-    return BeforeValidator(check)
 
 
 def _is_size(value: Any) -> bool:
@@ -60,10 +48,10 @@ def _is_point(value: Any) -> bool:
     )
 
 
-PolygonCount = Annotated[Any, _word_or("exact", "a whole number", lambda v: type(v) is int)]
-FaceSize = Annotated[Any, _word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
-FocalLength = Annotated[Any, _word_or("fit", "a number > 0", _is_positive)]
-PrincipalPoint = Annotated[Any, _word_or("centre", "[u, v] in pixels", _is_point)]
+PolygonCount = Annotated[Any, word_or("exact", "a whole number", lambda v: type(v) is int)]
+FaceSize = Annotated[Any, word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
+FocalLength = Annotated[Any, word_or("fit", "a number > 0", _is_positive)]
+PrincipalPoint = Annotated[Any, word_or("centre", "[u, v] in pixels", _is_point)]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 

@@ -11,7 +11,7 @@ Source: IEC 61966-2-1, for sRGB.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -20,14 +20,21 @@ from omnisim.gpu.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.srgb import srgb_from_linear
-from omnisim.toml_file import Number
+from omnisim.toml_file import word_or
+
+
+def _is_gamma(value: Any) -> bool:
+    return type(value) in (int, float) and 0.1 <= value <= 10.0
+
+
+Gamma = Annotated[Any, word_or("srgb", "a number from 0.1 to 10", _is_gamma)]
 
 
 @dataclass(frozen=True)
 class Encoding(Parameters):
     """Values are clipped to [0, 1], take the transfer function and are rounded to whole steps."""
 
-    gamma: Annotated[Number, Field(ge=0.1, le=10.0)] | Literal["srgb"] = "srgb"
+    gamma: Gamma = "srgb"
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=8)] = 8
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:

@@ -7,7 +7,7 @@
 | frame_rate_hz | pictures a second, where known: no exposure is longer than 1/rate | 15, 30 |
 | sub_frames | renders that make up a picture, or "auto" | "auto" |
 
-"auto" keeps a moving edge in every row within 0.1 px of where it belongs, and takes a step of at
+"auto" keeps a moving edge in every row within 0.05 px of where it belongs, and takes a step of at
 most 0.5 px from sub-frame to sub-frame; but no more than 64 of them.
 
 The pose of a picture, and so its ground truth, is that of the middle of its frame: of the middle
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +30,19 @@ from pydantic import Field
 
 from omnisim.errors import OpticsError
 from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
+from omnisim.toml_file import word_or
 
-LARGEST_ERROR_PX = 0.1  # of where a row shows a moving edge
+LARGEST_ERROR_PX = 0.05  # of where a row shows a moving edge
 LARGEST_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
 MOST_SUB_FRAMES = 64
 LONGEST_S = 3600.0
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and 1 <= value <= 4096
+
+
+SubFrames = Annotated[Any, word_or("auto", "a whole number from 1 to 4096", _is_count)]
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ class Shutter(Parameters):
     exposure_s: Annotated[Positive, Field(le=LONGEST_S)] | None = None
     readout_s: Annotated[NotNegative, Field(le=LONGEST_S)] = 0.0
     frame_rate_hz: Positive | None = None
-    sub_frames: Annotated[int, Field(strict=True, ge=1, le=4096)] | Literal["auto"] = "auto"
+    sub_frames: SubFrames = "auto"
 
     def _check(self) -> None:
         if self.frame_rate_hz is None:

@@ -35,8 +35,8 @@ EXAMPLES = {
     # a place of 100 px has 2⁻¹⁷ px of rounding, and neighbours differ by up to 1
     "chromatic_aberration": (ChromaticAberration(1.01, 0.985), 4 * 2.0**-17),
     # square roots of radii, and sums over the disc
-    "defocus": (Defocus(0.2, 4.3), 2e-5),
-    "defocus towards the middle": (Defocus(3.1, 0.7), 2e-5),
+    "defocus": (Defocus(0.2, 4.3), 16 * ULP),
+    "defocus towards the middle": (Defocus(3.1, 0.7), 16 * ULP),
     "bayer malvar": (Bayer("GRBG", "malvar"), 8 * ULP),
     "bayer bilinear": (Bayer("BGGR", "bilinear"), 4 * ULP),
     "bayer mosaic": (Bayer("GBRG", "none"), 0.0),
