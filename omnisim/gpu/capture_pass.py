@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +16,28 @@ from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
 
 
+class Emit(Enum):
+    """What a capture writes for each pixel; the value is the define in `capture/emit.glsl`."""
+
+    COLOR = ""
+    RAY = "EMIT_RAY"
+    SURFACE = "EMIT_SURFACE"
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Of the capture's program."""
+        return (self.value,) if self.value else ()
+
+
 class LensCapture:
     """The exact capture: every pixel's ray by the camera model's GLSL file."""
 
-    def __init__(self, context: moderngl.Context, camera: CentralCamera, emit_ray: bool = False):
+    def __init__(self, context: moderngl.Context, camera: CentralCamera, emit: Emit = Emit.COLOR):
         self.program = build_program(
             context,
             "common/full_screen.vert",
             "capture/lens.frag",
-            defines=("EMIT_RAY",) if emit_ray else (),
+            defines=emit.defines,
             includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
         )
         for name, value in camera.uniforms().items():
@@ -42,13 +57,13 @@ class MirrorMeshCapture:
         context: moderngl.Context,
         camera: HyperbolicCamera,
         mesh: MirrorMesh,
-        emit_ray: bool = False,
+        emit: Emit = Emit.COLOR,
     ):
         self.program = build_program(
             context,
             "capture/mirror_mesh.vert",
             "capture/mirror_mesh.frag",
-            defines=("EMIT_RAY",) if emit_ray else (),
+            defines=emit.defines,
         )
         self.program["u_picture_size_px"] = (camera.width_px, camera.height_px)
         self.program["u_focal_length_px"] = camera.focal_length_px
@@ -74,22 +89,24 @@ def connect_cube(
 ) -> None:
     """Tell a capture's program where in the atlas each face stands (`cube_lookup.glsl`)."""
     tiles = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
-    reach = np.zeros((len(FACE_NAMES), 2), dtype=np.float32)
+    windows = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
     texels = np.zeros(len(FACE_NAMES), dtype=np.float32)
     atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
     for face in plan.faces:
         half_px = 0.5 * face.size_px
-        middle_px = np.array([face.left_px, face.top_px]) + face.margin_px + half_px
+        middle_px = np.array(face.corner_px) + half_px
         tiles[face.index] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
-        reach[face.index] = -face.tangents[0], face.tangents[1]
+        windows[face.index] = face.tangents.ravel()
         texels[face.index] = half_px
     program["u_atlas"] = 0
-    program["u_max_level"] = float(plan.max_level)
+    if "u_max_level" in program:  # what is no colour has no mip levels
+        program["u_max_level"] = float(plan.max_level)
     program["u_rig_from_optical"].write(columns_first(rig_from_optical))
     for name, values in (
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
         ("u_face_tile", tiles),
-        ("u_face_reach", reach),
+        ("u_face_window", windows),
         ("u_face_texels", texels),
     ):
-        program[name].write(values)
+        if name in program:
+            program[name].write(values)

@@ -29,6 +29,7 @@ from omnisim.toml_file import Number, Table, parse_table, read_toml, word_or
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_SUPERSAMPLING = 8
+MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
@@ -93,6 +94,7 @@ class VirtualCameras(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = 2.2
     near_m: Positive = 0.05
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     samples: Literal[1, 2, 4, 8] = 1
@@ -116,7 +118,7 @@ class Camera(Table):
     height_px: Size = 360
     focal_length_px: FocalLength = "fit"
     principal_point_px: PrincipalPoint = "centre"
-    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 2
+    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 3
 
 
 class Lens(Table):
