@@ -14,6 +14,7 @@ from omnisim.cli.arguments import (
     DeviceOption,
     PictureOption,
     PolygonsOption,
+    PresetOption,
     RunArgument,
     SceneArgument,
     SizeOption,
@@ -83,6 +84,15 @@ def render(
             "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
         ),
     ] = None,
+    preset: PresetOption = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0,
+    speed: Annotated[
+        float,
+        typer.Option("--speed", metavar="M/S", help="Forwards, for motion blur and the shutter."),
+    ] = 0.0,
+    turn_rate: Annotated[
+        float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
+    ] = 0.0,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -90,7 +100,21 @@ def render(
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device
+        scene,
+        output,
+        sensor,
+        at,
+        yaw,
+        polygons,
+        size,
+        unlit,
+        faces,
+        up,
+        device,
+        preset,
+        seed,
+        speed,
+        turn_rate,
     )
     run(request, out, err)
 
@@ -112,7 +136,9 @@ def drive(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder of the run; gone on with if it is there.")
     ],
-    seed: Annotated[int, typer.Option("--seed", help="Of the odometry's noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Of the odometry's and the cameras' noise.")
+    ] = 0,
     step: Annotated[
         float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
     ] = 0.41,
@@ -137,6 +163,7 @@ def drive(
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
+    preset: PresetOption = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -146,7 +173,7 @@ def drive(
 
     route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
-        scene, robot, output, route, seed, polygons, size, unlit, force, up, device
+        scene, robot, output, route, seed, polygons, size, unlit, force, up, device, preset
     )
     run(request, out, err)
 

@@ -17,7 +17,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from omnisim.cli.options import counted, parse_polygons
+from omnisim.cli.options import counted, parse_polygons, read_preset
 from omnisim.scene import load_scene
 from omnisim.simulation.drive import Drive, with_cameras
 from omnisim.simulation.route import Route
@@ -39,6 +39,7 @@ class DriveRequest:
     force: bool
     up_axis: str | None
     device: int | None
+    preset: str | None
 
 
 class _Rate(ProgressColumn):
@@ -58,7 +59,9 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
     for notice in scene.notices:
         err.print("note: ", notice, sep="", markup=False)
     polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
-    vehicle = with_cameras(Vehicle.load(request.robot), request.size_px, polygons)
+    vehicle = with_cameras(
+        Vehicle.load(request.robot), request.size_px, polygons, read_preset(request.preset)
+    )
     drive = Drive(
         scene,
         vehicle,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from omnisim.errors import OpticsError
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.degradations import Degradation, preset
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -15,6 +16,15 @@ def read_sensor(path: Path | None) -> OmniCamera:
         SensorFileError: naming file, key, value and what was wanted.
     """
     return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def read_preset(name: str | None) -> Degradation | None:
+    """The degradations of a preset, or None: as the sensor file says.
+
+    Raises:
+        SensorFileError: there is no such preset, or its file has a fault.
+    """
+    return None if name is None else preset(name)
 
 
 def parse_polygons(text: str) -> int | None:

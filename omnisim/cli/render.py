@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
 from omnisim.atomic_file import check_target
-from omnisim.cli.options import parse_polygons, read_sensor
+from omnisim.cli.options import parse_polygons, read_preset, read_sensor
 from omnisim.errors import OutputError
 from omnisim.image_files import is_float_format, write_image
 from omnisim.scene import load_scene
 from omnisim.sensors import Renderer
+from omnisim.sensors.motion import Twist
 from omnisim.sensors.renderer import unfolded_cube
 
 
@@ -31,6 +33,10 @@ class RenderRequest:
     faces: Path | None
     up_axis: str | None
     device: int | None
+    preset: str | None
+    seed: int
+    speed_mps: float
+    turn_rate_degps: float
 
 
 def run(request: RenderRequest, out: Console, err: Console) -> None:
@@ -44,6 +50,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
     camera = read_sensor(request.sensor)
+    degradation = read_preset(request.preset)
+    if degradation is not None:
+        camera = camera.with_degradation(degradation)
     if request.size_px is not None:
         camera = camera.resized(request.size_px)
     if request.polygons is not None:
@@ -54,8 +63,15 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     position = scene.start.position_m if request.at is None else request.at
     yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
     pose = camera.base_pose(position, yaw_deg)
-    with Renderer(scene, camera, unlit=request.unlit, device=request.device) as renderer:
-        frame = renderer.render(pose, linear=is_float)
+    turn_rate_radps = math.radians(request.turn_rate_degps)
+    shutter = camera.degradation.shutter
+    if (request.speed_mps or turn_rate_radps) and not (shutter and shutter.duration_s):
+        err.print("note: this camera's shutter takes no time: no motion shows", markup=False)
+    twist = Twist((request.speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps))
+    with Renderer(
+        scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
+    ) as renderer:
+        frame = renderer.render(pose, linear=is_float, motion=twist.through(pose))
         faces = renderer.faces() if request.faces is not None else {}
     frame.save(request.output)
     x, y, z = position

@@ -20,6 +20,8 @@ from omnisim.gpu.face_plan import FacePlan, plan_faces, whole_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
 from omnisim.mirrors import MirrorMesh, tessellate
 from omnisim.scene import Scene
+from omnisim.sensors.imperfect_camera import ImperfectCamera
+from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import OnStage, Stage
 from omnisim.srgb import srgb_from_linear
@@ -38,6 +40,7 @@ class Renderer(OnStage):
         unlit: show plain base colours, without lights.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
+        seed: of the camera's noise.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
@@ -53,8 +56,10 @@ class Renderer(OnStage):
         hidden: Collection[str] = (),
         unlit: bool = False,
         device: int | None = None,
+        seed: int | str = 0,
     ):
         self.camera = OmniCamera() if camera is None else camera
+        self._imperfect = ImperfectCamera(self.camera, seed)
         self._unlit = unlit
         self._whole_cube: CubePass | None = None
         self._last_base: NDArray[np.float64] | None = None
@@ -82,6 +87,7 @@ class Renderer(OnStage):
             self._cube,
             capture,
             sensor.supersampling,
+            self._imperfect.make_pass(stage),
         )
 
     def _cube_pass(self, stage: Stage, plan: FacePlan) -> CubePass:
@@ -103,23 +109,41 @@ class Renderer(OnStage):
         self._whole_cube = None
         del self._cube, self._pipeline
 
-    def render(self, world_from_base: ArrayLike, linear: bool = False) -> Frame:
+    def render(
+        self,
+        world_from_base: ArrayLike,
+        linear: bool = False,
+        *,
+        motion: Motion | None = None,
+        frame_number: int = 0,
+        exposure_ev: float | None = None,
+    ) -> Frame:
         """Render one frame.
 
         Args:
             world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
-                there, too.
+                there, too. With a motion it is that of the middle of the frame.
             linear: also read back linear floats, which EXR needs.
+            motion: for motion blur and rolling shutter: from seconds after the middle of the frame
+                to the pose; None: at rest.
+            frame_number: noise differs from frame to frame.
+            exposure_ev: of auto-exposure; None: what suits the picture, as if it had settled.
 
         Raises:
             OmnisimError: a matrix that is not a pose, or the renderer or its stage is closed.
         """
         base = check_pose(world_from_base)
         world_from_rig = base @ self.camera.base_from_rig
+        metadata = self._metadata(base, world_from_rig)
         with self._current() as stage:
-            picture = self._pipeline.render(world_from_rig, linear, stage.movers_at(base))
+            if self.camera.degradation.is_ideal:
+                picture = self._pipeline.render(world_from_rig, linear, stage.movers_at(base))
+            else:
+                picture, metadata["degradation"] = self._imperfect.take(
+                    self._pipeline, stage, base, linear, motion, frame_number, exposure_ev
+                )
         self._last_base = base
-        return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
+        return Frame(picture.rgba, picture.linear, metadata)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.

@@ -19,8 +19,10 @@ from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_t
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.sensors import LaserRenderer, Renderer
+from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.fingerprint import fingerprint
+from omnisim.simulation.picture_taking import check_exposure, noise_seed, take_picture
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_folder import (
     GROUND_TRUTH,
@@ -43,7 +45,8 @@ class Drive:
         scene: where.
         vehicle: with its sensors.
         route: along what path.
-        seed: of the odometry's noise; a scanner's noise has its own, from the robot file.
+        seed: of the odometry's and the cameras' noise; a scanner's noise has its own, from the
+            robot file.
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
         up_axis: that the scene was loaded with, for the record, or None.
@@ -62,11 +65,13 @@ class Drive:
 
         Raises:
             TrajectoryError: a path that cannot be driven.
-            RunError: a seed that is none.
+            RunError: a seed that is none, or an exposure longer than a step.
         """
         if not 0 <= self.seed <= LARGEST_SEED:
             raise RunError(f"seed {self.seed}: want a whole number from 0 to 2**63 - 1")
         truth = plan_route(self.scene, self.vehicle, self.route)
+        for camera in self.vehicle.cameras:
+            check_exposure(camera, truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         return Plan(self, truth, odometry)
 
@@ -105,7 +110,13 @@ class Plan:
             stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
             cameras = {
                 camera.name: stack.enter_context(
-                    Renderer(stage, camera.sensor, hidden=camera.hides, unlit=drive.unlit)
+                    Renderer(
+                        stage,
+                        camera.sensor,
+                        hidden=camera.hides,
+                        unlit=drive.unlit,
+                        seed=noise_seed(drive.seed, camera.name),
+                    )
                 )
                 for camera in vehicle.cameras
             }
@@ -126,7 +137,7 @@ class Plan:
                 for name, renderer in cameras.items():
                     target = run.file(name, step, ".png")
                     if not is_written(target):
-                        renderer.render(world_from_base).save(target)
+                        take_picture(renderer, name, self.truth, step, run).save(target)
                 for mounted in vehicle.scanners:
                     target = run.file(mounted.name, step, ".csv")
                     if not is_written(target):
@@ -213,20 +224,30 @@ def _calibration(camera: MountedCamera) -> str:
     return json.dumps(told, indent=2) + "\n"
 
 
-def with_cameras(vehicle: Vehicle, size_px: int | None, polygons: int | str | None) -> Vehicle:
-    """The vehicle with other pictures: of another size, or by another mesh.
+def with_cameras(
+    vehicle: Vehicle,
+    size_px: int | None,
+    polygons: int | str | None,
+    degradation: Degradation | None = None,
+) -> Vehicle:
+    """The vehicle with other pictures: of another size, by another mesh, or otherwise degraded.
 
     Args:
         vehicle: is left as it is.
         size_px: pixels of the shorter side, or None: as it is.
         polygons: of the mirror's mesh, None: exactly; or "same": as it is.
+        degradation: of all cameras, or None: as their sensor files say.
 
     Raises:
         OpticsError: a size or polygon count that cannot be.
     """
     cameras = []
     for camera in vehicle.cameras:
-        sensor = camera.sensor if size_px is None else camera.sensor.resized(size_px)
+        sensor = camera.sensor
+        if degradation is not None:
+            sensor = sensor.with_degradation(degradation)
+        if size_px is not None:
+            sensor = sensor.resized(size_px)
         if polygons != "same":
             sensor = sensor.with_polygons(polygons)
         cameras.append(dataclasses.replace(camera, sensor=sensor))
