@@ -39,3 +39,7 @@ class RunError(OmnisimError):
 
 class OutputError(OmnisimError):
     """A picture, mesh, scan or plot that cannot be written, or read back."""
+
+
+class LocalizationError(OmnisimError):
+    """Colours, landmarks, measurements or times that no robot can find itself by."""

@@ -14,7 +14,7 @@ LAYERS = (
     {"validation"},
     {"plots"},
     {"simulation"},
-    {"sensors", "perception", "robot"},
+    {"sensors", "perception", "localization", "robot"},
     {"gpu"},
     {"calibration"},
     {"scene", "cameras"},
