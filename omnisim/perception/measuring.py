@@ -19,10 +19,10 @@ from omnisim.srgb import linear_from_srgb
 
 # Noise of an edge in pixels: measured on drives, of which see the experiments' page.
 EDGE_SIGMA_PX = 0.25
-WIDE_EDGE_SIGMA_PX = 0.7  # where a corner is too slim to be seen by itself
+WIDE_EDGE_SIGMA_PX = 0.5  # where a corner is too slim to be seen by itself
 MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
-COLUMN_SIGMA_PX = 0.35
-WIDE_COLUMN_SIGMA_PX = 0.6
+COLUMN_SIGMA_PX = 0.18
+WIDE_COLUMN_SIGMA_PX = 0.36
 MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
 LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
 _LINEAR = linear_from_srgb(np.arange(256) / 255.0)
