@@ -11,7 +11,7 @@ PACKAGE = Path(omnisim.__file__).parent
 # From the top down; a module may import from layers below its own, and from its own folder.
 LAYERS = (
     {"cli"},
-    {"validation"},
+    {"validation", "experiments"},
     {"plots"},
     {"simulation"},
     {"sensors", "perception", "localization", "robot"},
@@ -32,7 +32,7 @@ HOMES = {
     "typer": {"cli"},
     "rich": {"cli"},
     "matplotlib": {"plots", "validation"},
-    "jinja2": {"validation"},
+    "jinja2": {"validation", "experiments"},
     "av": {"plots"},
     "cv2": {"validation"},
     "mitsuba": {"validation"},

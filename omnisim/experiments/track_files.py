@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.atomic_file import whole_file
-from omnisim.experiments.localizing import Track
+from omnisim.localization.track import Track
 from omnisim.robot import Trajectory, write_trajectory
 
 ESTIMATE_TUM, ESTIMATE_CSV = "estimate.tum", "estimate.csv"
