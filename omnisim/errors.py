@@ -43,3 +43,7 @@ class OutputError(OmnisimError):
 
 class LocalizationError(OmnisimError):
     """Colours, landmarks, measurements or times that no robot can find itself by."""
+
+
+class CalibrationError(OmnisimError):
+    """A calibration file, or a model, that cannot say what is asked for."""

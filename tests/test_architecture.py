@@ -20,6 +20,7 @@ LAYERS = (
     {"scene", "cameras"},
     {"mirrors"},
     {"frame"},
+    {"ground_truth"},
     {"image_files"},
     {"atomic_file", "frames", "cube", "srgb", "resources", "toml_file"},
     {"errors"},

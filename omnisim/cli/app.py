@@ -10,8 +10,10 @@ import typer
 
 from omnisim import __version__
 from omnisim.cli.arguments import (
+    AlsoOption,
     AtOption,
     DeviceOption,
+    LabelsOption,
     PictureOption,
     PolygonsOption,
     RunArgument,
@@ -83,15 +85,29 @@ def render(
             "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
         ),
     ] = None,
+    also: AlsoOption = None,
+    labels: LabelsOption = None,
+    next_at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--next", metavar="X Y Z", help="Where flow leads to. [dim]0.1 m ahead[/]"),
+    ] = None,
+    next_yaw: Annotated[
+        float | None,
+        typer.Option("--next-yaw", metavar="DEG", help="Heading there. [dim]as now[/]"),
+    ] = None,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Also write a picture to look at of each channel.")
+    ] = False,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
-    """Render one frame of a catadioptric camera."""
+    """Render one frame of an omnidirectional camera, and what is true of its pixels."""
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device
-    )
+        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device,
+        also, labels, next_at, next_yaw, preview,
+    )  # fmt: skip
     run(request, out, err)
 
 

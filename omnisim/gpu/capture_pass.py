@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +16,29 @@ from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
 
 
+class Emit(Enum):
+    """What a capture writes for each pixel; the value is the defines of `capture/emit.glsl`."""
+
+    COLOR = ()
+    RAY = ("EMIT_RAY",)
+    SURFACE = ("EMIT_SURFACE",)
+    SURFACE_WITH_ALBEDO = ("EMIT_SURFACE", "ALBEDO")
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Of the capture's program."""
+        return self.value
+
+
 class LensCapture:
     """The exact capture: every pixel's ray by the camera model's GLSL file."""
 
-    def __init__(self, context: moderngl.Context, camera: CentralCamera, emit_ray: bool = False):
+    def __init__(self, context: moderngl.Context, camera: CentralCamera, emit: Emit = Emit.COLOR):
         self.program = build_program(
             context,
             "common/full_screen.vert",
             "capture/lens.frag",
-            defines=("EMIT_RAY",) if emit_ray else (),
+            defines=emit.defines,
             includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
         )
         for name, value in camera.uniforms().items():
@@ -42,13 +58,13 @@ class MirrorMeshCapture:
         context: moderngl.Context,
         camera: HyperbolicCamera,
         mesh: MirrorMesh,
-        emit_ray: bool = False,
+        emit: Emit = Emit.COLOR,
     ):
         self.program = build_program(
             context,
             "capture/mirror_mesh.vert",
             "capture/mirror_mesh.frag",
-            defines=("EMIT_RAY",) if emit_ray else (),
+            defines=emit.defines,
         )
         self.program["u_picture_size_px"] = (camera.width_px, camera.height_px)
         self.program["u_focal_length_px"] = camera.focal_length_px
@@ -84,7 +100,8 @@ def connect_cube(
         reach[face.index] = -face.tangents[0], face.tangents[1]
         texels[face.index] = half_px
     program["u_atlas"] = 0
-    program["u_max_level"] = float(plan.max_level)
+    if "u_max_level" in program:  # what is no colour has no mip levels
+        program["u_max_level"] = float(plan.max_level)
     program["u_rig_from_optical"].write(columns_first(rig_from_optical))
     for name, values in (
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
@@ -92,4 +109,5 @@ def connect_cube(
         ("u_face_reach", reach),
         ("u_face_texels", texels),
     ):
-        program[name].write(values)
+        if name in program:
+            program[name].write(values)

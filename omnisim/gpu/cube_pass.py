@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cube import FACE_FROM_RIG
 from omnisim.errors import GraphicsError
+from omnisim.gpu.face_drawing import FaceDrawing
 from omnisim.gpu.face_plan import Face, FacePlan
-from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
+from omnisim.gpu.reversed_depth import float_depth
 from omnisim.gpu.scene_buffers import Placement, SceneBuffers, is_blended
 from omnisim.gpu.surface_program import SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
@@ -54,7 +53,8 @@ class CubePass:
         hidden: Collection[str] = (),
     ):
         self._context, self._buffers, self.plan = context, buffers, plan
-        self._near_m, self._far_m, self._background = near_m, far_m, background
+        self._background = background
+        self._drawing = FaceDrawing(context, buffers, plan, near_m, far_m)
         size = (plan.width_px, plan.height_px)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > limit:
@@ -101,28 +101,26 @@ class CubePass:
         for program in set(self._programs):
             program.set_viewpoint(viewpoint_m)
         order = self._order(placement)
-        matrices = (
-            columns_first(placement.here_from_mesh),
-            columns_first(placement.normal_from_mesh),
-        )
+        here_matrices = columns_first(placement.here_from_mesh)
+        normal_matrices = columns_first(placement.normal_from_mesh)
 
-        target.use()
-        target.scissor = None
-        target.viewport = (0, 0, *target.size)
-        target.depth_mask = True
-        target.clear(*self._background, 1.0, depth=CLEARED_DEPTH)
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func = DEPTH_FUNCTION
-        # y of the clip space runs down the picture, so triangles turn the other way round
-        context.cull_face = "back"
+        self._drawing.begin(target, (*self._background, 1.0))
         context.blend_func = (
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
-        for face in self.plan.faces:
-            self._draw_face(face, world_from_rig, placement, matrices, order)
-        target.scissor = None
-        target.depth_mask = True
-        context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
+
+        def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+            draw = self._buffers.draws[index]
+            blended = is_blended(draw.material)
+            target.depth_mask = not blended
+            toggle = context.enable if blended else context.disable
+            toggle(moderngl.BLEND)
+            self._programs[index].draw(
+                draw, clip_from_mesh, here_matrices[index], normal_matrices[index]
+            )
+
+        self._drawing.draw(target, world_from_rig, placement, order, paint)
+        self._drawing.end(target)
         if self._resolved is not None:
             context.copy_framebuffer(self._resolved, target)
         if self.plan.max_level:
@@ -146,38 +144,6 @@ class CubePass:
             self._buffers.sort_blended(self._buffers.draws[index], placement.here_from_mesh[index])
         return np.concatenate((self._opaque, blended))
 
-    def _draw_face(
-        self,
-        face: Face,
-        world_from_rig: NDArray[np.float64],
-        placement: Placement,
-        matrices: tuple[NDArray[np.float32], NDArray[np.float32]],
-        order: NDArray[np.intp],
-    ) -> None:
-        context, target = self._context, self._target
-        face_from_here = np.eye(4)
-        face_from_here[:3, :3] = FACE_FROM_RIG[face.index] @ world_from_rig[:3, :3].T
-        clip_from_face = projection(face, self._near_m, self._far_m)
-        clip_from_mesh = (clip_from_face @ face_from_here) @ placement.here_from_mesh
-        clip_matrices = columns_first(clip_from_mesh)
-        here_matrices, normal_matrices = matrices
-        centres = placement.centres_m @ face_from_here[:3, :3].T
-        seen = reaches(face, centres, self._buffers.radii_m, self._near_m, self._far_m)
-        tile = (face.left_px, face.top_px, face.tile_px, face.tile_px)
-        target.viewport = target.scissor = tile
-        for index in order[seen[order]]:
-            draw = self._buffers.draws[index]
-            material = draw.material
-            context.front_face = "ccw" if draw.mirrored else "cw"
-            toggle = context.disable if material.double_sided else context.enable
-            toggle(moderngl.CULL_FACE)
-            target.depth_mask = not is_blended(material)
-            toggle = context.enable if is_blended(material) else context.disable
-            toggle(moderngl.BLEND)
-            self._programs[index].draw(
-                draw, clip_matrices[index], here_matrices[index], normal_matrices[index]
-            )
-
 
 def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
     try:
@@ -187,38 +153,3 @@ def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Textu
             f"an atlas of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
             "make the picture or virtual_cameras.size_px smaller"
         ) from None
-
-
-def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
-    """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
-
-    Its depth runs from 1 at the near plane to 0 at the far one, which may be infinite.
-    """
-    first, last = face.tangents
-    scale, shift = 2.0 / (last - first), -(last + first) / (last - first)
-    if math.isinf(far_m):
-        z_scale, z_shift = 0.0, near_m
-    else:
-        z_scale = -near_m / (far_m - near_m)
-        z_shift = far_m * near_m / (far_m - near_m)
-    return np.array(
-        [[scale, 0, shift, 0], [0, scale, shift, 0], [0, 0, z_scale, z_shift], [0, 0, 1, 0]]
-    )
-
-
-def reaches(
-    face: Face,
-    centres: NDArray[np.float64],
-    radii: NDArray[np.float64],
-    near_m: float,
-    far_m: float,
-) -> NDArray[np.bool_]:
-    """Which spheres (n,), centres (n, 3) in the face's frame, may touch what a tile shows."""
-    first, last = face.tangents
-    x, y, z = centres.T
-    seen = (z + radii >= near_m) & (z - radii <= far_m)
-    for across in (x, y):
-        # signed distances to the planes through the viewpoint and the tile's edges
-        seen &= (across - first * z) / math.hypot(1.0, first) >= -radii
-        seen &= (last * z - across) / math.hypot(1.0, last) >= -radii
-    return seen

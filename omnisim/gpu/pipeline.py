@@ -117,7 +117,7 @@ def capture_rays(
     context: moderngl.Context, camera: CentralCamera, capture: Capture
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Unit rays (height, width, 3), optical frame, and validity that a capture made with
-    `emit_ray` gives each pixel.
+    `Emit.RAY` gives each pixel.
 
     Raises:
         GraphicsError: a picture larger than the GPU allows.

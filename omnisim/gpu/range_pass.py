@@ -9,7 +9,6 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError
 from omnisim.gpu.scene_buffers import Draw, SceneBuffers
 from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.gpu.uniforms import columns_first
@@ -20,7 +19,7 @@ from omnisim.scene.model import AlphaMode
 _BLENDED_CUTOFF = 0.5
 _GROUP_SIZE = 64  # triangles; local_size_x in range.comp
 _MOST_GROUPS = 65535  # in one direction, which every GPU allows
-_VERTICES, _INDICES, _BEAMS, _RANGES = range(4)  # bindings in range.comp
+_VERTICES, _INDICES, _BEAMS, _RANGES = range(4)  # bindings in range.comp and vertex_words.glsl
 _NOTHING_HIT = np.float32(np.inf)
 
 
@@ -53,12 +52,7 @@ class RangePass:
     ):
         self._context, self._buffers, self._reach_m = context, buffers, reach_m
         self._shown = buffers.shown(hidden)
-        limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
-        largest = max(buffers.vertices.size, buffers.indices.size)
-        if largest > limit:
-            raise GraphicsError(
-                f"the scene's triangles take {largest} bytes: to scan them this GPU allows {limit}"
-            )
+        buffers.check_readable("to scan them")
         self._ahead_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
         self._beams = context.buffer(directions.astype("<f4"))

@@ -10,6 +10,7 @@ Source: Reed, "Depth precision visualized", 2015.
 from __future__ import annotations
 
 import ctypes
+from functools import cache
 
 import moderngl
 
@@ -22,7 +23,7 @@ _RENDERBUFFER, _DEPTH_COMPONENT32F = 0x8D41, 0x8CAC
 
 def clip_depth_from_zero_to_one() -> None:
     """Make the current context clip depth to [0, w], as the projections here expect it."""
-    _function("glClipControl", ctypes.c_uint, ctypes.c_uint)(_LOWER_LEFT, _ZERO_TO_ONE)
+    gl_function("glClipControl", ctypes.c_uint, ctypes.c_uint)(_LOWER_LEFT, _ZERO_TO_ONE)
 
 
 def float_depth(
@@ -30,8 +31,8 @@ def float_depth(
 ) -> moderngl.Renderbuffer:
     """A depth buffer of 32-bit floats; `samples` is 0 for none."""
     buffer = context.depth_renderbuffer(size, samples=samples)
-    _function("glBindRenderbuffer", ctypes.c_uint, ctypes.c_uint)(_RENDERBUFFER, buffer.glo)
-    allocate = _function(
+    gl_function("glBindRenderbuffer", ctypes.c_uint, ctypes.c_uint)(_RENDERBUFFER, buffer.glo)
+    allocate = gl_function(
         "glRenderbufferStorageMultisample",
         ctypes.c_uint, ctypes.c_int, ctypes.c_uint, ctypes.c_int, ctypes.c_int,
     )  # fmt: skip
@@ -39,7 +40,9 @@ def float_depth(
     return buffer
 
 
-def _function(name: str, *kinds: type) -> ctypes._CFuncPtr:
+@cache
+def gl_function(name: str, *kinds: type) -> ctypes._CFuncPtr:
+    """One of OpenGL's functions that returns nothing, by its name and its parameters' types."""
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetProcAddress.restype = ctypes.c_void_p
     return ctypes.CFUNCTYPE(None, *kinds)(egl.eglGetProcAddress(name.encode()))

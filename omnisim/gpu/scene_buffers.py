@@ -18,7 +18,7 @@ from omnisim.errors import GraphicsError, SceneError
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
 
-_VERTEX = np.dtype(  # read word by word in shaders/scene/range.comp
+_VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
         ("in_position", "<f4", 3),
         ("in_normal", "<f4", 3),  # zero: flat, the triangle's own
@@ -154,6 +154,19 @@ class SceneBuffers:
                 there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
                 raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
         return np.array([draw.mover is None or draw.name not in hidden for draw in self.draws])
+
+    def check_readable(self, purpose: str) -> None:
+        """Refuse a scene whose triangles shaders cannot read.
+
+        Raises:
+            GraphicsError: naming the size, the limit, and the purpose.
+        """
+        limit = int(self._context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        largest = max(self.vertices.size, self.indices.size)
+        if largest > limit:
+            raise GraphicsError(
+                f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
+            )
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """The vertex array that feeds a program; attributes it does not use are skipped."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim import __version__
 from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
-from omnisim.errors import GraphicsError
+from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.frames import check_pose
 from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
+from omnisim.ground_truth import check_channels
 from omnisim.mirrors import tessellate
 from omnisim.scene import Scene
+from omnisim.sensors.ground_truth import GroundTruth
 from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import OnStage, Stage
 from omnisim.srgb import srgb_from_linear
 
@@ -57,6 +60,7 @@ class Renderer(OnStage):
         self.camera = OmniCamera() if camera is None else camera
         self._unlit = unlit
         self._rendered = False
+        self._ground_truth: GroundTruth | None = None
         super().__init__(scene, body, hidden, device)
 
     def _build(self, stage: Stage) -> None:
@@ -92,24 +96,66 @@ class Renderer(OnStage):
 
     def _forget(self) -> None:
         del self._cube, self._pipeline
+        self._ground_truth = None
 
-    def render(self, world_from_base: ArrayLike, linear: bool = False) -> Frame:
+    def render(
+        self,
+        world_from_base: ArrayLike,
+        linear: bool = False,
+        *,
+        also: Collection[str] = (),
+        movers: Mapping[str, ArrayLike] | None = None,
+        next_base: ArrayLike | None = None,
+        next_movers: Mapping[str, ArrayLike] | None = None,
+    ) -> Frame:
         """Render one frame.
 
         Args:
             world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
                 there, too.
             linear: also read back linear floats, which EXR needs.
+            also: names of channels of ground truth, see `omnisim.ground_truth`.
+            movers: (4, 4) poses of the stage's other movers, by name.
+            next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
+            next_movers: poses of the other movers at the next frame; None: they stay.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, or the renderer or its stage is closed.
+            OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
+                pose, or the renderer or its stage is closed.
         """
+        names = check_channels(also)
         base = check_pose(world_from_base)
+        after_base = None if next_base is None else check_pose(next_base)
+        if "flow" in names and after_base is None:
+            raise OutputError("channel 'flow': leads to the next picture: want next_base")
         world_from_rig = base @ self.camera.base_from_rig
         with self._current() as stage:
-            picture = self._pipeline.render(world_from_rig, linear, stage.movers_at(base))
+            moving = stage.movers_at(base, movers)
+            picture = self._pipeline.render(world_from_rig, linear, moving)
+            channels, labels = {}, None
+            if names:
+                truth = self._truth(stage, names)
+                after = None
+                if after_base is not None:
+                    after = View(
+                        after_base @ self.camera.base_from_rig,
+                        stage.movers_at(after_base, movers if next_movers is None else next_movers),
+                    )
+                channels = truth.channels(names, View(world_from_rig, moving), after)
+                labels = truth.labels
         self._rendered = True
-        return Frame(picture.rgba, picture.linear, self._metadata(base, world_from_rig))
+        metadata = self._metadata(base, world_from_rig)
+        if "flow" in names:
+            metadata["next_world_from_base"] = after_base.tolist()
+        return Frame(picture.rgba, picture.linear, metadata, channels, labels)
+
+    def _truth(self, stage: Stage, names: Collection[str]) -> GroundTruth:
+        """What gives the channels: made when they are first asked for."""
+        albedo = "albedo" in names
+        if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
+            self._ground_truth = GroundTruth(stage, self.camera, self.hidden, albedo)
+            stage.context.gc()
+        return self._ground_truth
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.

@@ -1,15 +1,19 @@
 // void emit(bool valid, vec3 ray): the one place where a capture decides what a pixel holds.
-// With EMIT_RAY: the unit ray in the optical frame, and 1 where it is valid. Otherwise: the linear
-// colour in its direction, and alpha 1 where the camera sees something.
+// With EMIT_RAY: the unit ray in the optical frame, and 1 where it is valid. With EMIT_SURFACE: what
+// the ray hits. Otherwise: the linear colour in its direction, and alpha 1 where the camera sees
+// something.
 
+#if defined(EMIT_SURFACE)
+#include "ground_truth/surface_lookup.glsl"
+#elif defined(EMIT_RAY)
 layout(location = 0) out vec4 out_value;
 
-#ifdef EMIT_RAY
 void emit(bool valid, vec3 ray) {
     out_value = vec4(normalize(ray), valid ? 1.0 : 0.0);
 }
 #else
 #include "capture/cube_lookup.glsl"
+layout(location = 0) out vec4 out_value;
 
 void emit(bool valid, vec3 ray) {
     // looked up for every pixel, so that derivatives exist at the border too

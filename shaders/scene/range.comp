@@ -14,8 +14,7 @@
 
 layout(local_size_x = 64) in;
 
-layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
-layout(std430, binding = 1) readonly buffer Indices { uint indices[]; };
+#include "scene/vertex_words.glsl"
 layout(std430, binding = 2) readonly buffer Beams { vec2 beams[]; };  // unit directions
 layout(std430, binding = 3) buffer Ranges { uint range_bits[]; };     // the order of floats >= 0
 
@@ -25,8 +24,6 @@ uniform uint u_triangles;
 uniform float u_angle_min;
 uniform float u_angle_increment;
 
-// The layout of a vertex in omnisim/gpu/scene_buffers.py, in words of 4 bytes.
-const uint VERTEX_WORDS = 10u, TEXTURE_COORDINATE_WORD = 6u, ALPHA_WORD = 9u;
 const float PI = 3.14159265358979;
 // GLSL allows atan an error of 4096 units in the last place, 1e-3 of pi: more beams than the
 // segment spans are tried, and the exact test below decides.
@@ -38,10 +35,8 @@ struct Corner {
 };
 
 Corner corner(uint index) {
-    uint at = VERTEX_WORDS * indices[index];
-    vec3 mesh = uintBitsToFloat(
-        uvec3(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u]));
-    precise vec3 position = (u_scanner_from_mesh * vec4(mesh, 1.0)).xyz;
+    uint at = vertex_at(index);
+    precise vec3 position = (u_scanner_from_mesh * vec4(position_at(at), 1.0)).xyz;
     vec3 surface = vec3(0.0);
 #ifdef HOLES
     uint there = at + TEXTURE_COORDINATE_WORD;

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
-from omnisim.gpu.capture_pass import LensCapture, MirrorMeshCapture
+from omnisim.gpu.capture_pass import Emit, LensCapture, MirrorMeshCapture
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import HyperbolicMirror, tessellate
 from omnisim.mirrors.mesh_error import mesh_error
@@ -18,7 +18,7 @@ def _angles(one, other):
 
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 def test_glsl_rays_are_the_reference(context, camera):
-    rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit_ray=True))
+    rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit=Emit.RAY))
     reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     # At a fold the ray turns infinitely fast with the pixel, and validity may differ where the
     # domain ends at the pixel's centre, to rounding: a float counts a picture in 1/50000 px.
@@ -38,7 +38,7 @@ def _at_the_edge_of_the_domain(camera, within_px=0.01):
 def _mesh_error_px(context, polygons):
     camera = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 360, 360)
     mesh = tessellate(camera.mirror, polygons)
-    capture = MirrorMeshCapture(context, camera, mesh, emit_ray=True)
+    capture = MirrorMeshCapture(context, camera, mesh, emit=Emit.RAY)
     rays, seen = capture_rays(context, camera, capture)
     assert 0.85 < seen.sum() / camera.ray_from_pixel(pixel_grid(360, 360)).valid.sum() <= 1.0
     # the mesh may see a little past the rim: between two vertices it is nearer to the axis

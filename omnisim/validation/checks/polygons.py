@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
-from omnisim.gpu.capture_pass import MirrorMeshCapture
+from omnisim.gpu.capture_pass import Emit, MirrorMeshCapture
 from omnisim.gpu.context import open_context
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import tessellate
@@ -81,7 +81,7 @@ def shown_error_px(bench: Bench, sensor: OmniCamera, polygons: int) -> NDArray[n
     try:
         with context:
             mesh = tessellate(camera.mirror, polygons)
-            capture = MirrorMeshCapture(context, camera, mesh, emit_ray=True)
+            capture = MirrorMeshCapture(context, camera, mesh, emit=Emit.RAY)
             rays, seen = capture_rays(context, camera, capture)
     finally:
         context.release()

@@ -1,0 +1,158 @@
+"""Which triangle each texel of the cube shows: numbers instead of colours."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Collection
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import GraphicsError
+from omnisim.gpu.face_drawing import FaceDrawing
+from omnisim.gpu.face_plan import FacePlan
+from omnisim.gpu.reversed_depth import float_depth, gl_function
+from omnisim.gpu.scene_buffers import Draw, Placement, SceneBuffers
+from omnisim.gpu.shader_files import build_program
+from omnisim.scene.model import AlphaMode, Material
+
+# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
+BLENDED_CUTOFF = 0.5
+_COLOR = 0x1800  # GL_COLOR
+
+
+def alpha_cutoff(material: Material) -> float:
+    """Alpha from which on a surface counts; 0: everywhere."""
+    if material.alpha_mode is AlphaMode.MASK:
+        return material.alpha_cutoff
+    return BLENDED_CUTOFF if material.alpha_mode is AlphaMode.BLEND else 0.0
+
+
+class _Variant(NamedTuple):
+    """What differs between compiled versions of the shader."""
+
+    holes: bool
+    albedo: bool
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        return (*(("HOLES",) if self.holes else ()), *(("ALBEDO",) if self.albedo else ()))
+
+
+class VisibilityPass:
+    """Draws the faces into an atlas of integers; everything on the GPU is made once.
+
+    Sides, planes and holes are those of the picture (`CubePass`). A blended surface counts where
+    its alpha reaches `BLENDED_CUTOFF`.
+
+    Args:
+        context: where.
+        buffers: the scene and its movers; other passes may draw from them, too.
+        plan: the faces.
+        near_m, far_m: of the virtual cameras.
+        hidden: names of the movers' instances that are not drawn.
+        albedo: draw plain base colours, too.
+
+    Attributes:
+        plan, near_m, far_m, buffers: as given.
+        surfaces: texture of two integers: 1 + number of the draw (0: nothing is seen), and number
+            of its triangle.
+        albedos: texture of linear RGB, or None.
+
+    Raises:
+        GraphicsError: the atlas does not fit on the GPU.
+        SceneError: a hidden name that no mover has.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        buffers: SceneBuffers,
+        plan: FacePlan,
+        near_m: float,
+        far_m: float,
+        hidden: Collection[str] = (),
+        albedo: bool = False,
+    ):
+        self.buffers, self.plan, self.near_m, self.far_m = buffers, plan, near_m, far_m
+        self._context = context
+        self._drawing = FaceDrawing(context, buffers, plan, near_m, far_m)
+        size = (plan.width_px, plan.height_px)
+        try:
+            self.surfaces = context.texture(size, 2, dtype="u4")
+            self.albedos = context.texture(size, 4, dtype="f2") if albedo else None
+            textures = [self.surfaces] if self.albedos is None else [self.surfaces, self.albedos]
+            self._target = context.framebuffer(textures, float_depth(context, size, 0))
+        except moderngl.Error as reason:
+            raise GraphicsError(
+                f"ground truth by an atlas of {size[0]} × {size[1]} px does not fit on this GPU "
+                f"({reason}): make the picture smaller"
+            ) from None
+        for texture in textures:
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._programs = {}
+        for draw in buffers.draws:
+            variant = _Variant(alpha_cutoff(draw.material) > 0.0, albedo)
+            if variant not in self._programs:
+                self._programs[variant] = _VisibilityProgram(context, buffers, variant)
+        self._program_of_draw = [
+            self._programs[_Variant(alpha_cutoff(draw.material) > 0.0, albedo)]
+            for draw in buffers.draws
+        ]
+        seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
+        self._shown = np.flatnonzero(buffers.shown(hidden) & np.array(seen))
+
+    def render(self, world_from_rig: NDArray[np.float64], placement: Placement) -> None:
+        """Draw all faces from a pose (4, 4), with the draws where they are seen from there."""
+        target = self._target
+        self._drawing.begin(target, (0.0, 0.0, 0.0, 0.0))
+        clear_integers(0)
+
+        def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+            draw = self.buffers.draws[index]
+            self._program_of_draw[index].draw(draw, index, clip_from_mesh)
+
+        # near things first, what surrounds them all last: little is painted twice
+        reach_m = np.linalg.norm(placement.centres_m, axis=1) + self.buffers.radii_m
+        order = self._shown[np.argsort(reach_m[self._shown], kind="stable")]
+        self._drawing.draw(target, world_from_rig, placement, order, paint)
+        self._drawing.end(target)
+
+
+class _VisibilityProgram:
+    """One compiled variant with its vertex array."""
+
+    def __init__(self, context: moderngl.Context, buffers: SceneBuffers, variant: _Variant):
+        folder = "ground_truth/visibility"
+        program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
+        self._vertex_array = buffers.vertex_array(program)
+        self._clip_from_mesh = program["u_clip_from_mesh"]
+        self._number = program["u_draw_plus_one"]
+        self._base_color = program.get("u_base_color", None)
+        self._alpha_cutoff = program["u_alpha_cutoff"] if variant.holes else None
+        if self._base_color is not None:
+            program["u_texture"] = 0
+
+    def draw(self, draw: Draw, index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+        self._clip_from_mesh.write(clip_from_mesh)
+        self._number.value = index + 1
+        if self._base_color is not None:
+            self._base_color.value = draw.material.base_color
+            draw.texture.use(0)
+        if self._alpha_cutoff is not None:
+            self._alpha_cutoff.value = alpha_cutoff(draw.material)
+        self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
+
+
+def _is_never_seen(material: Material) -> bool:
+    """Whether it is so clear everywhere that no texel can show it: textures only take away."""
+    return material.base_color[3] < alpha_cutoff(material)
+
+
+def clear_integers(attachment: int) -> None:
+    """Zero an attachment of integers of the framebuffer in use: glClear is for floats."""
+    zeros = (ctypes.c_uint * 4)()
+    clear = gl_function("glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
+    clear(_COLOR, attachment, ctypes.addressof(zeros))

@@ -1,0 +1,35 @@
+// Which triangle a texel of the cube shows: 1 + the number of its draw (0: nothing), and its number
+// in the draw. With HOLES only where alpha reaches the cutoff: a blended surface has one, too. With
+// ALBEDO also the plain base colour, linear.
+#version 430 core
+
+uniform uint u_draw_plus_one;
+layout(location = 0) out uvec2 out_surface;
+
+#ifdef ALBEDO
+layout(location = 1) out vec4 out_albedo;
+#endif
+
+#if defined(HOLES) || defined(ALBEDO)
+uniform vec4 u_base_color;
+uniform sampler2D u_texture;  // white where the material has none
+in vec2 v_texture_coordinate;
+in vec4 v_color;
+#endif
+
+#ifdef HOLES
+uniform float u_alpha_cutoff;
+#endif
+
+void main() {
+#if defined(HOLES) || defined(ALBEDO)
+    vec4 color = u_base_color * v_color * texture(u_texture, v_texture_coordinate);
+#endif
+#ifdef HOLES
+    if (color.a < u_alpha_cutoff) discard;
+#endif
+    out_surface = uvec2(u_draw_plus_one, uint(gl_PrimitiveID));
+#ifdef ALBEDO
+    out_albedo = vec4(min(color.rgb, vec3(65504.0)), 1.0);  // the largest half float
+#endif
+}
