@@ -25,6 +25,7 @@ from omnisim.cli.arguments import (
 )
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
+from omnisim.cli.landmarks import CameraOption, SceneOption, landmarks_app
 from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
 
@@ -41,6 +42,7 @@ app = typer.Typer(
 )
 
 app.add_typer(robot_app)
+app.add_typer(landmarks_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -165,6 +167,33 @@ def drive(
         scene, robot, output, route, seed, polygons, size, unlit, force, up, device
     )
     run(request, out, err)
+
+
+@app.command()
+def localize(
+    run_folder: RunArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the estimate, figures and page.")
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Model of `landmarks train`. [dim]learned from the run's own labels[/]",
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", metavar="FILE", help="Filter's parameters. [dim]omnisim's[/]"),
+    ] = None,
+    scene: SceneOption = None,
+    camera: CameraOption = None,
+) -> None:
+    """Find out where the robot of a run was, from its wheels and the landmarks it saw."""
+    from omnisim.cli.localize import run
+
+    run(run_folder, output, model, params, scene, camera, out, err)
 
 
 @app.command()

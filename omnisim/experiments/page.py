@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
 import math
 from collections.abc import Sequence
@@ -12,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from matplotlib.figure import Figure
 
 from omnisim import __version__
 from omnisim.atomic_file import check_target, whole_file
 from omnisim.errors import OutputError
+from omnisim.plots.plot_file import Figure, figure_png
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 FORMAT_VERSION = 1
@@ -156,7 +155,7 @@ class Page:
             OutputError: they cannot be written.
         """
         pictures = {
-            picture.name: _png(picture.figure)
+            picture.name: figure_png(picture.figure)
             for section in self.sections
             for picture in section.pictures
         }
@@ -192,12 +191,6 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(exist_ok=True)
     except OSError as reason:
         raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
-
-
-def _png(figure: Figure) -> bytes:
-    data = io.BytesIO()
-    figure.savefig(data, format="png", metadata={"Software": f"omnisim {__version__}"})
-    return data.getvalue()
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -17,9 +17,8 @@ from omnisim.errors import RunError
 from omnisim.experiments.run_data import RunData
 from omnisim.image_files import read_channels
 from omnisim.scene.model import Landmark
-from omnisim.simulation.run_folder import CHANNELS_SUFFIX
 
-LABELS = "labels.json"
+LABELS, CHANNELS_SUFFIX = "labels.json", ".channels.exr"
 # Least saturation, (largest − smallest)/largest of linear RGB, of a colour that tells something:
 # white lines, walls and paper are everywhere.
 LEAST_SATURATION = 0.5
