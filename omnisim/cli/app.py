@@ -152,6 +152,8 @@ def drive(
     polygons: PolygonsOption = None,
     size: SizeOption = None,
     unlit: UnlitOption = False,
+    also: AlsoOption = None,
+    labels: LabelsOption = None,
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
@@ -164,7 +166,7 @@ def drive(
 
     route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
-        scene, robot, output, route, seed, polygons, size, unlit, force, up, device
+        scene, robot, output, route, seed, polygons, size, unlit, force, up, device, also, labels
     )
     run(request, out, err)
 
