@@ -16,6 +16,7 @@ from omnisim.cli.arguments import (
     LabelsOption,
     PictureOption,
     PolygonsOption,
+    PresetOption,
     RunArgument,
     SceneArgument,
     SizeOption,
@@ -100,6 +101,15 @@ def render(
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a picture to look at of each channel.")
     ] = False,
+    preset: PresetOption = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0,
+    speed: Annotated[
+        float,
+        typer.Option("--speed", metavar="M/S", help="Forwards, for motion blur and the shutter."),
+    ] = 0.0,
+    turn_rate: Annotated[
+        float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
+    ] = 0.0,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -108,7 +118,7 @@ def render(
 
     request = RenderRequest(
         scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device,
-        also, labels, next_at, next_yaw, preview,
+        also, labels, next_at, next_yaw, preview, preset, seed, speed, turn_rate,
     )  # fmt: skip
     run(request, out, err)
 
@@ -130,7 +140,9 @@ def drive(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder of the run; gone on with if it is there.")
     ],
-    seed: Annotated[int, typer.Option("--seed", help="Of the odometry's noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Of the odometry's and the cameras' noise.")
+    ] = 0,
     step: Annotated[
         float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
     ] = 0.41,
@@ -157,6 +169,7 @@ def drive(
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
+    preset: PresetOption = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -166,7 +179,20 @@ def drive(
 
     route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
-        scene, robot, output, route, seed, polygons, size, unlit, force, up, device, also, labels
+        scene,
+        robot,
+        output,
+        route,
+        seed,
+        polygons,
+        size,
+        unlit,
+        force,
+        up,
+        device,
+        also,
+        labels,
+        preset,
     )
     run(request, out, err)
 

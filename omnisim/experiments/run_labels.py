@@ -17,8 +17,9 @@ from omnisim.errors import RunError
 from omnisim.experiments.run_data import RunData
 from omnisim.image_files import read_channels
 from omnisim.scene.model import Landmark
+from omnisim.simulation.run_channels import LABELS
+from omnisim.simulation.run_folder import CHANNELS_SUFFIX
 
-LABELS, CHANNELS_SUFFIX = "labels.json", ".channels.exr"
 # Least saturation, (largest − smallest)/largest of linear RGB, of a colour that tells something:
 # white lines, walls and paper are everywhere.
 LEAST_SATURATION = 0.5
@@ -64,7 +65,7 @@ class RunLabels:
             OutputError: it is missing or damaged.
         """
         path = self._run.folder.file(self._run.camera, step, CHANNELS_SUFFIX)
-        layers = read_channels(path).layers
+        layers = read_channels(path).values
         if "instance" not in layers:
             raise RunError(f"{path}: has no layer instance: want the file of drive --also instance")
         ids = np.asarray(layers["instance"]).astype(np.int64)

@@ -15,6 +15,7 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.sensor_file import (
     MAX_SUPERSAMPLING,
     SensorFile,
@@ -47,6 +48,7 @@ class OmniCamera:
         samples: samples a texel of the virtual cameras, against jagged edges.
         supersampling: captured pixels to a side of a pixel of the picture, averaged in linear
             light; the virtual cameras become as much finer.
+        degradation: what the camera lacks to be ideal; by default nothing.
 
     Raises:
         OmnisimError: a polygon count that makes no mesh, near and far that leave nothing between
@@ -61,6 +63,7 @@ class OmniCamera:
     far_m: float = np.inf
     samples: int = 1
     supersampling: int = 2
+    degradation: Degradation = field(default_factory=Degradation)
 
     def __post_init__(self) -> None:
         if self.polygons is not None:
@@ -118,6 +121,7 @@ class OmniCamera:
             far_m=virtual.far_m,
             samples=virtual.samples,
             supersampling=settings.camera.supersampling,
+            degradation=settings.make_degradation(),
         )
 
     def resized(self, size_px: int) -> OmniCamera:
@@ -130,7 +134,9 @@ class OmniCamera:
             raise OpticsError(f"camera: size {size_px}: want at least 1")
         old = self.camera
         scale = size_px / min(old.width_px, old.height_px)
-        return dataclasses.replace(self, camera=old.scaled(scale))
+        return dataclasses.replace(
+            self, camera=old.scaled(scale), degradation=self.degradation.scaled(scale)
+        )
 
     @property
     def captured_camera(self) -> CentralCamera:
@@ -151,6 +157,10 @@ class OmniCamera:
             OpticsError: a polygon count that makes no mesh.
         """
         return dataclasses.replace(self, polygons=polygons)
+
+    def with_degradation(self, degradation: Degradation) -> OmniCamera:
+        """The same camera, as far from ideal as said."""
+        return dataclasses.replace(self, degradation=degradation)
 
     def base_pose(self, viewpoint_m: ArrayLike, yaw_deg: float = 0.0) -> NDArray[np.float64]:
         """Pose (4, 4) world_from_base of a level vehicle at a heading, such that the effective

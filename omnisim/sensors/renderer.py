@@ -16,12 +16,16 @@ from omnisim.frame import Frame
 from omnisim.frames import check_pose
 from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
 from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.degradation_pass import DegradationPass
 from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.pipeline import Pipeline, check_picture_size
+from omnisim.gpu.pipeline import Picture, Pipeline, SubFrame, check_picture_size
 from omnisim.ground_truth import check_channels
 from omnisim.mirrors import tessellate
 from omnisim.scene import Scene
+from omnisim.sensors.degradations.picture_geometry import PictureGeometry
+from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.ground_truth import GroundTruth
+from omnisim.sensors.motion import Motion, moved_px
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import OnStage, Stage
@@ -41,6 +45,7 @@ class Renderer(OnStage):
         unlit: show plain base colours, without lights.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
+        seed: of the camera's noise.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
@@ -56,8 +61,10 @@ class Renderer(OnStage):
         hidden: Collection[str] = (),
         unlit: bool = False,
         device: int | None = None,
+        seed: int | str = 0,
     ):
         self.camera = OmniCamera() if camera is None else camera
+        self.seed = seed
         self._unlit = unlit
         self._rendered = False
         self._ground_truth: GroundTruth | None = None
@@ -92,11 +99,25 @@ class Renderer(OnStage):
             self._cube,
             capture,
             sensor.supersampling,
+            self._degradation_pass(stage),
         )
 
     def _forget(self) -> None:
         del self._cube, self._pipeline
         self._ground_truth = None
+
+    def _degradation_pass(self, stage: Stage) -> DegradationPass | None:
+        degradation, camera = self.camera.degradation, self.camera.camera
+        if degradation.is_ideal:
+            return None
+        geometry = PictureGeometry.of_camera(camera)
+        return DegradationPass(
+            stage.context,
+            (geometry.width_px, geometry.height_px),
+            degradation.optics_steps(geometry),
+            degradation.sensor_steps(geometry, key_of("noise", self.seed)),
+            degradation.encoding_step(geometry),
+        )
 
     def render(
         self,
@@ -107,17 +128,24 @@ class Renderer(OnStage):
         movers: Mapping[str, ArrayLike] | None = None,
         next_base: ArrayLike | None = None,
         next_movers: Mapping[str, ArrayLike] | None = None,
+        motion: Motion | None = None,
+        frame_number: int = 0,
+        exposure_ev: float | None = None,
     ) -> Frame:
         """Render one frame.
 
         Args:
             world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
-                there, too.
+                there, too. With a motion it is that of the middle of the frame.
             linear: also read back linear floats, which EXR needs.
             also: names of channels of ground truth, see `omnisim.ground_truth`.
             movers: (4, 4) poses of the stage's other movers, by name.
             next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
             next_movers: poses of the other movers at the next frame; None: they stay.
+            motion: for motion blur and rolling shutter: from seconds after the middle of the frame
+                to the pose; None: at rest.
+            frame_number: noise differs from frame to frame.
+            exposure_ev: of auto-exposure; None: what suits the picture, as if it had settled.
 
         Raises:
             OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
@@ -129,9 +157,16 @@ class Renderer(OnStage):
         if "flow" in names and after_base is None:
             raise OutputError("channel 'flow': leads to the next picture: want next_base")
         world_from_rig = base @ self.camera.base_from_rig
+        metadata = self._metadata(base, world_from_rig)
         with self._current() as stage:
             moving = stage.movers_at(base, movers)
-            picture = self._pipeline.render(world_from_rig, linear, moving)
+            if self.camera.degradation.is_ideal:
+                picture = self._pipeline.render(world_from_rig, linear, moving)
+            else:
+                picture, told = self._degraded(
+                    self._sub_frames(base, motion, stage), linear, frame_number, exposure_ev
+                )
+                metadata["degradation"] = told
             channels, labels = {}, None
             if names:
                 truth = self._truth(stage, names)
@@ -144,7 +179,6 @@ class Renderer(OnStage):
                 channels = truth.channels(names, View(world_from_rig, moving), after)
                 labels = truth.labels
         self._rendered = True
-        metadata = self._metadata(base, world_from_rig)
         if "flow" in names:
             metadata["next_world_from_base"] = after_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels)
@@ -156,6 +190,58 @@ class Renderer(OnStage):
             self._ground_truth = GroundTruth(stage, self.camera, self.hidden, albedo)
             stage.context.gc()
         return self._ground_truth
+
+    def _sub_frames(
+        self, world_from_base: NDArray[np.float64], motion: Motion | None, stage: Stage
+    ) -> list[SubFrame]:
+        """Where the camera is while the picture is taken."""
+        shutter, rig = self.camera.degradation.shutter, self.camera.base_from_rig
+        if shutter is None or motion is None or shutter.duration_s == 0.0:
+            base = world_from_base
+            return [SubFrame(base @ rig, stage.movers_at(base), None)]
+        camera = self.camera.camera
+        half_s = 0.5 * shutter.duration_s
+        ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
+        optical = [base @ self.camera.base_from_optical for base in ends]
+        count = shutter.sub_frame_count(moved_px(camera, optical))
+        weights = shutter.row_weights(count, camera.height_px)
+        poses = [check_pose(motion(float(time_s))) for time_s in shutter.times_s(count)]
+        if count == 1:
+            return [SubFrame(poses[0] @ rig, stage.movers_at(poses[0]), None)]
+        return [
+            SubFrame(base @ rig, stage.movers_at(base), share)
+            for base, share in zip(poses, weights, strict=True)
+        ]
+
+    def _degraded(
+        self,
+        sub_frames: list[SubFrame],
+        linear: bool,
+        frame_number: int,
+        exposure_ev: float | None,
+    ) -> tuple[Picture, dict[str, Any]]:
+        """The picture, and what is to be told of it."""
+        degradation = self.camera.degradation
+        told: dict[str, Any] = {"parameters": degradation.tables(), "sub_frames": len(sub_frames)}
+
+        def expose(luminance: float | None) -> dict[str, Any]:
+            ev = 0.0 if exposure_ev is None else exposure_ev
+            if degradation.exposure is not None:
+                metered_ev = degradation.exposure.metered_ev(luminance or 0.0)
+                ev = metered_ev if exposure_ev is None else exposure_ev
+                told["exposure"] = {"ev": ev, "metered_ev": metered_ev}
+            return {
+                "u_exposure_factors": degradation.exposure_factors(ev),
+                "u_frame": frame_number % 2**32,
+            }
+
+        metered = degradation.is_metered
+        picture = self._pipeline.render_degraded(sub_frames, expose, metered, linear)
+        if degradation.noise is not None:
+            told["noise"] = {"seed": self.seed, "frame_number": frame_number}
+        if degradation.jpeg is not None:
+            picture = picture._replace(rgba=degradation.jpeg.compressed(picture.rgba))
+        return picture, told
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
