@@ -25,7 +25,7 @@ LEARNING_WAY = (
 # The paper's own camera, out of focus, and slow enough for a robot that turns at 90°/s to blur.
 REAL_PRESET = "dragonfly2"
 REAL_DEFOCUS_PX = (1.0, 2.2)
-REAL_EXPOSURE_S = 0.04
+REAL_EXPOSURE_S = 0.012
 REAL_FULL_WELL_E = 2500.0
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 
