@@ -5,6 +5,7 @@ import math
 from omnisim.cameras import (
     CylindricalCamera,
     DoubleSphereCamera,
+    EllipticCamera,
     EquidistantCamera,
     EquirectangularCamera,
     EquisolidCamera,
@@ -131,4 +132,8 @@ CAMERA_EXAMPLES = {
     ),
     "gazebo-id": GazeboCamera(200, 200, 45.0, (99.5, 99.5), 1.0, 1.0, 0.0, "id"),
     "planar": PlanarCamera(300, 200, 140.0, (140.5, 99.5)),
+    "elliptic": EllipticCamera(320, 320, 420.0, (159.5, 159.5), eccentricity=0.7),
+    "elliptic-off-centre": EllipticCamera(
+        300, 200, 900.0, (130.25, 110.5), eccentricity=0.9, theta_max_rad=math.radians(75.0)
+    ),
 }  # fmt: skip

@@ -15,6 +15,7 @@ Conventions, for all models:
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
+from omnisim.cameras.elliptic import EllipticCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
@@ -39,6 +40,7 @@ __all__ = [
     "CentralCamera",
     "CylindricalCamera",
     "DoubleSphereCamera",
+    "EllipticCamera",
     "EquidistantCamera",
     "EquirectangularCamera",
     "EquisolidCamera",

@@ -8,6 +8,7 @@ from typing import Any
 from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
+from omnisim.cameras.elliptic import EllipticCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
@@ -49,6 +50,7 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
         RadialTableCamera,
         GazeboCamera,
         PlanarCamera,
+        EllipticCamera,
     )
 }
 

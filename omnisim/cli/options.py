@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
+from rich.console import Console
+
 from omnisim.errors import OpticsError
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import Degradation, preset
 
@@ -16,6 +21,30 @@ def read_sensor(path: Path | None) -> OmniCamera:
         SensorFileError: naming file, key, value and what was wanted.
     """
     return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def load_labelled_scene(
+    source: str, up_axis: str | None, labels: Path | None, is_labelled: bool, err: Console
+) -> Scene:
+    """Load a scene with its labels, or those of a file; its notices go to `err`.
+
+    Args:
+        source: path or built-in name.
+        up_axis: see `load_scene`.
+        labels: a label file, or None: the scene's own.
+        is_labelled: whether somebody will read the labels; then what they lack is told, too.
+        err: for notices.
+
+    Raises:
+        SceneError: from the scene, or from the label file.
+    """
+    scene = load_scene(source, up_axis)
+    if labels is not None:
+        scene = dataclasses.replace(scene, labels=read_label_file(labels))
+    told = find_labels(scene).notices() if is_labelled else ()
+    for notice in (*scene.notices, *told):
+        err.print("note: ", notice, sep="", markup=False)
+    return scene
 
 
 def read_preset(name: str | None) -> Degradation | None:

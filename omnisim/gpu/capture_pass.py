@@ -17,16 +17,17 @@ from omnisim.mirrors import MirrorMesh
 
 
 class Emit(Enum):
-    """What a capture writes for each pixel; the value is the define in `capture/emit.glsl`."""
+    """What a capture writes for each pixel; the value is the defines of `capture/emit.glsl`."""
 
-    COLOR = ""
-    RAY = "EMIT_RAY"
-    SURFACE = "EMIT_SURFACE"
+    COLOR = ()
+    RAY = ("EMIT_RAY",)
+    SURFACE = ("EMIT_SURFACE",)
+    SURFACE_WITH_ALBEDO = ("EMIT_SURFACE", "ALBEDO")
 
     @property
     def defines(self) -> tuple[str, ...]:
         """Of the capture's program."""
-        return (self.value,) if self.value else ()
+        return self.value
 
 
 class LensCapture:

@@ -18,8 +18,8 @@ from omnisim.gpu.visibility_pass import VisibilityPass, alpha_cutoff, clear_inte
 
 _RECORD = np.dtype(  # DrawRecord in shaders/ground_truth/surface_lookup.glsl
     [
-        ("here_from_mesh", "<f4", (4, 4)),
-        ("normal_from_mesh", "<f4", (4, 4)),
+        ("here_from_mesh", "<f4", (3, 4)),
+        ("normal_from_mesh", "<f4", (3, 4)),
         ("first", "<u4"),
         ("holed", "<u4"),
         ("unused", "<u4", 2),
@@ -35,7 +35,7 @@ class Surfaces(NamedTuple):
     "Here" has the world's axes and its origin in the effective viewpoint.
     """
 
-    points_m: NDArray[np.float32]  # (height, width, 3), here; 0 where nothing is hit
+    points_m: NDArray[np.float32]  # (height, width, 3), here; nothing is hit: direction
     ranges_m: NDArray[np.float32]  # (height, width); +inf: nothing is hit
     draws: NDArray[np.int32]  # (height, width), into `SceneBuffers.draws`; −1: nothing is hit
     triangles: NDArray[np.uint32]  # (height, width), of the draw
@@ -153,8 +153,8 @@ class SurfacePass:
         return self._read(normals, albedos)
 
     def _write_records(self, placement: Placement) -> None:
-        self._records["here_from_mesh"] = columns_first(placement.here_from_mesh)
-        self._records["normal_from_mesh"][:, :3, :3] = columns_first(placement.normal_from_mesh)
+        self._records["here_from_mesh"] = placement.here_from_mesh[:, :3]
+        self._records["normal_from_mesh"][..., :3] = placement.normal_from_mesh
         self._record_buffer.write(self._records)
 
     def _read(self, normals: bool, albedos: bool) -> Surfaces:

@@ -9,9 +9,9 @@
 #include "scene/vertex_words.glsl"
 
 struct DrawRecord {
-    mat4 here_from_mesh;
-    mat4 normal_from_mesh;  // cofactors, see scene_buffers.py; its last row and column count nothing
-    uvec4 first_holed;      // first index, 1 where the material has holes, unused
+    vec4 here_from_mesh[3];    // rows
+    vec4 normal_from_mesh[3];  // rows of the cofactors, see scene_buffers.py
+    uvec4 first_holed;         // first index, 1 where the material has holes, unused
 };
 layout(std430, binding = 2) readonly buffer Draws { DrawRecord draws[]; };
 
@@ -19,7 +19,7 @@ uniform usampler2D u_atlas;  // as visibility.frag writes it
 uniform mat3 u_here_from_optical;
 uniform vec2 u_depth_limits_m;  // near and far plane of the faces
 
-layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit
+layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
 layout(location = 1) out uvec2 out_surface;  // as in the atlas
 layout(location = 2) out vec4 out_normal;    // here, unit; 1 where the pixel is valid
 #ifdef ALBEDO
@@ -30,6 +30,13 @@ layout(location = 3) out vec4 out_albedo;
 const float INFINITE = uintBitsToFloat(0x7F800000u);
 // A ray between two triangles may miss both by rounding, a micrometre at 20 m: it hits the nearer.
 const float EDGE_RAD = 2e-7;
+
+const int WIDTH = 3;  // of the block of texels around a ray's own
+const uint PLACES = uint(WIDTH * WIDTH), OWN = PLACES / 2u;
+
+ivec2 step_to(uint place) {
+    return ivec2(int(place) % WIDTH, int(place) / WIDTH) - WIDTH / 2;
+}
 
 struct Triangle {
     vec3 a, b, c;  // corners, here
@@ -42,16 +49,37 @@ struct Cut {
     vec3 weights;      // of the corners, not normalised
 };
 
+vec3 here_at(uint number, uint index) {
+    vec4 mesh = vec4(position_at(vertex_at(index)), 1.0);
+    return vec3(
+        dot(draws[number].here_from_mesh[0], mesh),
+        dot(draws[number].here_from_mesh[1], mesh),
+        dot(draws[number].here_from_mesh[2], mesh));
+}
+
 Triangle triangle_of(uvec2 surface) {
-    DrawRecord draw = draws[surface.x - 1u];
-    uint first = draw.first_holed.x + 3u * surface.y;
+    uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
     Triangle t;
-    t.a = (draw.here_from_mesh * vec4(position_at(vertex_at(first)), 1.0)).xyz;
-    t.b = (draw.here_from_mesh * vec4(position_at(vertex_at(first + 1u)), 1.0)).xyz;
-    t.c = (draw.here_from_mesh * vec4(position_at(vertex_at(first + 2u)), 1.0)).xyz;
+    t.a = here_at(number, first);
+    t.b = here_at(number, first + 1u);
+    t.c = here_at(number, first + 2u);
     t.normal = cross(t.b - t.a, t.c - t.a);
     t.normal *= dot(t.normal, t.a) > 0.0 ? -1.0 : 1.0;
     return t;
+}
+
+// As scene/surface.frag has it: the interpolated normal, or the plane's, of the side that is seen.
+vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
+    uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
+    vec3 mesh = weights.x * normal_at(vertex_at(first)) +
+                weights.y * normal_at(vertex_at(first + 1u)) +
+                weights.z * normal_at(vertex_at(first + 2u));
+    vec3 smooth_normal = vec3(
+        dot(draws[number].normal_from_mesh[0].xyz, mesh),
+        dot(draws[number].normal_from_mesh[1].xyz, mesh),
+        dot(draws[number].normal_from_mesh[2].xyz, mesh));
+    vec3 normal = dot(smooth_normal, smooth_normal) > 0.0 ? smooth_normal : t.normal;
+    return normalize(normal * (dot(normal, t.normal) < 0.0 ? -1.0 : 1.0));
 }
 
 // An edge and the viewpoint span a plane; the ray's sine to it tells the side that it passes on.
@@ -71,7 +99,7 @@ Cut cut(Triangle t, vec3 ray) {
 }
 
 void emit(bool valid, vec3 ray) {
-    out_hit = vec4(0.0, 0.0, 0.0, INFINITE);
+    out_hit = vec4(u_here_from_optical * normalize(ray), INFINITE);
     out_surface = uvec2(0u);
     out_normal = vec4(0.0, 0.0, 0.0, valid ? 1.0 : 0.0);
 #ifdef ALBEDO
@@ -90,70 +118,66 @@ void emit(bool valid, vec3 ray) {
 
     vec3 here = u_here_from_optical * ray;
     vec2 limits = u_depth_limits_m / local.z;  // along the ray
-    float nearest = INFINITE;
-    uvec2 surface = uvec2(0u);
-    vec3 weights = vec3(0.0);
-    float least_missed = 1.0;
-    uvec2 least = uvec2(0u);
     bool beside_nothing = own.x == 0u;
-    uvec2 before = uvec2(0u);
-    for (int number = 0; number < 9; ++number) {
-        // its own texel first
-        int place = number == 0 ? 4 : (number <= 4 ? number - 1 : number);
-        ivec2 texel = own_texel + ivec2(place % 3 - 1, place / 3 - 1);
-        uvec2 seen = number == 0 ? own : texelFetch(u_atlas, texel, 0).xy;
-        if (seen.x == 0u) {
-            beside_nothing = true;
-            continue;
-        }
-        if (number > 0 && (seen == own || seen == before)) continue;
+    uvec2 surface = uvec2(0u);  // the nearest that the ray hits
+    Cut hit;
+    Triangle hit_triangle;
+    uvec2 missed = uvec2(0u);  // what it misses by least
+    Cut miss;
+    Triangle missed_triangle;
+    // which texels around its own show something else, bit by bit
+    uint candidates = own.x == 0u ? 0u : 1u << OWN;
+    uvec2 before = own;
+    for (uint place = 0u; place < PLACES; ++place) {
+        uvec2 seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+        beside_nothing = beside_nothing || seen.x == 0u;
+        if (seen.x != 0u && seen != own && seen != before) candidates |= 1u << place;
         before = seen;
-        if (draws[seen.x - 1u].first_holed.y != 0u && seen != own) continue;
-        Cut found = cut(triangle_of(seen), here);
+    }
+    while (candidates != 0u) {
+        uint place = uint(findLSB(candidates));
+        candidates &= candidates - 1u;
+        uvec2 seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+        // what has holes shows where its own texel says so
+        if (place != OWN && draws[seen.x - 1u].first_holed.y != 0u) continue;
+        Triangle t = triangle_of(seen);
+        Cut found = cut(t, here);
         if (found.range < limits.x || found.range > limits.y) continue;
         if (found.missed_rad < EDGE_RAD) {
-            if (found.range < nearest) {
-                nearest = found.range;
+            if (surface.x == 0u || found.range < hit.range) {
                 surface = seen;
-                weights = found.weights;
+                hit = found;
+                hit_triangle = t;
             }
-        } else if (found.missed_rad < least_missed) {
-            least_missed = found.missed_rad;
-            least = seen;
+        } else if (missed.x == 0u || found.missed_rad < miss.missed_rad) {
+            missed = seen;
+            miss = found;
+            missed_triangle = t;
         }
     }
     // A triangle too small to show in any texel: the one beside it that the ray misses by least.
-    if (surface.x == 0u) {
-        if (beside_nothing || least.x == 0u) return;
-        surface = least;
-        weights = cut(triangle_of(least), here).weights;
+    bool is_missed = surface.x == 0u;
+    if (is_missed) {
+        if (beside_nothing || missed.x == 0u) return;
+        surface = missed;
+        hit = miss;
+        hit_triangle = missed_triangle;
     }
-
-    Triangle t = triangle_of(surface);
-    weights = max(weights, vec3(0.0));
+    vec3 weights = max(hit.weights, vec3(0.0));
     weights /= max(weights.x + weights.y + weights.z, 1e-30);
-    if (isinf(nearest)) {
-        nearest = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
+    if (is_missed) {
+        hit.range = length(weights.x * hit_triangle.a + weights.y * hit_triangle.b +
+                           weights.z * hit_triangle.c);
     }
-    DrawRecord draw = draws[surface.x - 1u];
-    uint first = draw.first_holed.x + 3u * surface.y;
-    vec3 smooth_normal = mat3(draw.normal_from_mesh) * (
-        weights.x * normal_at(vertex_at(first)) +
-        weights.y * normal_at(vertex_at(first + 1u)) +
-        weights.z * normal_at(vertex_at(first + 2u)));
-    // as scene/surface.frag has it: the side that is seen
-    bool is_smooth = dot(smooth_normal, smooth_normal) > 0.0;
-    vec3 normal = is_smooth ? smooth_normal : t.normal;
-    normal *= dot(normal, t.normal) < 0.0 ? -1.0 : 1.0;
-    out_hit = vec4(nearest * here, nearest);
+    out_hit = vec4(hit.range * here, hit.range);
     out_surface = surface;
-    out_normal.xyz = normalize(normal);
+    out_normal.xyz = normal_of(surface, hit_triangle, weights);
 #ifdef ALBEDO
     ivec2 shown = own_texel;
     float closest = 9.0;
     vec2 at = tile.xy + tangent * tile.zw - vec2(own_texel) - 0.5;
-    for (int place = 0; place < 9; ++place) {
-        ivec2 step = ivec2(place % 3 - 1, place / 3 - 1);
+    for (uint place = 0u; place < PLACES; ++place) {
+        ivec2 step = step_to(place);
         vec2 away = vec2(step) - at;
         if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == surface) {
             closest = dot(away, away);
