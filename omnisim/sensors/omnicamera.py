@@ -67,7 +67,7 @@ class OmniCamera:
     far_m: float = np.inf
     samples: int = 1
     supersampling: int = 3
-    texels_per_pixel: float = 2.2
+    texels_per_pixel: float = 2.5
     degradation: Degradation = field(default_factory=Degradation)
 
     def __post_init__(self) -> None:

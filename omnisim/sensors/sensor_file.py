@@ -94,7 +94,7 @@ class VirtualCameras(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
-    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = 2.2
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = 2.5
     near_m: Positive = 0.05
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     samples: Literal[1, 2, 4, 8] = 1
