@@ -22,7 +22,8 @@ class Emit(Enum):
     COLOR = ()
     RAY = ("EMIT_RAY",)
     SURFACE = ("EMIT_SURFACE",)
-    SURFACE_WITH_ALBEDO = ("EMIT_SURFACE", "ALBEDO")
+    SURFACE_AND_NORMAL = ("EMIT_SURFACE", "NORMALS")
+    SURFACE_NORMAL_ALBEDO = ("EMIT_SURFACE", "NORMALS", "ALBEDO")
 
     @property
     def defines(self) -> tuple[str, ...]:

@@ -14,12 +14,8 @@ from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.capturing import capture_of, faces_of
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.optical_flow import OpticalFlow, View
+from omnisim.sensors.optical_flow import FINENESS, OpticalFlow, View
 from omnisim.sensors.stage import Stage
-
-# Texels to a pixel along a side. A triangle is found where a texel near the ray shows it; measured
-# in the warehouse, 0.6 % of the rays meet one too thin for texels of a pixel, 0.4 % for these.
-FINENESS = 1.5
 
 
 class GroundTruth:
@@ -43,19 +39,19 @@ class GroundTruth:
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
         camera = sensor.camera
-        self._size = (camera.width_px, camera.height_px)
+        emit = Emit.SURFACE_NORMAL_ALBEDO if albedo else Emit.SURFACE_AND_NORMAL
         plan = faces_of(sensor, FINENESS)
         self._visibility = VisibilityPass(
             stage.context, stage.buffers, plan, sensor.near_m, sensor.far_m, hidden, albedo
         )
         self._hidden = hidden
-        emit = Emit.SURFACE_WITH_ALBEDO if albedo else Emit.SURFACE
         self._surfaces = SurfacePass(
             stage.context,
             self._visibility,
             capture_of(stage, sensor, camera, emit),
-            self._size,
+            (camera.width_px, camera.height_px),
             camera.rig_from_optical,
+            emit,
         )
         self._flow: OpticalFlow | None = None
         movers = [None, *stage.moving]
