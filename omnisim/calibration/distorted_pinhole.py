@@ -164,7 +164,7 @@ def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]
         raise CalibrationError(f"{lens.model}: folds at its own middle: want a lens")
     best: Any = None
     candidates: tuple[tuple[type[Any], dict[str, float]], ...] = (
-        (UnifiedCamera, {"xi": 0.0}), (UnifiedCamera, {}), (KannalaBrandtCamera, {}),
+        (UnifiedCamera, {}), (UnifiedCamera, {"xi": 0.0}), (KannalaBrandtCamera, {}),
         (EucmCamera, {}),
     )  # fmt: skip
     for model, fixed in candidates:

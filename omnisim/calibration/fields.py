@@ -43,7 +43,7 @@ def parse(data: Any, model: type[Model], source: str) -> Model:
         CalibrationError: naming place, key, value and what was wanted.
     """
     if not isinstance(data, Mapping):
-        raise CalibrationError(f"{source} = {_short(data)}: want keys with values")
+        raise CalibrationError(f"{source} = {short(data)}: want keys with values")
     try:
         return parse_table(dict(data), model, CalibrationError, source)
     except CalibrationError as reason:  # values can be long
@@ -62,7 +62,7 @@ def counted(values: Sequence[float], names: str, source: str) -> list[float]:
     count = len(names.split())
     if len(values) != count:
         raise CalibrationError(
-            f"{source}: {len(values)} numbers, {_short(list(values))}: want {count}: "
+            f"{source}: {len(values)} numbers, {short(list(values))}: want {count}: "
             + names.replace(" ", ", ")
         )
     return [float(value) for value in values]
@@ -83,7 +83,7 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
         return frames.check_pose(rows)
     except OmnisimError as reason:
         words = str(reason).removeprefix("pose: ")
-        raise CalibrationError(f"{source} = {_short(rows)}: {words}") from None
+        raise CalibrationError(f"{source} = {short(rows)}: {words}") from None
 
 
 def rows(matrix: NDArray[np.float64]) -> list[list[float]]:
@@ -91,6 +91,7 @@ def rows(matrix: NDArray[np.float64]) -> list[list[float]]:
     return (np.asarray(matrix) + 0.0).tolist()
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """A value as a message shows it, cut where it is long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."

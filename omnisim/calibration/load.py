@@ -42,7 +42,8 @@ def load_calibration(
     path = Path(path)
     text = read_text(path)
     form = format_of(text, str(path), format)
-    said = form.read(text, str(path))
+    with making(str(path)):
+        said = form.read(text, str(path))
     remarks = read_remarks(text, form, str(path))
     names = [one.name for one in said]
     twice = next((name for name in names if names.count(name) > 1), None)

@@ -22,13 +22,16 @@ from omnisim.calibration.fit import Fit, fit_camera
 from omnisim.calibration.formats import Format, Said
 from omnisim.calibration.load import format_named, renamed
 from omnisim.calibration.remarks import remark_of, with_remarks
-from omnisim.cameras import CylindricalCamera, EquirectangularCamera
-from omnisim.cameras.domain import largest_theta_rad
+from omnisim.cameras import CentralCamera, CylindricalCamera, EquirectangularCamera, MirroredCamera
+from omnisim.cameras.domain import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.errors import CalibrationError, OmnisimError, OutputError
 
 PANORAMAS = (CylindricalCamera, EquirectangularCamera)
 LEAST_COVERED = 0.95  # of the picture's pixels; a fit that shows fewer is another camera
 FURTHEST_OFF = 0.02  # of the picture's shorter side; a fit further off is no calibration
+
+GRID = 65
+NEARLY_RAD = math.radians(5.0)  # a grid misses less
 
 
 class Words(NamedTuple):
@@ -156,7 +159,9 @@ def _kinds(form: Format, model: str | None) -> list[type[Any]]:
 def _check_cone(camera: CalibratedCamera, form: Format) -> None:
     if form.widest_rad is None:
         return
-    widest = largest_theta_rad(camera.camera)
+    widest = _widest_rad(camera.camera)
+    if form.widest_rad > widest > form.widest_rad - NEARLY_RAD:
+        widest = largest_theta_rad(camera.camera)  # to the last bit, which takes its time
     if widest >= form.widest_rad:
         raise CalibrationError(
             f"{camera.name}: sees {math.degrees(widest):.1f}° from its axis: {form.name} says "
@@ -164,10 +169,23 @@ def _check_cone(camera: CalibratedCamera, form: Format) -> None:
         )
 
 
+def _widest_rad(camera: CentralCamera) -> float:
+    """Largest angle from the axis that a grid over the picture, border included, shows."""
+    steps = np.linspace(0.0, 1.0, GRID)
+    u, v = np.meshgrid(steps * camera.width_px - 0.5, steps * camera.height_px - 0.5)
+    rays = camera.ray_from_pixel(np.stack((u, v), axis=-1))
+    axis = optical_axis(camera)
+    return float(angles_from_axis(rays.directions[rays.valid], axis).max(initial=0.0))
+
+
 def _best_fit(
     camera: CalibratedCamera, form: Format, model: str | None, mirrored: bool, reasons: list[str]
 ) -> Fit:
     """The fit whose largest residual is smallest, of those that show the whole picture."""
+    # a mirrored lens is fitted as the lens that it is
+    source = camera.camera
+    if isinstance(source, MirroredCamera):
+        source, mirrored = source.lens, False
     fits, side = [], min(camera.camera.width_px, camera.camera.height_px)
     middle = 0.5 * (camera.camera.width_px - 1), 0.5 * (camera.camera.height_px - 1)
     centred = {"principal_point_px": middle} if form.centred else {}
@@ -176,7 +194,7 @@ def _best_fit(
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
-                fit = fit_camera(camera.camera, kind, mirrored=mirrored, fixed={**fixed, **centred})
+                fit = fit_camera(source, kind, mirrored=mirrored, fixed={**fixed, **centred})
         except OmnisimError as reason:
             reasons.append(str(reason).removeprefix("camera: "))
             continue

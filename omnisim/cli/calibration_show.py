@@ -54,7 +54,7 @@ def _rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))
     rows.append(("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the picture{down}"))
     rows.append(("the model ends", _limit(camera, seen.theta_limit_rad)))
-    rows.append(("valid pixels", f"{100.0 * seen.covered:.2f} %"))
+    rows.append(("valid pixels", f"{100.0 * seen.covered:.1f} %"))
     for pose in calibrated.poses[:8]:
         x, y, z = pose.target_from_source[:3, 3]
         rows.append((f"{pose.target}_from_{pose.source}", f"at ({x:.6g}, {y:.6g}, {z:.6g}) m"))

@@ -2,13 +2,12 @@
 
 import json
 import random
-import warnings
 
 import pytest
 
 from omnisim.calibration import load_calibration
 from omnisim.errors import OmnisimError
-from tests.calibration.sample_files import SAMPLES
+from tests.calibration.sample_files import EXACT_SAMPLES
 
 VALUES = (
     "''", '"1"', "null", "true", "[]", "{}", "-1", "0", "1e308", "-1e308", "1e-308", "nan", ".inf",
@@ -48,25 +47,27 @@ def _broken(text, generator):
     return "".join(lines)
 
 
-@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", EXACT_SAMPLES, ids=lambda path: path.name)
 def test_broken_files_are_one_line(path, tmp_path):
     text = path.read_text()
-    if "cam4:" in text:  # fitted, which takes its time
-        text = text[: text.index("cam4:")]
     generator = random.Random(path.name)
     broken = tmp_path / path.name
-    refused = 0
+    complaints = []
     for _ in range(60):
-        try:
-            broken.write_text(_broken(text, generator), errors="replace")
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                load_calibration(broken)
-        except OmnisimError as reason:
-            refused += 1
-            assert str(reason).startswith(str(broken))
-            assert all(len(line) < 700 for line in str(reason).splitlines())
-    assert refused > 10
+        broken.write_text(_broken(text, generator), errors="replace")
+        complaints += _complaint(broken)
+    assert len(complaints) > 10
+    assert all(one.startswith(str(broken)) for one in complaints)
+    assert all(len(line) < 700 for one in complaints for line in one.splitlines())
+
+
+def _complaint(path):
+    """What is wrong with a file, in a list, empty where nothing is."""
+    try:
+        load_calibration(path)
+    except OmnisimError as reason:
+        return [str(reason)]
+    return []
 
 
 def _swap(value, generator):
@@ -81,7 +82,7 @@ def _swap(value, generator):
 
 
 @pytest.mark.parametrize(
-    "path", [path for path in SAMPLES if path.suffix == ".json"], ids=lambda path: path.name
+    "path", [path for path in EXACT_SAMPLES if path.suffix == ".json"], ids=lambda path: path.name
 )
 def test_values_of_other_types_are_one_line(path, tmp_path):
     data = json.loads(path.read_text())
@@ -89,7 +90,4 @@ def test_values_of_other_types_are_one_line(path, tmp_path):
     broken = tmp_path / path.name
     for _ in range(150):
         broken.write_text(json.dumps(_swap(data, generator)))
-        try:
-            load_calibration(broken)
-        except OmnisimError as reason:
-            assert str(reason).startswith(str(broken))
+        assert all(one.startswith(str(broken)) for one in _complaint(broken))

@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.calibration.distorted_pinhole import FovLens, nearest_lens
-from omnisim.calibration.fields import LARGEST_SIZE_PX, counted
+from omnisim.calibration.fields import LARGEST_SIZE_PX, counted, short
 from omnisim.calibration.formats.brown import brown_pinhole
 from omnisim.calibration.formats.format import Format, Said, making
 from omnisim.calibration.formats.pinholes import as_pinhole, pinhole
@@ -73,7 +73,9 @@ def _read(text: str, source: str) -> list[Said]:
             raise CalibrationError(f"{place}: want CAMERA_ID MODEL WIDTH HEIGHT PARAMS…")
         name, model, *numbers = words
         if model not in MODELS:
-            raise CalibrationError(f"{place}: MODEL = {model}: want one of " + ", ".join(MODELS))
+            raise CalibrationError(
+                f"{place}: MODEL = {model[:40]}: want one of " + ", ".join(MODELS)
+            )
         values = [_number(word, place) for word in numbers]
         width, height = (_size(value, place) for value in values[:2])
         parameters = counted(values[2:], MODELS[model], f"{place}: {model}")
@@ -90,7 +92,7 @@ def _number(word: str, place: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise CalibrationError(f"{place}: {word!r}: want a number")
+        raise CalibrationError(f"{place}: {short(word)}: want a number")
     return value
 
 

@@ -26,7 +26,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from omnisim.calibration.documents import parse_xml
-from omnisim.calibration.fields import LARGEST_SIZE_PX
+from omnisim.calibration.fields import LARGEST_SIZE_PX, short
 from omnisim.calibration.formats.format import Format, Remarks, Said, making
 from omnisim.calibration.formats.pinholes import pinhole
 from omnisim.cameras import (
@@ -149,7 +149,7 @@ def _number(camera: ElementTree.Element, path: str, default: float | None, place
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise CalibrationError(f"{place}: {path} = {text.strip()!r}: want a number")
+        raise CalibrationError(f"{place}: {path} = {short(text.strip())}: want a number")
     return value
 
 

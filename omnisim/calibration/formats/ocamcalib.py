@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from omnisim.calibration.fields import LARGEST_SIZE_PX
+from omnisim.calibration.fields import LARGEST_SIZE_PX, short
 from omnisim.calibration.formats.format import Format, Said, making, nameless
-from omnisim.cameras import OcamcalibCamera, pixel_grid
+from omnisim.cameras import OcamcalibCamera
 from omnisim.errors import CalibrationError
 
 BLOCKS = ("polynomial", "inverse polynomial", "centre", "affine parameters", "image size")
@@ -67,7 +67,7 @@ def _read(text: str, source: str) -> list[Said]:
         places.append(f"{source}: line {number}: {block}")
         wrong = next((word for word in words if not _is_number(word)), None)
         if wrong is not None:
-            raise CalibrationError(f"{places[-1]}: {wrong!r}: want a number")
+            raise CalibrationError(f"{places[-1]}: {short(wrong)}: want a number")
         blocks.append([float(word) for word in words])
     places = [
         f"{source}: line {number}: {block}"
@@ -135,8 +135,8 @@ def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
 
     Over the angles that the picture shows; the toolbox's world2cam needs them.
     """
-    steps = max(1, max(lens.width_px, lens.height_px) // 64)
-    rays = lens.ray_from_pixel(pixel_grid(lens.width_px, lens.height_px)[::steps, ::steps])
+    u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
+    rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
     directions = rays.directions[rays.valid]
     theta = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
     highest = min(float(theta.max(initial=0.1)) * 1.05, lens.theta_edge_rad)
