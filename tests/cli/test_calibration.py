@@ -58,7 +58,7 @@ def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
         "calibration", "convert", "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml"
     )
     assert status == 0, err
-    assert "camera: hyperbolic, the same rays" in out
+    assert "camera: unified in a mirrored frame, the same rays" in out
     assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
     status, _, err = omnisim("calibration", "show", "s.toml", "--camera-name", "x")
     assert (status, "s.toml has one camera, without a name" in err) == (1, True)
