@@ -152,8 +152,8 @@ class FovLens(DistortedPinhole):
         return np.arctan(2.0 * math.tan(0.5 * self.w) * radius) / self.w
 
 
-def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]]:
-    """The nearest of our models, and how near it is, in words.
+def nearest_lens(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, tuple[str, ...]]:
+    """The nearest of our models, and how near it is, in words; `source` names the file.
 
     Raises:
         CalibrationError: none is near.
@@ -161,7 +161,7 @@ def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]
     from omnisim.calibration.fit import fit_camera
 
     if not lens.radius_limit > 0.0:
-        raise CalibrationError(f"{lens.model}: folds at its own middle: want a lens")
+        raise CalibrationError(f"{source}: {lens.model}: folds at its own middle: want a lens")
     best: Any = None
     candidates: tuple[tuple[type[Any], dict[str, float]], ...] = (
         (UnifiedCamera, {}), (UnifiedCamera, {"xi": 0.0}), (KannalaBrandtCamera, {}),
@@ -177,7 +177,7 @@ def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]
         if best is not None and best.max_px <= GOOD_PX:
             break
     if best is None:
-        raise CalibrationError(f"{lens.model}: no model of omnisim comes near to this lens")
+        raise CalibrationError(f"{source}: {lens.model}: no model of omnisim comes near it")
     note = (
         f"{lens.model} is none of omnisim's models: read as {best.camera.model}, "
         f"RMS {best.rms_px:.2g} px and at most {best.max_px:.2g} px off within "

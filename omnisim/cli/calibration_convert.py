@@ -44,6 +44,8 @@ def run(request: ConvertRequest, out: Console, err: Console) -> None:
     out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
     for before, after in zip(found.cameras, written.cameras, strict=True):
         out.print(f"  {_line(before, after)}", markup=False)
+        for note in after.notes:
+            err.print(f"note: {after.name}: {note}", markup=False)
 
 
 def _line(before: CalibratedCamera, after: CalibratedCamera) -> str:

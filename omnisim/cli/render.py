@@ -31,6 +31,7 @@ class RenderRequest:
     sensor: Path | None
     calibration: Path | None
     camera_name: str | None
+    mirrored: bool | None
     at: tuple[float, float, float] | None
     yaw_deg: float | None
     polygons: str | None
@@ -70,7 +71,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_camera(request.sensor, request.calibration, request.camera_name, err)
+    camera = read_camera(
+        request.sensor, request.calibration, request.camera_name, request.mirrored, err
+    )
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
