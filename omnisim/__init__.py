@@ -11,6 +11,12 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from omnisim.calibration import (
+        Calibration,
+        calibration_of,
+        load_calibration,
+        save_calibration,
+    )
     from omnisim.errors import OmnisimError
     from omnisim.frame import Frame
     from omnisim.frames import pose
@@ -20,6 +26,10 @@ if TYPE_CHECKING:
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
+    "Calibration": "omnisim.calibration",
+    "calibration_of": "omnisim.calibration",
+    "load_calibration": "omnisim.calibration",
+    "save_calibration": "omnisim.calibration",
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
     "pose": "omnisim.frames",
@@ -34,6 +44,7 @@ _HOMES = {
     "Vehicle": "omnisim.simulation.vehicle",
 }
 __all__ = [
+    "Calibration",
     "Frame",
     "LaserRenderer",
     "LaserScanner",
@@ -45,8 +56,11 @@ __all__ = [
     "Stage",
     "Vehicle",
     "__version__",
+    "calibration_of",
+    "load_calibration",
     "load_scene",
     "pose",
+    "save_calibration",
 ]
 
 

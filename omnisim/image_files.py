@@ -200,6 +200,32 @@ def _metadata_of(text: Any) -> dict[str, Any] | None:
     return metadata if isinstance(metadata, dict) else None
 
 
+def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
+    """What a picture (height, width, 3) sRGB becomes in a JPEG file, encoded and decoded again.
+
+    Args:
+        pixels: the picture.
+        quality: 1 to 100, as libjpeg counts.
+        subsampling: "4:4:4", "4:2:2" or "4:2:0".
+
+    Raises:
+        OutputError: it cannot be encoded.
+    """
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec["Compression"] = f"jpeg:{quality}"
+    spec["jpeg:subsampling"] = subsampling
+    data = _encoded(Path("camera.jpg"), spec, np.ascontiguousarray(pixels))
+    memory = os.memfd_create("omnisim picture")
+    try:
+        with open(memory, "wb", closefd=False) as file:
+            file.write(data)
+        decoded, _ = read_image(Path(f"/proc/self/fd/{memory}"))
+    finally:
+        os.close(memory)
+    return decoded
+
+
 def _encoded(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> bytes:
     """The bytes of the file, encoded into memory.
 

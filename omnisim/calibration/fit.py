@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -181,6 +182,7 @@ def fit_camera(
     return fit
 
 
+@lru_cache(maxsize=4)  # one camera is fitted by several models
 def samples_of(camera: CentralCamera, mirrored: bool, turned: float = 0.0) -> Samples:
     """Pixels that see something, evenly all over the picture and on the edge, and their rays.
 

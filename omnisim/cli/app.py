@@ -16,6 +16,7 @@ from omnisim.cli.arguments import (
     LabelsOption,
     PictureOption,
     PolygonsOption,
+    PresetOption,
     RunArgument,
     SceneArgument,
     SizeOption,
@@ -23,8 +24,10 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
+from omnisim.cli.calibration import NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
+from omnisim.cli.landmarks import CameraOption, SceneOption, landmarks_app
 from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
 
@@ -41,6 +44,8 @@ app = typer.Typer(
 )
 
 app.add_typer(robot_app)
+app.add_typer(landmarks_app)
+app.add_typer(calibration_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -74,6 +79,16 @@ def render(
     sensor: Annotated[
         Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
     ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Calibration file instead: Kalibr, OpenCV, COLMAP, … "
+            "(`omnisim calibration formats`).",
+        ),
+    ] = None,
+    camera_name: NameOption = None,
     at: AtOption = None,
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
@@ -98,6 +113,23 @@ def render(
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a picture to look at of each channel.")
     ] = False,
+    preset: PresetOption = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0,
+    speed: Annotated[
+        float,
+        typer.Option("--speed", metavar="M/S", help="Forwards, for motion blur and the shutter."),
+    ] = 0.0,
+    turn_rate: Annotated[
+        float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
+    ] = 0.0,
+    rays: Annotated[
+        Path | None,
+        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json"),
+    ] = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -105,8 +137,9 @@ def render(
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device,
-        also, labels, next_at, next_yaw, preview,
+        scene, output, sensor, camera, camera_name, at, yaw, polygons, size, unlit, faces, up,
+        device, also, labels, next_at, next_yaw, preview, preset, seed, speed, turn_rate, rays,
+        calibration,
     )  # fmt: skip
     run(request, out, err)
 
@@ -128,7 +161,9 @@ def drive(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder of the run; gone on with if it is there.")
     ],
-    seed: Annotated[int, typer.Option("--seed", help="Of the odometry's noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Of the odometry's and the cameras' noise.")
+    ] = 0,
     step: Annotated[
         float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
     ] = 0.41,
@@ -155,6 +190,7 @@ def drive(
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
+    preset: PresetOption = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -164,9 +200,49 @@ def drive(
 
     route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
-        scene, robot, output, route, seed, polygons, size, unlit, force, up, device, also, labels
+        scene,
+        robot,
+        output,
+        route,
+        seed,
+        polygons,
+        size,
+        unlit,
+        force,
+        up,
+        device,
+        also,
+        labels,
+        preset,
     )
     run(request, out, err)
+
+
+@app.command()
+def localize(
+    run_folder: RunArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the estimate, figures and page.")
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Model of `landmarks train`. [dim]learned from the run's own labels[/]",
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", metavar="FILE", help="Filter's parameters. [dim]omnisim's[/]"),
+    ] = None,
+    scene: SceneOption = None,
+    camera: CameraOption = None,
+) -> None:
+    """Find out where the robot of a run was, from its wheels and the landmarks it saw."""
+    from omnisim.cli.localize import run
+
+    run(run_folder, output, model, params, scene, camera, out, err)
 
 
 @app.command()

@@ -7,10 +7,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from omnisim.errors import OpticsError
+from omnisim.cli.calibration_source import first_camera, read_calibration
+from omnisim.errors import CalibrationError, OpticsError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.degradations import Degradation, preset
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -20,6 +22,32 @@ def read_sensor(path: Path | None) -> OmniCamera:
         SensorFileError: naming file, key, value and what was wanted.
     """
     return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def read_camera(
+    sensor: Path | None, calibration: Path | None, camera_name: str | None, err: Console
+) -> OmniCamera:
+    """The sensor of a file, or a camera of a calibration file as a sensor, or the paper's.
+
+    Args:
+        sensor: a sensor file.
+        calibration: a calibration file.
+        camera_name: a camera of the calibration file; by default the first.
+        err: for notices.
+
+    Raises:
+        OmnisimError: both, or what is wrong with either.
+    """
+    if calibration is None:
+        if camera_name is not None:
+            raise CalibrationError(f"--camera-name {camera_name}: is for --camera: want that too")
+        return read_sensor(sensor)
+    if sensor is not None:
+        raise CalibrationError("--sensor and --camera both say what camera it is: want one")
+    found = first_camera(
+        read_calibration(calibration, camera_name, None, None, err), camera_name, err
+    )
+    return OmniCamera(found.cameras[0].camera, polygons=None)
 
 
 def load_labelled_scene(
@@ -44,6 +72,15 @@ def load_labelled_scene(
     for notice in (*scene.notices, *told):
         err.print("note: ", notice, sep="", markup=False)
     return scene
+
+
+def read_preset(name: str | None) -> Degradation | None:
+    """The degradations of a preset, or None: as the sensor file says.
+
+    Raises:
+        SensorFileError: there is no such preset, or its file has a fault.
+    """
+    return None if name is None else preset(name)
 
 
 def parse_polygons(text: str) -> int | None:
