@@ -16,10 +16,14 @@ if TYPE_CHECKING:
     from omnisim.frames import pose
     from omnisim.scene import Scene, load_scene
     from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
+    from omnisim.sensors.degradations import Degradation
+    from omnisim.sensors.motion import Twist
     from omnisim.simulation.vehicle import Vehicle
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
+    "Degradation": "omnisim.sensors.degradations",
+    "Twist": "omnisim.sensors.motion",
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
     "pose": "omnisim.frames",
@@ -34,6 +38,7 @@ _HOMES = {
     "Vehicle": "omnisim.simulation.vehicle",
 }
 __all__ = [
+    "Degradation",
     "Frame",
     "LaserRenderer",
     "LaserScanner",
@@ -43,6 +48,7 @@ __all__ = [
     "Scan",
     "Scene",
     "Stage",
+    "Twist",
     "Vehicle",
     "__version__",
     "load_scene",
