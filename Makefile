@@ -4,7 +4,7 @@
 # And one proves the geometry:
 #   make validate
 
-.PHONY: help demo test validate readme lint setup system clean
+.PHONY: help demo test validate readme gallery lint setup system clean
 
 # The first Python that is new enough; say PYTHON=... to choose another.
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -19,6 +19,7 @@ help:
 	@echo "make test       install what is missing and run the tests"
 	@echo "make validate   install what is missing and prove the geometry: out/validation"
 	@echo "make readme     the same, and put numbers and figures into README"
+	@echo "make gallery    render one scene through every camera model: omnisim/cameras/gallery"
 	@echo "make clean      remove what these made"
 
 demo: setup
@@ -35,6 +36,9 @@ validate: setup
 
 readme: validate
 	$(BIN)/python .ci/renew_readme.py out/validation
+
+gallery: setup
+	$(BIN)/python .ci/make_gallery.py
 
 lint: setup
 	$(BIN)/ruff check .

@@ -11,6 +11,12 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from omnisim.calibration import (
+        Calibration,
+        calibration_of,
+        load_calibration,
+        save_calibration,
+    )
     from omnisim.errors import OmnisimError
     from omnisim.frame import Frame
     from omnisim.frames import pose
@@ -22,6 +28,10 @@ if TYPE_CHECKING:
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
+    "Calibration": "omnisim.calibration",
+    "calibration_of": "omnisim.calibration",
+    "load_calibration": "omnisim.calibration",
+    "save_calibration": "omnisim.calibration",
     "Degradation": "omnisim.sensors.degradations",
     "Twist": "omnisim.sensors.motion",
     "OmnisimError": "omnisim.errors",
@@ -38,6 +48,7 @@ _HOMES = {
     "Vehicle": "omnisim.simulation.vehicle",
 }
 __all__ = [
+    "Calibration",
     "Degradation",
     "Frame",
     "LaserRenderer",
@@ -51,8 +62,11 @@ __all__ = [
     "Twist",
     "Vehicle",
     "__version__",
+    "calibration_of",
+    "load_calibration",
     "load_scene",
     "pose",
+    "save_calibration",
 ]
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
+from omnisim.ground_truth import Labels
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.files import write_beside, write_boxes, write_previews
 from omnisim.image_files import is_float_format, write_image
 
 
@@ -21,11 +25,16 @@ class Frame:
         rgba: (height, width, 4) uint8, sRGB; alpha is 255 where the camera sees something.
         linear: (height, width, 3) float32 linear RGB, where it was asked for.
         metadata: camera, mirror, scene and pose, as JSON can hold them.
+        channels: ground truth by name, (height, width) or (height, width, n), where it was asked
+            for; `omnisim.ground_truth.CHANNELS` says what each holds.
+        labels: what the numbers of its classes and instances mean, or None: no channels.
     """
 
     rgba: NDArray[np.uint8]
     linear: NDArray[np.float32] | None
     metadata: dict[str, Any]
+    channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    labels: Labels | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
@@ -37,8 +46,15 @@ class Frame:
         """Mask (height, width): the pixel shows the scene, with at least half of its captures."""
         return self.rgba[..., 3] > 0
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, previews: bool = False) -> None:
         """Write PNG, JPEG or TIFF (sRGB), or EXR (linear float), with the metadata inside.
+
+        Channels are layers of the EXR; beside the other formats they are files of their own, see
+        `omnisim.ground_truth.files`. Boxes of the instances are in `<stem>.coco.json`.
+
+        Args:
+            path: of the picture.
+            previews: also write the channels in colours, `<stem>.range.preview.png` and so on.
 
         Raises:
             OutputError: an unknown format, EXR without a linear picture, or a file that cannot
@@ -47,7 +63,14 @@ class Frame:
         path = Path(path)
         if not is_float_format(path):
             write_image(path, self.rgb, self.metadata)
+            if self.channels:
+                write_beside(path, self.channels, self.labels, self.metadata)
         elif self.linear is None:
             raise OutputError(f"{path}: EXR holds linear colours: render with linear=True")
+        elif self.channels:
+            write_exr(path, self.channels, self.labels, self.metadata, self.linear)
         else:
             write_image(path, self.linear, self.metadata)
+        write_boxes(path, self.channels, self.labels)
+        if previews:
+            write_previews(path, self.channels, self.labels)

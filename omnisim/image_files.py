@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import OpenImageIO as oiio
@@ -24,6 +25,7 @@ FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
 # On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
 _JPEG = {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"}
+_LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 
 
 def is_float_format(path: Path) -> bool:
@@ -69,6 +71,130 @@ def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | Non
     data = _encoded(path, spec, np.ascontiguousarray(pixels))
     with whole_file(path) as partial:
         partial.write_bytes(data)
+
+
+class Channels(NamedTuple):
+    """What an EXR file of data holds.
+
+    Attributes:
+        values: (height, width) float32 under each channel's name.
+        metadata: omnisim's own; None where the file has none.
+        attributes: other attributes of the file that are words or numbers.
+    """
+
+    values: dict[str, NDArray[np.float32]]
+    metadata: dict[str, Any] | None
+    attributes: dict[str, str | int | float]
+
+
+def write_numbers(
+    path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: dict[str, Any] | None = None
+) -> None:
+    """Write whole numbers, not colours, (height, width) or (height, width, n) as a PNG file.
+
+    Args:
+        path: with the suffix .png.
+        numbers: 8 or 16 bits each.
+        metadata: omnisim's own, as `write_image` has it.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    if path.suffix.lower() != ".png":
+        raise OutputError(f"{path}: numbers are written as .png")
+    check_target(path)
+    height, width = numbers.shape[:2]
+    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16}
+    channels = 1 if numbers.ndim == 2 else numbers.shape[2]
+    spec = oiio.ImageSpec(width, height, channels, kinds[numbers.dtype.name])
+    spec["Software"] = f"omnisim {__version__}"
+    if metadata is not None:
+        spec[METADATA_KEY] = json.dumps(metadata)
+    data = _encoded(path, spec, np.ascontiguousarray(numbers.reshape(height, width, channels)))
+    with whole_file(path) as partial:
+        partial.write_bytes(data)
+
+
+def write_channels(
+    path: Path,
+    channels: Mapping[str, NDArray[Any]],
+    metadata: dict[str, Any] | None = None,
+    attributes: Mapping[str, str | int | float] | None = None,
+) -> None:
+    """Write data, not a picture, as 32-bit floats of an EXR file, losslessly compressed.
+
+    Args:
+        path: with the suffix .exr.
+        channels: (height, width) arrays under their names, "Z" or "direction.X"; booleans become
+            0 and 1, whole numbers have to be exact as floats. Infinities are kept.
+        metadata: omnisim's own, as `write_image` has it.
+        attributes: what other programs look for under these names.
+
+    Raises:
+        OutputError: another suffix, no channels, arrays of different shapes or with numbers that
+            a float32 does not hold, or a file that cannot be written; nothing is left under
+            `path` then.
+    """
+    if path.suffix.lower() not in FLOAT_SUFFIXES:
+        raise OutputError(f"{path}: data is written as .exr, not as {path.suffix or '(no suffix)'}")
+    check_target(path)
+    if not channels:
+        raise OutputError(f"{path}: want at least one channel")
+    shape = next(iter(channels.values())).shape
+    floats = []
+    for name, values in channels.items():
+        if values.ndim != 2 or values.shape != shape or values.size == 0:
+            raise OutputError(f"{path}: channel {name}: {values.shape}: want (height, width)")
+        if values.dtype.kind in "iu" and np.any(np.abs(values.astype(np.float64)) > _LARGEST_EXACT):
+            raise OutputError(f"{path}: channel {name}: want whole numbers up to {_LARGEST_EXACT}")
+        if values.dtype.kind not in "fiub":
+            raise OutputError(f"{path}: channel {name}: {values.dtype}: want numbers")
+        floats.append(values.astype(np.float32))
+    spec = oiio.ImageSpec(shape[1], shape[0], len(floats), oiio.FLOAT)
+    spec.channelnames = tuple(channels)
+    spec["Software"] = f"omnisim {__version__}"
+    spec["Compression"] = "zip"
+    for key, value in (attributes or {}).items():
+        spec[key] = value
+    if metadata is not None:
+        spec[METADATA_KEY] = json.dumps(metadata)
+    data = _encoded(path, spec, np.stack(floats, axis=-1))
+    with whole_file(path) as partial:
+        partial.write_bytes(data)
+
+
+def read_channels(path: Path) -> Channels:
+    """Read an EXR file of data; the first row is at the top.
+
+    Raises:
+        OutputError: the file is missing or not one.
+    """
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
+    try:
+        spec = source.spec()
+        pixels = source.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
+        found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+    finally:
+        source.close()
+    names = spec.channelnames
+    text = found.pop(METADATA_KEY, None)
+    return Channels(
+        {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(names)},
+        _metadata_of(text),
+        {key: value for key, value in found.items() if isinstance(value, str | int | float)},
+    )
+
+
+def _metadata_of(text: Any) -> dict[str, Any] | None:
+    try:
+        metadata = json.loads(text) if isinstance(text, str) else None
+    except (json.JSONDecodeError, RecursionError):
+        return None  # somebody else's description
+    return metadata if isinstance(metadata, dict) else None
 
 
 def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
@@ -142,8 +268,4 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
         text = spec.getattribute(METADATA_KEY)
     finally:
         source.close()
-    try:
-        metadata = json.loads(text) if isinstance(text, str) else None
-    except (json.JSONDecodeError, RecursionError):
-        metadata = None  # somebody else's description
-    return pixels, metadata if isinstance(metadata, dict) else None
+    return pixels, _metadata_of(text)

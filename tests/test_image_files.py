@@ -9,7 +9,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from omnisim.errors import OutputError
 from omnisim.frame import Frame
-from omnisim.image_files import read_image, write_image
+from omnisim.image_files import read_channels, read_image, write_channels, write_image
 
 METADATA = {"camera": {"k": 11.546}, "scene": 'käse "quoted" & <odd>', "pose": [[1.0, 0.1], [0, 1]]}
 PICTURE = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
@@ -141,3 +141,51 @@ def test_a_description_nested_without_end_is_no_metadata(tmp_path):
     pixels, metadata = read_image(tmp_path / "a.png")
     assert pixels.shape == (2, 2, 3)
     assert metadata is None
+
+
+def _channels():
+    depth = np.linspace(0.1, 99.9, 24 * 32, dtype=np.float32).reshape(24, 32)
+    depth[3, 5] = np.inf
+    label = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32)
+    return {"Z": depth, "direction.X": -depth[::-1], "label": label, "valid": label % 2 == 0}
+
+
+def test_channels_come_back_by_name(tmp_path):
+    path = tmp_path / "a.exr"
+    channels = _channels()
+    write_channels(path, channels, METADATA, {"depth": "range in metres", "scale": 2.5, "n": 3})
+    found = read_channels(path)
+    assert set(found.values) == set(channels)
+    for name, values in channels.items():
+        assert found.values[name].dtype == np.float32
+        np.testing.assert_array_equal(found.values[name], values.astype(np.float32))
+    assert found.metadata == METADATA
+    assert found.attributes["depth"] == "range in metres"
+    assert (found.attributes["scale"], found.attributes["n"]) == (2.5, 3)
+    assert [one.name for one in tmp_path.iterdir()] == ["a.exr"]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "what"),
+    [
+        ("a.png", {}, "is written as .exr"),
+        ("a.exr", {"Z": np.zeros((3, 3))}, "channel "),
+        ("a.exr", {"label": np.full((24, 32), 1 << 25)}, "channel label: want whole numbers"),
+        ("a.exr", {"label": np.full((24, 32), "x")}, "channel label: <U1: want numbers"),
+    ],
+)
+def test_channels_that_make_no_file_are_named(tmp_path, name, change, what):
+    with pytest.raises(OutputError, match=what):
+        write_channels(tmp_path / name, {**_channels(), **change})
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(OutputError, match="at least one channel"):
+        write_channels(tmp_path / "b.exr", {})
+
+
+def test_channels_of_another_file_are_not_read(tmp_path):
+    path = tmp_path / "a.exr"
+    with pytest.raises(OutputError, match="cannot be read"):
+        read_channels(path)
+    path.write_text("no picture")
+    with pytest.raises(OutputError, match="cannot be read"):
+        read_channels(path)

@@ -15,6 +15,7 @@ Conventions, for all models:
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
+from omnisim.cameras.elliptic import EllipticCamera
 from omnisim.cameras.equidistant import EquidistantCamera
 from omnisim.cameras.equirectangular import EquirectangularCamera
 from omnisim.cameras.equisolid import EquisolidCamera
@@ -24,6 +25,7 @@ from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
 from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
@@ -39,6 +41,7 @@ __all__ = [
     "CentralCamera",
     "CylindricalCamera",
     "DoubleSphereCamera",
+    "EllipticCamera",
     "EquidistantCamera",
     "EquirectangularCamera",
     "EquisolidCamera",
@@ -48,6 +51,7 @@ __all__ = [
     "GazeboCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
+    "MirroredCamera",
     "OcamcalibCamera",
     "OrthographicCamera",
     "ParabolicCamera",

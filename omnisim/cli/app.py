@@ -10,8 +10,10 @@ import typer
 
 from omnisim import __version__
 from omnisim.cli.arguments import (
+    AlsoOption,
     AtOption,
     DeviceOption,
+    LabelsOption,
     PictureOption,
     PolygonsOption,
     PresetOption,
@@ -22,8 +24,10 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
+from omnisim.cli.calibration import NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
+from omnisim.cli.landmarks import CameraOption, SceneOption, landmarks_app
 from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
 
@@ -40,6 +44,8 @@ app = typer.Typer(
 )
 
 app.add_typer(robot_app)
+app.add_typer(landmarks_app)
+app.add_typer(calibration_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -73,6 +79,16 @@ def render(
     sensor: Annotated[
         Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
     ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Calibration file instead: Kalibr, OpenCV, COLMAP, … "
+            "(`omnisim calibration formats`).",
+        ),
+    ] = None,
+    camera_name: NameOption = None,
     at: AtOption = None,
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
@@ -84,6 +100,19 @@ def render(
             "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
         ),
     ] = None,
+    also: AlsoOption = None,
+    labels: LabelsOption = None,
+    next_at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--next", metavar="X Y Z", help="Where flow leads to. [dim]0.1 m ahead[/]"),
+    ] = None,
+    next_yaw: Annotated[
+        float | None,
+        typer.Option("--next-yaw", metavar="DEG", help="Heading there. [dim]as now[/]"),
+    ] = None,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Also write a picture to look at of each channel.")
+    ] = False,
     preset: PresetOption = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0,
     speed: Annotated[
@@ -93,29 +122,25 @@ def render(
     turn_rate: Annotated[
         float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
     ] = 0.0,
+    rays: Annotated[
+        Path | None,
+        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json"),
+    ] = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
-    """Render one frame of a catadioptric camera."""
+    """Render one frame of an omnidirectional camera, and what is true of its pixels."""
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene,
-        output,
-        sensor,
-        at,
-        yaw,
-        polygons,
-        size,
-        unlit,
-        faces,
-        up,
-        device,
-        preset,
-        seed,
-        speed,
-        turn_rate,
-    )
+        scene, output, sensor, camera, camera_name, at, yaw, polygons, size, unlit, faces, up,
+        device, also, labels, next_at, next_yaw, preview, preset, seed, speed, turn_rate, rays,
+        calibration,
+    )  # fmt: skip
     run(request, out, err)
 
 
@@ -160,6 +185,8 @@ def drive(
     polygons: PolygonsOption = None,
     size: SizeOption = None,
     unlit: UnlitOption = False,
+    also: AlsoOption = None,
+    labels: LabelsOption = None,
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
@@ -173,9 +200,49 @@ def drive(
 
     route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
-        scene, robot, output, route, seed, polygons, size, unlit, force, up, device, preset
+        scene,
+        robot,
+        output,
+        route,
+        seed,
+        polygons,
+        size,
+        unlit,
+        force,
+        up,
+        device,
+        also,
+        labels,
+        preset,
     )
     run(request, out, err)
+
+
+@app.command()
+def localize(
+    run_folder: RunArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the estimate, figures and page.")
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Model of `landmarks train`. [dim]learned from the run's own labels[/]",
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", metavar="FILE", help="Filter's parameters. [dim]omnisim's[/]"),
+    ] = None,
+    scene: SceneOption = None,
+    camera: CameraOption = None,
+) -> None:
+    """Find out where the robot of a run was, from its wheels and the landmarks it saw."""
+    from omnisim.cli.localize import run
+
+    run(run_folder, output, model, params, scene, camera, out, err)
 
 
 @app.command()

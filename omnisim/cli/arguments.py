@@ -62,3 +62,16 @@ DeviceOption = Annotated[
     int | None,
     typer.Option("--device", min=0, help="Number of the GPU, as `omnisim info` lists them."),
 ]
+AlsoOption = Annotated[
+    str | None,
+    typer.Option(
+        "--also",
+        metavar="CHANNELS",
+        help="Ground truth, names with commas, or all: range z position normals normals_camera "
+        "albedo semantic instance flow occluded valid.",
+    ),
+]
+LabelsOption = Annotated[
+    Path | None,
+    typer.Option("--labels", metavar="FILE", help="Classes, instead of the scene's own: a .toml."),
+]

@@ -17,8 +17,9 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from omnisim.cli.options import counted, parse_polygons, read_preset
-from omnisim.scene import load_scene
+from omnisim.cli.options import counted, load_labelled_scene, parse_polygons, read_preset
+from omnisim.errors import OutputError
+from omnisim.ground_truth import parse_channels
 from omnisim.simulation.drive import Drive, with_cameras
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
@@ -39,7 +40,9 @@ class DriveRequest:
     force: bool
     up_axis: str | None
     device: int | None
-    preset: str | None
+    also: str | None = None
+    labels: Path | None = None
+    preset: str | None = None
 
 
 class _Rate(ProgressColumn):
@@ -55,9 +58,12 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    scene = load_scene(request.scene, request.up_axis)
-    for notice in scene.notices:
-        err.print("note: ", notice, sep="", markup=False)
+    channels = () if request.also is None else parse_channels(request.also)
+    if request.labels is not None and "semantic" not in channels:
+        raise OutputError("--labels: is for the channel semantic: want --also semantic")
+    scene = load_labelled_scene(
+        request.scene, request.up_axis, request.labels, "semantic" in channels, err
+    )
     polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
     vehicle = with_cameras(
         Vehicle.load(request.robot), request.size_px, polygons, read_preset(request.preset)
@@ -70,6 +76,7 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
         unlit=request.unlit,
         device=request.device,
         up_axis=request.up_axis,
+        channels=channels,
     )
     plan = drive.plan()
     columns = (

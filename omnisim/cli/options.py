@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
-from omnisim.errors import OpticsError
+from rich.console import Console
+
+from omnisim.cli.calibration_source import first_camera, read_calibration
+from omnisim.errors import CalibrationError, OpticsError
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import Degradation, preset
 
@@ -16,6 +22,56 @@ def read_sensor(path: Path | None) -> OmniCamera:
         SensorFileError: naming file, key, value and what was wanted.
     """
     return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def read_camera(
+    sensor: Path | None, calibration: Path | None, camera_name: str | None, err: Console
+) -> OmniCamera:
+    """The sensor of a file, or a camera of a calibration file as a sensor, or the paper's.
+
+    Args:
+        sensor: a sensor file.
+        calibration: a calibration file.
+        camera_name: a camera of the calibration file; by default the first.
+        err: for notices.
+
+    Raises:
+        OmnisimError: both, or what is wrong with either.
+    """
+    if calibration is None:
+        if camera_name is not None:
+            raise CalibrationError(f"--camera-name {camera_name}: is for --camera: want that too")
+        return read_sensor(sensor)
+    if sensor is not None:
+        raise CalibrationError("--sensor and --camera both say what camera it is: want one")
+    found = first_camera(
+        read_calibration(calibration, camera_name, None, None, err), camera_name, err
+    )
+    return OmniCamera(found.cameras[0].camera, polygons=None)
+
+
+def load_labelled_scene(
+    source: str, up_axis: str | None, labels: Path | None, is_labelled: bool, err: Console
+) -> Scene:
+    """Load a scene with its labels, or those of a file; its notices go to `err`.
+
+    Args:
+        source: path or built-in name.
+        up_axis: see `load_scene`.
+        labels: a label file, or None: the scene's own.
+        is_labelled: whether somebody will read the labels; then what they lack is told, too.
+        err: for notices.
+
+    Raises:
+        SceneError: from the scene, or from the label file.
+    """
+    scene = load_scene(source, up_axis)
+    if labels is not None:
+        scene = dataclasses.replace(scene, labels=read_label_file(labels))
+    told = find_labels(scene).notices() if is_labelled else ()
+    for notice in (*scene.notices, *told):
+        err.print("note: ", notice, sep="", markup=False)
+    return scene
 
 
 def read_preset(name: str | None) -> Degradation | None:

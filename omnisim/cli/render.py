@@ -6,14 +6,18 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from omnisim.atomic_file import check_target
-from omnisim.cli.options import parse_polygons, read_preset, read_sensor
+from omnisim.calibration import CalibratedCamera, Calibration, Pose
+from omnisim.calibration.ray_table import write_ray_table
+from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
+from omnisim.ground_truth import parse_channels
 from omnisim.image_files import is_float_format, write_image
-from omnisim.scene import load_scene
-from omnisim.sensors import Renderer
+from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import Twist
 from omnisim.sensors.renderer import unfolded_cube
 
@@ -25,6 +29,8 @@ class RenderRequest:
     scene: str
     output: Path
     sensor: Path | None
+    calibration: Path | None
+    camera_name: str | None
     at: tuple[float, float, float] | None
     yaw_deg: float | None
     polygons: str | None
@@ -33,10 +39,20 @@ class RenderRequest:
     faces: Path | None
     up_axis: str | None
     device: int | None
-    preset: str | None
-    seed: int
-    speed_mps: float
-    turn_rate_degps: float
+    also: str | None = None
+    labels: Path | None = None
+    next_at: tuple[float, float, float] | None = None
+    next_yaw_deg: float | None = None
+    preview: bool = False
+    preset: str | None = None
+    seed: int = 0
+    speed_mps: float = 0.0
+    turn_rate_degps: float = 0.0
+    rays: Path | None = None
+    calibration_beside: Path | None = None
+
+
+DEFAULT_AHEAD_M = 0.1  # from a picture to the next, where flow is asked for and nobody says
 
 
 def run(request: RenderRequest, out: Console, err: Console) -> None:
@@ -50,9 +66,14 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
             raise OutputError(f"{option} {value:g}: want a finite number")
     is_float = is_float_format(request.output)
     check_target(request.output)
+    for beside in (request.rays, request.calibration_beside):
+        if beside is not None:
+            check_target(beside)
+    if request.rays is not None and request.rays.suffix.lower() != ".exr":
+        raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_sensor(request.sensor)
+    camera = read_camera(request.sensor, request.calibration, request.camera_name, err)
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
@@ -60,12 +81,16 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         camera = camera.resized(request.size_px)
     if request.polygons is not None:
         camera = camera.with_polygons(parse_polygons(request.polygons))
-    scene = load_scene(request.scene, request.up_axis)
-    for notice in scene.notices:
-        err.print("note: ", notice, sep="", markup=False)
+    also = () if request.also is None else parse_channels(request.also)
+    _check_also(request, also)
+    scene = load_labelled_scene(
+        request.scene, request.up_axis, request.labels, bool({"semantic"} & set(also)), err
+    )
     position = scene.start.position_m if request.at is None else request.at
     yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
     pose = camera.base_pose(position, yaw_deg)
+    next_position, next_yaw_deg = _next(request, position, yaw_deg)
+    next_pose = camera.base_pose(next_position, next_yaw_deg) if "flow" in also else None
     turn_rate_radps = math.radians(request.turn_rate_degps)
     shutter = camera.degradation.shutter
     if (request.speed_mps or turn_rate_radps) and not (shutter and shutter.duration_s):
@@ -74,9 +99,15 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     with Renderer(
         scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
     ) as renderer:
-        frame = renderer.render(pose, linear=is_float, motion=twist.through(pose))
+        frame = renderer.render(
+            pose, linear=is_float, also=also, next_base=next_pose, motion=twist.through(pose)
+        )
         faces = renderer.faces() if request.faces is not None else {}
-    frame.save(request.output)
+    frame.save(request.output, previews=request.preview)
+    if request.rays is not None:
+        write_ray_table(request.rays, camera.camera, frame.metadata)
+    if request.calibration_beside is not None:
+        _calibration(camera, pose).save(request.calibration_beside, "omnisim")
     x, y, z = position
     out.print(
         f"{request.output}: {camera.camera.width_px} × {camera.camera.height_px} px, "
@@ -84,12 +115,67 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
         markup=False,
     )
+    for beside, what in (
+        (request.rays, "a ray of each pixel"),
+        (request.calibration_beside, "camera and pose"),
+    ):
+        if beside is not None:
+            out.print(f"{beside}: {what}", markup=False)
+    if also:
+        told = f"{request.output}: also {', '.join(also)}"
+        if next_pose is not None:
+            x, y, z = next_position
+            is_ours = request.next_at is None and request.next_yaw_deg is None
+            why = f", {DEFAULT_AHEAD_M:g} m ahead as no --next says" if is_ours else ""
+            told += f"; flow to ({x:g}, {y:g}, {z:g}) m at yaw {next_yaw_deg:g}°{why}"
+        out.print(told, markup=False)
     if request.faces is not None:
         _make_folder(request.faces)
         for name, pixels in faces.items():
             write_image(request.faces / f"{name}.png", pixels)
         write_image(request.faces / "unfolded.png", unfolded_cube(faces))
         out.print(f"{request.faces}: {', '.join(faces)}, unfolded", markup=False)
+
+
+def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
+    """The camera, where it is on its vehicle, and where the vehicle is."""
+    poses = (
+        Pose("base", "camera", sensor.base_from_optical),
+        Pose("world", "base", world_from_base),
+    )
+    return Calibration((CalibratedCamera("camera", sensor.camera, poses),))
+
+
+def _check_also(request: RenderRequest, also: tuple[str, ...]) -> None:
+    """Refuse options that would be forgotten.
+
+    Raises:
+        OutputError: an option of channels that are not asked for.
+    """
+    needs = (
+        ("--next", request.next_at is not None, "flow"),
+        ("--next-yaw", request.next_yaw_deg is not None, "flow"),
+        ("--labels", request.labels is not None, "semantic"),
+    )
+    for option, is_given, channel in needs:
+        if is_given and channel not in also:
+            raise OutputError(f"{option}: is for the channel {channel}: want --also {channel}")
+    if request.preview and not also:
+        raise OutputError("--preview: shows channels: want --also with their names")
+
+
+def _next(
+    request: RenderRequest, position: tuple[float, float, float], yaw_deg: float
+) -> tuple[tuple[float, float, float], float]:
+    """Where the next picture is taken, and at what heading."""
+    next_yaw_deg = yaw_deg if request.next_yaw_deg is None else request.next_yaw_deg
+    if request.next_at is not None:
+        return request.next_at, next_yaw_deg
+    if request.next_yaw_deg is not None:
+        return position, next_yaw_deg
+    yaw, (x, y, z) = math.radians(yaw_deg), position
+    ahead = (x + DEFAULT_AHEAD_M * math.cos(yaw), y + DEFAULT_AHEAD_M * math.sin(yaw), z)
+    return ahead, next_yaw_deg
 
 
 def _make_folder(path: Path) -> None:

@@ -8,45 +8,101 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.gpu.face_plan import FacePlan
-from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.shader_files import build_program, included_files
 from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
 
+SEARCH = "camera/parts/theta_from_radius.glsl"
+STORED_RAYS_BINDING = 7  # as in `capture/stored_rays.frag`
+
 
 class Emit(Enum):
-    """What a capture writes for each pixel; the value is the define in `capture/emit.glsl`."""
+    """What a capture writes for each pixel; the value is the defines of `capture/emit.glsl`."""
 
-    COLOR = ""
-    RAY = "EMIT_RAY"
-    SURFACE = "EMIT_SURFACE"
+    COLOR = ()
+    RAY = ("EMIT_RAY",)
+    SURFACE = ("EMIT_SURFACE",)
+    SURFACE_AND_NORMAL = ("EMIT_SURFACE", "NORMALS")
+    SURFACE_NORMAL_ALBEDO = ("EMIT_SURFACE", "NORMALS", "ALBEDO")
 
     @property
     def defines(self) -> tuple[str, ...]:
         """Of the capture's program."""
-        return (self.value,) if self.value else ()
+        return self.value
 
 
 class LensCapture:
-    """The exact capture: every pixel's ray by the camera model's GLSL file."""
+    """The exact capture: every pixel's ray by the camera model's GLSL file.
+
+    Rays do not depend on the camera's pose. Where the model's file searches for them, step by
+    step, they are kept, so that one lens costs about as much as another; where a formula gives
+    them, that is quicker than to fetch them.
+    """
 
     def __init__(self, context: moderngl.Context, camera: CentralCamera, emit: Emit = Emit.COLOR):
-        self.program = build_program(
-            context,
-            "common/full_screen.vert",
-            "capture/lens.frag",
-            defines=emit.defines,
-            includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
-        )
-        for name, value in camera.uniforms().items():
-            self.program[name] = value
+        self._stored_rays = None
+        if emit is not Emit.RAY and searches_for_rays(camera.model):
+            self._stored_rays = _stored_rays(context, camera)
+        if self._stored_rays is None:
+            self.program = _model_program(context, camera, emit)
+        else:
+            self.program = build_program(
+                context, "common/full_screen.vert", "capture/stored_rays.frag", emit.defines
+            )
+            self.program["u_width_px"] = camera.width_px
         self._vertex_array = context.vertex_array(self.program, [])
 
     def draw(self) -> None:
         """Draw into the framebuffer in use."""
+        if self._stored_rays is not None:
+            self._stored_rays.bind_to_storage_buffer(STORED_RAYS_BINDING)
         self._vertex_array.render(moderngl.TRIANGLES, vertices=3)
+
+
+def searches_for_rays(model: str) -> bool:
+    """Whether a model's GLSL file finds a ray step by step."""
+    return SEARCH in included_files(f"camera/{model}.glsl")
+
+
+def _model_program(
+    context: moderngl.Context, camera: CentralCamera, emit: Emit
+) -> moderngl.Program:
+    mirrored = ("MIRRORED",) if isinstance(camera, MirroredCamera) else ()
+    program = build_program(
+        context,
+        "common/full_screen.vert",
+        "capture/lens.frag",
+        defines=emit.defines + mirrored,
+        includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
+    )
+    for name, value in camera.uniforms().items():
+        program[name] = value
+    return program
+
+
+def _stored_rays(context: moderngl.Context, camera: CentralCamera) -> moderngl.Buffer | None:
+    """Rays and validity of all pixels, four floats each, row by row; None: they do not fit."""
+    size = (camera.width_px, camera.height_px)
+    count = 16 * size[0] * size[1]
+    if count > context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]:
+        return None
+    if max(size) > context.info["GL_MAX_TEXTURE_SIZE"]:
+        return None  # whoever draws the picture says so
+    try:
+        stored = context.buffer(reserve=count)
+        drawn = context.renderbuffer(size, 4, dtype="f4")
+    except moderngl.Error:
+        return None
+    target = context.framebuffer([drawn])
+    context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+    target.use()
+    program = _model_program(context, camera, Emit.RAY)
+    context.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+    target.read_into(stored, components=4, dtype="f4")
+    return stored
 
 
 class MirrorMeshCapture:

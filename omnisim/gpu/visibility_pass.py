@@ -59,7 +59,7 @@ class VisibilityPass:
         plan, near_m, far_m, buffers: as given.
         surfaces: texture of two integers: 1 + number of the draw (0: nothing is seen), and number
             of its triangle.
-        albedos: texture of linear RGB, or None.
+        albedos: texture of the square root of linear RGB, or None.
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
@@ -82,7 +82,7 @@ class VisibilityPass:
         size = (plan.width_px, plan.height_px)
         try:
             self.surfaces = context.texture(size, 2, dtype="u4")
-            self.albedos = context.texture(size, 4, dtype="f2") if albedo else None
+            self.albedos = context.texture(size, 4) if albedo else None
             textures = [self.surfaces] if self.albedos is None else [self.surfaces, self.albedos]
             self._target = context.framebuffer(textures, float_depth(context, size, 0))
         except moderngl.Error as reason:
@@ -102,7 +102,7 @@ class VisibilityPass:
             for draw in buffers.draws
         ]
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
-        self._order = np.flatnonzero(buffers.shown(hidden) & np.array(seen))
+        self._shown = np.flatnonzero(buffers.shown(hidden) & np.array(seen))
 
     def render(self, world_from_rig: NDArray[np.float64], placement: Placement) -> None:
         """Draw all faces from a pose (4, 4), with the draws where they are seen from there."""
@@ -114,7 +114,10 @@ class VisibilityPass:
             draw = self.buffers.draws[index]
             self._program_of_draw[index].draw(draw, index, clip_from_mesh)
 
-        self._drawing.draw(target, world_from_rig, placement, self._order, paint)
+        # near things first, what surrounds them all last: little is painted twice
+        reach_m = np.linalg.norm(placement.centres_m, axis=1) + self.buffers.radii_m
+        order = self._shown[np.argsort(reach_m[self._shown], kind="stable")]
+        self._drawing.draw(target, world_from_rig, placement, order, paint)
         self._drawing.end(target)
 
 

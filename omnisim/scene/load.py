@@ -14,6 +14,7 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.content import Content
 from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf import read_gltf
+from omnisim.scene.labels import label_rules
 from omnisim.scene.locate import locate, read_bytes
 from omnisim.scene.mesh_data import LARGEST_COORDINATE
 from omnisim.scene.model import (
@@ -102,6 +103,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         starts=tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts),
         paths=tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths),
         landmarks=_landmarks(settings),
+        labels=label_rules(settings.labels),
     )
 
 

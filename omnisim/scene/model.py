@@ -224,6 +224,23 @@ class ScenePath:
     start_yaw_deg: float | None = None
 
 
+@dataclass(frozen=True)
+class LabelRule:
+    """A class of things, and whose it is.
+
+    Attributes:
+        id: its number, 1 and up; no two have one.
+        name: what it is called; no two have one.
+        color: 8-bit sRGB, for pictures.
+        nodes: patterns of instances' names, `*` and `?` stand for any letters.
+    """
+
+    id: int
+    name: str
+    color: tuple[int, int, int]
+    nodes: tuple[str, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that can be seen.
@@ -238,6 +255,7 @@ class Scene:
         starts: where vehicles may start; no two have one name.
         paths: where vehicles may drive; no two have one name.
         landmarks: what can be recognised by its colours; no two have one name.
+        labels: classes of its instances, the first that claims a name has it; none: by names.
     """
 
     name: str
@@ -251,6 +269,7 @@ class Scene:
     starts: tuple[NamedStart, ...] = ()
     paths: tuple[ScenePath, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
+    labels: tuple[LabelRule, ...] = ()
 
     @property
     def triangle_count(self) -> int:

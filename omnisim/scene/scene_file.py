@@ -7,7 +7,7 @@ import itertools
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from omnisim.errors import SceneError
 from omnisim.toml_file import Number, Table, read_toml
@@ -16,6 +16,8 @@ Level = Annotated[Number, Field(ge=0.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Name = Annotated[str, Field(min_length=1, strict=True)]
 Point = tuple[Number, Number, Number]
+Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
+LARGEST_CLASS = 60_000  # of the 16 bits that files have, some are left for what nobody labels
 LinearRgb = tuple[Level, Level, Level]
 
 
@@ -67,6 +69,36 @@ class ScenePath(Table):
     start_yaw_deg: Number | None = None
 
 
+class LabelTable(Table):
+    """A class of things: `omnisim/scene/labels.py` says what the keys mean."""
+
+    name: Name
+    nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
+    color: tuple[Byte, Byte, Byte] | None = None
+    id: Annotated[int, Field(ge=1, le=LARGEST_CLASS, strict=True)] | None = None
+
+
+def _labels_once(tables: tuple[LabelTable, ...]) -> tuple[LabelTable, ...]:
+    names = [table.name for table in tables]
+    numbers = [table.id for table in tables if table.id is not None]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"name = {name!r}: want each name once")
+    for number in numbers:
+        if numbers.count(number) > 1:
+            raise ValueError(f"id = {number}: want each id once")
+    return tables
+
+
+LabelTables = Annotated[tuple[LabelTable, ...], AfterValidator(_labels_once)]
+
+
+class LabelFile(Table):
+    """A file of labels for a scene that has none, or others."""
+
+    labels: Annotated[LabelTables, Field(min_length=1)]
+
+
 class SceneFile(Table):
     """The keys of a scene's TOML.
 
@@ -80,6 +112,7 @@ class SceneFile(Table):
         paths: where vehicles may drive, by name.
         palette: linear RGB of the colours that landmarks name.
         landmarks: what can be recognised by its colours.
+        labels: classes of the instances.
     """
 
     file: str
@@ -91,6 +124,7 @@ class SceneFile(Table):
     paths: tuple[ScenePath, ...] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
     landmarks: tuple[Landmark, ...] = ()
+    labels: LabelTables = ()
 
     @field_validator("starts", "paths", "landmarks")
     @classmethod

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.frames import check_pose
 from omnisim.gpu.degradation_pass import DegradationPass
@@ -47,13 +48,14 @@ class ImperfectCamera:
         pipeline: Pipeline,
         stage: Stage,
         world_from_base: NDArray[np.float64],
+        movers: Mapping[str, ArrayLike] | None,
         linear: bool,
         motion: Motion | None,
         frame_number: int,
         exposure_ev: float | None,
     ) -> tuple[Picture, dict[str, Any]]:
         """The picture, and what is to be told of it; arguments as `Renderer.render` has them."""
-        sub_frames = self._sub_frames(world_from_base, motion, stage)
+        sub_frames = self._sub_frames(world_from_base, movers, motion, stage)
         degradation = self.sensor.degradation
         told: dict[str, Any] = {"parameters": degradation.tables(), "sub_frames": len(sub_frames)}
 
@@ -77,13 +79,17 @@ class ImperfectCamera:
         return picture, told
 
     def _sub_frames(
-        self, world_from_base: NDArray[np.float64], motion: Motion | None, stage: Stage
+        self,
+        world_from_base: NDArray[np.float64],
+        movers: Mapping[str, ArrayLike] | None,
+        motion: Motion | None,
+        stage: Stage,
     ) -> list[SubFrame]:
         """Where the camera is while the picture is taken."""
         shutter, rig = self.sensor.degradation.shutter, self.sensor.base_from_rig
         if shutter is None or motion is None or shutter.duration_s == 0.0:
             base = world_from_base
-            return [SubFrame(base @ rig, stage.movers_at(base), None)]
+            return [SubFrame(base @ rig, stage.movers_at(base, movers), None)]
         camera = self.sensor.camera
         half_s = 0.5 * shutter.duration_s
         ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
@@ -92,8 +98,8 @@ class ImperfectCamera:
         weights = shutter.row_weights(count, camera.height_px)
         poses = [check_pose(motion(float(time_s))) for time_s in shutter.times_s(count)]
         if count == 1:
-            return [SubFrame(poses[0] @ rig, stage.movers_at(poses[0]), None)]
+            return [SubFrame(poses[0] @ rig, stage.movers_at(poses[0], movers), None)]
         return [
-            SubFrame(base @ rig, stage.movers_at(base), share)
+            SubFrame(base @ rig, stage.movers_at(base, movers), share)
             for base, share in zip(poses, weights, strict=True)
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,18 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim import __version__
 from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
-from omnisim.errors import GraphicsError
+from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
-from omnisim.frames import MIRROR_FROM_OPTICAL, check_pose
-from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
+from omnisim.frames import check_pose
 from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.face_plan import FacePlan, plan_faces, whole_faces
+from omnisim.gpu.face_plan import FacePlan, whole_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
-from omnisim.mirrors import MirrorMesh, tessellate
+from omnisim.ground_truth import check_channels
 from omnisim.scene import Scene
+from omnisim.sensors.capturing import capture_of, faces_of
+from omnisim.sensors.ground_truth import GroundTruth
 from omnisim.sensors.imperfect_camera import ImperfectCamera
 from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import OnStage, Stage
 from omnisim.srgb import srgb_from_linear
 
@@ -62,30 +64,22 @@ class Renderer(OnStage):
         self._imperfect = ImperfectCamera(self.camera, seed)
         self._unlit = unlit
         self._whole_cube: CubePass | None = None
-        self._last_base: NDArray[np.float64] | None = None
+        self._last_view: View | None = None
+        self._ground_truth: GroundTruth | None = None
         super().__init__(scene, body, hidden, device)
 
     def _build(self, stage: Stage) -> None:
         sensor, context = self.camera, stage.context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
-        capture: Capture
-        also_seen = None
-        if sensor.polygons is None:
-            capture = LensCapture(context, camera)
-        else:
-            mesh = tessellate(camera.mirror, sensor.polygons)
-            capture = MirrorMeshCapture(context, camera, mesh)
-            also_seen = _edge_directions(mesh)
-        planned = sensor.camera.scaled(sensor.texels_per_pixel)
-        plan = plan_faces(planned, camera.rig_from_optical, sensor.face_size_px, also_seen)
+        plan = faces_of(sensor, sensor.texels_per_pixel, sensor.face_size_px)
         self._cube = self._cube_pass(stage, plan)
         self._pipeline = Pipeline(
             context,
             camera,
             camera.rig_from_optical,
             self._cube,
-            capture,
+            capture_of(stage, sensor, camera),
             sensor.supersampling,
             self._imperfect.make_pass(stage),
         )
@@ -108,12 +102,17 @@ class Renderer(OnStage):
     def _forget(self) -> None:
         self._whole_cube = None
         del self._cube, self._pipeline
+        self._ground_truth = None
 
     def render(
         self,
         world_from_base: ArrayLike,
         linear: bool = False,
         *,
+        also: Collection[str] = (),
+        movers: Mapping[str, ArrayLike] | None = None,
+        next_base: ArrayLike | None = None,
+        next_movers: Mapping[str, ArrayLike] | None = None,
         motion: Motion | None = None,
         frame_number: int = 0,
         exposure_ev: float | None = None,
@@ -124,26 +123,57 @@ class Renderer(OnStage):
             world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
                 there, too. With a motion it is that of the middle of the frame.
             linear: also read back linear floats, which EXR needs.
+            also: names of channels of ground truth, see `omnisim.ground_truth`.
+            movers: (4, 4) poses of the stage's other movers, by name.
+            next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
+            next_movers: poses of the other movers at the next frame; None: they stay.
             motion: for motion blur and rolling shutter: from seconds after the middle of the frame
                 to the pose; None: at rest.
             frame_number: noise differs from frame to frame.
             exposure_ev: of auto-exposure; None: what suits the picture, as if it had settled.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, or the renderer or its stage is closed.
+            OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
+                pose, or the renderer or its stage is closed.
         """
+        names = check_channels(also)
         base = check_pose(world_from_base)
+        after_base = None if next_base is None else check_pose(next_base)
+        if "flow" in names and after_base is None:
+            raise OutputError("channel 'flow': leads to the next picture: want next_base")
         world_from_rig = base @ self.camera.base_from_rig
         metadata = self._metadata(base, world_from_rig)
         with self._current() as stage:
+            moving = stage.movers_at(base, movers)
             if self.camera.degradation.is_ideal:
-                picture = self._pipeline.render(world_from_rig, linear, stage.movers_at(base))
+                picture = self._pipeline.render(world_from_rig, linear, moving)
             else:
                 picture, metadata["degradation"] = self._imperfect.take(
-                    self._pipeline, stage, base, linear, motion, frame_number, exposure_ev
+                    self._pipeline, stage, base, movers, linear, motion, frame_number, exposure_ev
                 )
-        self._last_base = base
-        return Frame(picture.rgba, picture.linear, metadata)
+            channels, labels = {}, None
+            if names:
+                truth = self._truth(stage, names)
+                after = None
+                if after_base is not None:
+                    after = View(
+                        after_base @ self.camera.base_from_rig,
+                        stage.movers_at(after_base, movers if next_movers is None else next_movers),
+                    )
+                channels = truth.channels(names, View(world_from_rig, moving), after)
+                labels = truth.labels
+        self._last_view = View(world_from_rig, moving)
+        if "flow" in names:
+            metadata["next_world_from_base"] = after_base.tolist()
+        return Frame(picture.rgba, picture.linear, metadata, channels, labels)
+
+    def _truth(self, stage: Stage, names: Collection[str]) -> GroundTruth:
+        """What gives the channels: made when they are first asked for."""
+        albedo = "albedo" in names
+        if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
+            self._ground_truth = GroundTruth(stage, self.camera, self.hidden, albedo)
+            stage.context.gc()
+        return self._ground_truth
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
@@ -154,13 +184,12 @@ class Renderer(OnStage):
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
         with self._current() as stage:
-            if self._last_base is None:
+            if self._last_view is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
             if self._whole_cube is None:
                 self._whole_cube = self._cube_pass(stage, whole_faces(self._cube.plan))
             cube = self._whole_cube
-            world_from_rig = self._last_base @ self.camera.base_from_rig
-            cube.render(world_from_rig, stage.movers_at(self._last_base))
+            cube.render(self._last_view.world_from_rig, self._last_view.world_from_movers)
             linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
@@ -184,13 +213,6 @@ class Renderer(OnStage):
             "world_from_base": world_from_base.tolist(),
             "world_from_optical": world_from_optical.tolist(),
         }
-
-
-def _edge_directions(mesh: MirrorMesh) -> NDArray[np.float64]:
-    """Directions (n, 3), optical frame, of the middles of all edges: they reach past the rim."""
-    corners = mesh.vertices_m[mesh.triangles]
-    middles = 0.5 * (corners + np.roll(corners, 1, axis=1))
-    return middles.reshape(-1, 3) @ MIRROR_FROM_OPTICAL
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:

@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
+from omnisim.calibration import load_calibration
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
-from omnisim.errors import OpticsError, SensorFileError
+from omnisim.errors import CalibrationError, OpticsError, SensorFileError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.hyperbolic import (
     DEFAULT_RIM_RAD,
@@ -122,19 +123,38 @@ class Camera(Table):
 
 
 class Lens(Table):
-    """Instead of the first and third group: a camera model by its own parameters."""
+    """Instead of the first and third group: a camera model by its own parameters, or a
+    calibration file, whose path is beside the sensor file's, and a camera's name in it.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    model: str
+    model: str | None = None
+    calibration: str | None = None
+    camera: str | None = None
     mounting: Mounting = Mounting()
 
-    def make_camera(self) -> CentralCamera:
-        """The camera of these parameters.
+    @model_validator(mode="after")
+    def _model_or_calibration(self) -> Lens:
+        if self.model is None and self.calibration is None:
+            raise ValueError("model: missing; want it, or calibration with the name of a file")
+        return self
+
+    def make_camera(self, folder: Path) -> CentralCamera:
+        """The camera of these parameters, or of the calibration file.
 
         Raises:
             OpticsError: naming the key and what was wanted.
+            CalibrationError: the calibration file cannot be read.
         """
+        others = sorted(self.__pydantic_extra__ or {})
+        if self.calibration is not None:
+            if self.model is not None or others:
+                other = "model" if self.model is not None else others[0]
+                raise OpticsError(f"camera: {other}: calibration says it already: want one")
+            return load_calibration(folder / self.calibration).camera(self.camera).camera
+        if self.camera is not None:
+            raise OpticsError("camera: camera: is a name in a calibration file: want calibration")
         parameters = {"model": self.model, **(self.__pydantic_extra__ or {})}
         camera = camera_from_parameters(parameters)
         known = camera.parameters()
@@ -185,7 +205,9 @@ class SensorFile(Table):
         """
         if self.lens is not None:
             try:
-                return self.lens.make_camera()
+                return self.lens.make_camera(Path(self._source).parent)
+            except CalibrationError as reason:
+                raise SensorFileError(f"{self._source}: lens.calibration: {reason}") from None
             except OpticsError as reason:
                 words = str(reason).removeprefix("camera: ")
                 raise SensorFileError(f"{self._source}: lens.{words}") from None

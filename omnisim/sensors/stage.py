@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from omnisim.errors import GraphicsError
+from omnisim.errors import GraphicsError, SceneError
+from omnisim.frames import check_pose
 from omnisim.gpu.context import open_context
 from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.surface_program import SurfacePrograms
 from omnisim.scene import Scene
+from omnisim.scene.labels import BODY
 
 
 class Closing(ABC):
@@ -49,33 +51,65 @@ class Stage(Closing):
         scene: what stands in the world, with its lamps and background.
         body: what moves with the vehicle, in its base frame (x forward, y left, z up, origin on
             the ground); its lamps and background count for nothing.
+        movers: what else moves, by name, each in a frame of its own; their lamps and backgrounds
+            count for nothing, either.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
 
     Attributes:
-        scene, body: as given.
+        scene, body, movers: as given.
         context, buffers, surfaces: for the passes.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
+        SceneError: a mover of the body's name.
     """
 
-    def __init__(self, scene: Scene, body: Scene | None = None, *, device: int | None = None):
+    def __init__(
+        self,
+        scene: Scene,
+        body: Scene | None = None,
+        *,
+        movers: Mapping[str, Scene] | None = None,
+        device: int | None = None,
+    ):
         self.scene, self.body = scene, body
+        self.movers = dict(movers or {})
+        if BODY in self.movers:
+            raise SceneError(f"movers: {BODY!r} is the vehicle's own: give it another name")
         self.context = open_context(device)
         self._closed = False
         try:
             with self.context:
-                self.buffers = SceneBuffers(self.context, scene, () if body is None else (body,))
+                self.buffers = SceneBuffers(self.context, scene, tuple(self.moving.values()))
                 self.surfaces = SurfacePrograms(self.buffers, scene.lighting)
         except BaseException:
             self.close()
             raise
 
+    @property
+    def moving(self) -> dict[str, Scene]:
+        """All that moves, by name, in the order of `movers_at`: the body first, if there is one."""
+        return ({} if self.body is None else {BODY: self.body}) | self.movers
+
     def movers_at(
-        self, world_from_base: NDArray[np.float64] | None
+        self,
+        world_from_base: NDArray[np.float64] | None,
+        movers: Mapping[str, ArrayLike] | None = None,
     ) -> tuple[NDArray[np.float64], ...]:
-        """Poses (4, 4) of what moves, for the passes, when the vehicle is at its own."""
-        return () if self.body is None or world_from_base is None else (world_from_base,)
+        """Poses (4, 4) of what moves, for the passes: the vehicle's, and the other movers' by name.
+
+        Raises:
+            SceneError: a mover without a pose, or a pose without a mover.
+            OmnisimError: a matrix that is not a pose.
+        """
+        given = dict(movers or {})
+        if given.keys() != self.movers.keys():
+            there = ", ".join(sorted(self.movers)) or "none"
+            raise SceneError(f"poses of movers {', '.join(sorted(given)) or 'none'}: want {there}")
+        others = tuple(check_pose(given[name]) for name in self.movers)
+        if self.body is None or world_from_base is None:
+            return others
+        return (world_from_base, *others)
 
     @contextmanager
     def current(self) -> Iterator[None]:

@@ -18,12 +18,18 @@ from omnisim.gpu.context import graphics_info
 from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
+from omnisim.scene.labels import find_labels
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.picture_taking import check_exposure, noise_seed, take_picture
 from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.run_channels import (
+    write_boxes,
+    write_labels,
+    write_step,
+)
 from omnisim.simulation.run_folder import (
     GROUND_TRUTH,
     MANIFEST_FORMAT,
@@ -50,6 +56,7 @@ class Drive:
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
         up_axis: that the scene was loaded with, for the record, or None.
+        channels: of ground truth, as `check_channels` gives them.
     """
 
     scene: Scene
@@ -59,6 +66,7 @@ class Drive:
     unlit: bool = False
     device: int | None = None
     up_axis: str | None = None
+    channels: tuple[str, ...] = ()
 
     def plan(self) -> Plan:
         """Work out where the vehicle is at each step, and what its wheels report.
@@ -129,15 +137,15 @@ class Plan:
             told = self.manifest(graphics_info(stage.context).renderer)
             run = stack.enter_context(closing(RunFolder.open(folder, told, force)))
             self._write_records(run)
+            labels = find_labels(drive.scene, stage.moving)
+            write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             there = len(self.truth) - len(missing)
             yield there
             for done, step in enumerate(missing, start=there + 1):
                 world_from_base = self.truth.world_from_base[step]
                 for name, renderer in cameras.items():
-                    target = run.file(name, step, ".png")
-                    if not is_written(target):
-                        take_picture(renderer, name, self.truth, step, run).save(target)
+                    self._take(run, name, renderer, step)
                 for mounted in vehicle.scanners:
                     target = run.file(mounted.name, step, ".csv")
                     if not is_written(target):
@@ -147,6 +155,20 @@ class Plan:
                         )
                         scan.save_csv(target)
                 yield done
+            write_boxes(run, labels)
+
+    def _take(self, run: RunFolder, camera: str, renderer: Renderer, step: int) -> None:
+        """Render what is missing of a camera's files at a step."""
+        if all(is_written(file) for file in run.camera_files(camera, step)):
+            return
+        poses = self.truth.world_from_base
+        also = run.channels_at(step)
+        following = poses[step + 1] if "flow" in also else None
+        frame = take_picture(renderer, camera, self.truth, step, run, also, following)
+        write_step(run, camera, step, frame)
+        picture = run.file(camera, step, ".png")
+        if not is_written(picture):
+            dataclasses.replace(frame, channels={}).save(picture)
 
     def manifest(self, renderer: str) -> dict[str, Any]:
         """What makes the run, as JSON can hold it.
@@ -174,6 +196,7 @@ class Plan:
             "steps": len(self.truth),
             "seed": drive.seed,
             "unlit": drive.unlit,
+            "channels": list(drive.channels),
             "cameras": [camera.name for camera in vehicle.cameras],
             "scanners": [scanner.name for scanner in vehicle.scanners],
             "renderer": renderer,

@@ -6,10 +6,12 @@ that picture's file, so that a drive that was killed goes on as if it had not be
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.errors import OmnisimError, RunError
 from omnisim.frame import Frame
@@ -28,18 +30,35 @@ def noise_seed(drive_seed: int, camera_name: str) -> str:
 
 
 def take_picture(
-    renderer: Renderer, camera_name: str, truth: Trajectory, step: int, run: RunFolder
+    renderer: Renderer,
+    camera_name: str,
+    truth: Trajectory,
+    step: int,
+    run: RunFolder,
+    also: Collection[str] = (),
+    next_base: NDArray[np.float64] | None = None,
 ) -> Frame:
     """The picture of a step; the pictures of all steps before it are in the run's folder.
+
+    Args:
+        renderer: of the camera.
+        camera_name: in the run.
+        truth: where the vehicle is.
+        step: of the picture.
+        run: it is going to be in.
+        also: channels of ground truth.
+        next_base: (4, 4) pose of the vehicle at the next step, which flow needs.
 
     Raises:
         RunError: the picture before it does not tell its exposure.
     """
     world_from_base = truth.world_from_base[step]
     if renderer.camera.degradation.is_ideal:
-        return renderer.render(world_from_base)
+        return renderer.render(world_from_base, also=also, next_base=next_base)
     return renderer.render(
         world_from_base,
+        also=also,
+        next_base=next_base,
         motion=_motion(truth, step),
         frame_number=step,
         exposure_ev=_exposure_ev(renderer, camera_name, truth, step, run),

@@ -8,6 +8,13 @@
     <camera>/000000.png ...     a picture a step, with camera and pose inside
     <scanner>/000000.csv ...    a scan a step
 
+With channels of ground truth also:
+
+    labels.json                             numbers, names and colours of classes and instances
+    <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
+    <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
+    <camera>/coco.json                      boxes of all steps, when all are there
+
 Every file appears only when it is whole, so whatever is there is finished; what a power cut has
 left empty counts as missing.
 """
@@ -33,7 +40,12 @@ MANIFEST_FORMAT = 1
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
 PLOT = "plot.png"  # where the run's plot goes when nobody says
 PARTIAL = ".omnisim-*.partial"
-OURS = re.compile(r"\d{6,}\.(png|csv)|sensor\.toml|calibration\.json|\.omnisim-.*\.partial")
+CHANNELS_SUFFIX, BOXES_SUFFIX = ".channels.exr", ".coco.json"
+OURS = re.compile(
+    r"\d{6,}\.(png|csv|channels\.exr|coco\.json)|coco\.json|sensor\.toml|calibration\.json"
+    r"|\.omnisim-.*\.partial"
+)
+_TO_THE_NEXT = ("flow", "occluded")
 # For the record: other versions of these, or from elsewhere, may go on with a run.
 FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
 
@@ -63,6 +75,7 @@ class _Manifest(_Open):
     steps: int = Field(ge=1)
     cameras: list[SensorName]
     scanners: list[SensorName]
+    channels: tuple[str, ...] = Field(default=(), strict=False)
 
 
 class RunFolder:
@@ -151,11 +164,24 @@ class RunFolder:
 
     def is_done(self, step: int) -> bool:
         """Whether a step has all its files."""
-        return all(
-            is_written(self.file(name, step, suffix))
-            for kind, suffix in (("cameras", ".png"), ("scanners", ".csv"))
-            for name in self.manifest[kind]
-        )
+        files = [self.file(name, step, ".csv") for name in self.manifest["scanners"]]
+        for name in self.manifest["cameras"]:
+            files += self.camera_files(name, step)
+        return all(is_written(file) for file in files)
+
+    def channels_at(self, step: int) -> tuple[str, ...]:
+        """The channels of ground truth of a step: from the last one, nothing flows anywhere."""
+        names = self.manifest.get("channels", ())
+        is_last = step == self.manifest["steps"] - 1
+        return tuple(name for name in names if not (is_last and name in _TO_THE_NEXT))
+
+    def camera_files(self, camera: str, step: int) -> list[Path]:
+        """All files of a camera at a step."""
+        channels = self.channels_at(step)
+        suffixes = [".png"]
+        suffixes += [CHANNELS_SUFFIX] if channels else []
+        suffixes += [BOXES_SUFFIX] if "instance" in channels else []
+        return [self.file(camera, step, suffix) for suffix in suffixes]
 
     def _begin(self, force: bool) -> None:
         if self.path.exists() and not self.path.is_dir():
@@ -202,7 +228,7 @@ class RunFolder:
                     file.unlink()
             if not any(folder.iterdir()):
                 folder.rmdir()
-        for name in (GROUND_TRUTH, ODOMETRY, PLOT):
+        for name in (GROUND_TRUTH, ODOMETRY, PLOT, "labels.json"):
             (self.path / name).unlink(missing_ok=True)
 
 

@@ -68,6 +68,12 @@ CHAPTERS = (
     Chapter(
         "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)
     ),
+    Chapter(
+        "boards",
+        "Calibration files in the hands of others",
+        "boards.check",
+        oracles=("cv2.omnidir",),
+    ),
     Chapter("orientation", "Orientation", "orientation.check"),
     Chapter("unwarping", "Unwarped views", "unwarping.check"),
 )

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.cameras import HyperbolicCamera, ParabolicCamera, PlanarCamera, pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index
-from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.gpu.capture_pass import LensCapture
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.face_plan import plan_faces
@@ -21,21 +20,16 @@ POSE = frames.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.
 examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 
 
-def _rig_from_optical(camera):
-    looks_up = isinstance(camera, HyperbolicCamera | ParabolicCamera | PlanarCamera)
-    return RIG_FROM_OPTICAL_LOOKING_UP if looks_up else BASE_FROM_OPTICAL_LOOKING_AHEAD
-
-
 def _render(context, camera):
     scene = scene_of([room()])
     buffers = SceneBuffers(context, scene)
-    plan = plan_faces(camera, _rig_from_optical(camera))
+    plan = plan_faces(camera, camera.rig_from_optical)
     cube = CubePass(
         context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
         near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
     )  # fmt: skip
     capture = LensCapture(context, camera)
-    return Pipeline(context, camera, _rig_from_optical(camera), cube, capture).render(POSE).rgba
+    return Pipeline(context, camera, camera.rig_from_optical, cube, capture).render(POSE).rgba
 
 
 @examples
@@ -43,7 +37,7 @@ def test_room_has_the_right_colour_everywhere(context, camera):
     rgba = _render(context, camera)
     pixels = pixel_grid(camera.width_px, camera.height_px)
     rays = camera.ray_from_pixel(pixels)
-    rig = rays.directions @ _rig_from_optical(camera).T
+    rig = rays.directions @ camera.rig_from_optical.T
     hits = room_hit(POSE[:3, 3], rig @ POSE[:3, :3].T)
     expected = 255.0 * srgb_from_linear(room_color(hits))
     # Where the domain ends near by, there is nothing to compare with half a pixel further on.
@@ -68,10 +62,9 @@ def test_room_has_the_right_colour_everywhere(context, camera):
 
 @examples
 def test_planned_faces_are_those_that_the_picture_sees(camera):
-    rig_from_optical = _rig_from_optical(camera)
-    plan = plan_faces(camera, rig_from_optical)
+    plan = plan_faces(camera, camera.rig_from_optical)
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
-    seen = np.unique(face_index(rays.directions[rays.valid] @ rig_from_optical.T))
+    seen = np.unique(face_index(rays.directions[rays.valid] @ camera.rig_from_optical.T))
     planned = {face.name for face in plan.faces}
     assert {FACE_NAMES[index] for index in seen} <= planned
     # as many texels as pixels, and no more than the picture could ever use

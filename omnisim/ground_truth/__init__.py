@@ -1,0 +1,14 @@
+"""What is true of each pixel: the channels' names, the classes and instances, and their files."""
+
+from omnisim.ground_truth.channels import CHANNELS, Channel, check_channels, parse_channels
+from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels
+
+__all__ = [
+    "CHANNELS",
+    "Channel",
+    "ClassLabel",
+    "InstanceLabel",
+    "Labels",
+    "check_channels",
+    "parse_channels",
+]

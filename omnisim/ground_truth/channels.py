@@ -1,0 +1,123 @@
+"""The channels of ground truth by name: what they hold, in which unit, and how files name them.
+
+Each belongs to the ray of the pixel's centre, from the effective viewpoint: exactly, never averaged
+over the pixel, never blended with what is beside it. The picture's own colours are averages.
+
+A masked surface counts where it is not a hole, a blended one where its alpha is at least 0.5:
+behind clear glass the channels show what is behind it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from omnisim.errors import OutputError
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel.
+
+    Attributes:
+        name: by which it is asked for.
+        parts: its layers in an EXR file; as many as the array has numbers to a pixel.
+        dtype: of the array.
+        unit: of the numbers; empty: none.
+        about: what it holds, and what where nothing is hit.
+    """
+
+    name: str
+    parts: tuple[str, ...]
+    dtype: str
+    unit: str
+    about: str
+
+
+def _xyz(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{axis}" for axis in "XYZ")
+
+
+CHANNELS = {
+    channel.name: channel
+    for channel in (
+        Channel(
+            "range", ("range",), "float32", "m",
+            "length of the ray from the effective viewpoint; +inf: nothing is hit",
+        ),
+        Channel(
+            "z", ("Z",), "float32", "m",
+            "coordinate along the optical frame's z, not a distance: negative behind its plane, "
+            "and a mirror's optical frame looks up into the mirror; +inf: nothing is hit",
+        ),
+        Channel(
+            "position", _xyz("position"), "float64", "m",
+            "where the ray hits, world frame (x, y on the ground, z up); NaN: nothing is hit",
+        ),
+        Channel(
+            "normals", _xyz("normal"), "float32", "",
+            "unit normal of the side that is seen, as it is lit, world frame; 0: nothing is hit",
+        ),
+        Channel(
+            "normals_camera", _xyz("normal_camera"), "float32", "",
+            "the same in the optical frame (x right, y down, z forward)",
+        ),
+        Channel(
+            "albedo", tuple(f"albedo.{color}" for color in "RGB"), "float32", "",
+            "base colour without any light, linear RGB; 0: nothing is hit",
+        ),
+        Channel(
+            "semantic", ("semantic",), "uint16", "",
+            "number of the class, see the label table; 0: nothing is hit",
+        ),
+        Channel(
+            "instance", ("instance",), "uint32", "",
+            "number of the instance, see the label table; 0: nothing is hit",
+        ),
+        Channel(
+            "flow", ("flow.U", "flow.V"), "float32", "px",
+            "from the pixel to where its point is in the next picture, u right, v down; of "
+            "nothing's direction where nothing is hit; NaN: the next picture's lens cannot see it",
+        ),
+        Channel(
+            "occluded", ("occluded",), "uint8", "",
+            "the point in the next picture: 0 visible, 1 hidden, 2 outside of it, 255 the pixel "
+            "sees nothing",
+        ),
+        Channel(
+            "valid", ("valid",), "uint8", "",
+            "1: the pixel's centre has a ray; 0: it is outside of the lens or the mirror",
+        ),
+    )
+}  # fmt: skip
+# By other names that people use.
+_SYNONYMS = {"depth": "range", "normal": "normals", "class": "semantic", "semantics": "semantic"}
+
+
+def parse_channels(text: str) -> tuple[str, ...]:
+    """Names from a list with commas, such as "range,normals"; "all" stands for all of them.
+
+    Raises:
+        OutputError: an unknown name, with the nearest right one; or none at all.
+    """
+    names = [name.strip().lower() for name in text.split(",") if name.strip()]
+    if not names:
+        raise OutputError(f"--also {text!r}: want names with commas: {','.join(CHANNELS)}, or all")
+    return tuple(CHANNELS) if names == ["all"] else check_channels(names)
+
+
+def check_channels(names: Iterable[str]) -> tuple[str, ...]:
+    """The channels of these names in the order of `CHANNELS`, each once; flow has its occlusion.
+
+    Raises:
+        OutputError: an unknown name, with the nearest right one.
+    """
+    wanted = set(names)
+    for name in sorted(wanted - CHANNELS.keys()):
+        near = [_SYNONYMS[name]] if name in _SYNONYMS else difflib.get_close_matches(name, CHANNELS)
+        hint = f"did you mean {near[0]!r}?" if near else "want one of " + ", ".join(CHANNELS)
+        raise OutputError(f"channel {name!r}: there is no such channel; {hint}")
+    if wanted & {"flow", "occluded"}:
+        wanted |= {"flow", "occluded"}
+    return tuple(name for name in CHANNELS if name in wanted)

@@ -1,0 +1,117 @@
+"""Boxes of what is visible, as COCO has them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim import __version__
+from omnisim.atomic_file import whole_file
+from omnisim.ground_truth.labels import Labels
+
+_ABOUT = (
+    "Boxes and areas are those of the instance's visible pixels, nothing more: what is hidden is "
+    "not in them. Straight edges are curved in an omnidirectional picture, so a box holds more "
+    "that is not the instance's than in a perspective one; and what stands across the seam of a "
+    "picture that goes all around has a box as wide as the picture. Box: x, y, width, height in "
+    "pixels from the corner of the first one."
+)
+
+
+def coco_image(
+    instances: NDArray[np.integer], labels: Labels, file_name: str, image_id: int = 0
+) -> dict[str, Any]:
+    """The COCO data of one picture.
+
+    Args:
+        instances: (height, width), the channel.
+        labels: what its numbers mean.
+        file_name: of the picture.
+        image_id: its number.
+    """
+    height, width = instances.shape
+    annotations = []
+    for number, counts in _runs(instances).items():
+        label = labels.instances[number - 1]
+        rows, columns = np.nonzero(_box(instances, number, counts))
+        first = counts[0] // height
+        x, y = first + int(columns.min()), int(rows.min())
+        annotations.append(
+            {
+                "id": 0,
+                "image_id": image_id,
+                "category_id": label.class_id,
+                "bbox": [x, y, int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1],
+                "area": len(rows),
+                "iscrowd": 0,
+                "segmentation": {"size": [height, width], "counts": counts},
+                "instance_id": number,
+                "instance_name": label.name,
+            }
+        )
+    return _whole(
+        labels, [{"id": image_id, "file_name": file_name, "width": width, "height": height}],
+        annotations,
+    )  # fmt: skip
+
+
+def _runs(instances: NDArray[np.integer]) -> dict[int, list[int]]:
+    """Run lengths of each instance's mask, column after column, beginning with what is not it."""
+    flat = instances.T.ravel()
+    ends = np.append(np.flatnonzero(np.diff(flat.astype(np.int64))) + 1, flat.size)
+    starts = np.concatenate(([0], ends[:-1]))
+    numbers = flat[starts]
+    found = {}
+    for number in np.unique(numbers[numbers > 0]).tolist():
+        mine = numbers == number
+        edges = np.stack((starts[mine], ends[mine]), axis=-1).ravel()
+        counts = np.diff(np.concatenate(([0], edges))).tolist()
+        if edges[-1] < flat.size:
+            counts.append(int(flat.size - edges[-1]))
+        found[number] = counts
+    return found
+
+
+def _box(instances: NDArray[np.integer], number: int, counts: list[int]) -> NDArray[np.bool_]:
+    """The mask in those columns that the instance is in."""
+    height = instances.shape[0]
+    last = sum(counts[: len(counts) - len(counts) % 2]) - 1
+    return instances[:, counts[0] // height : last // height + 1] == number
+
+
+def _whole(
+    labels: Labels, images: list[dict[str, Any]], annotations: list[dict[str, Any]]
+) -> dict[str, Any]:
+    numbered = [found | {"id": number} for number, found in enumerate(annotations, start=1)]
+    return {
+        "info": {"description": _ABOUT, "contributor": f"omnisim {__version__}"},
+        "images": images,
+        "categories": [
+            {"id": label.id, "name": label.name, "supercategory": ""} for label in labels.classes
+        ],
+        "annotations": numbered,
+    }
+
+
+def merged(parts: Sequence[Mapping[str, Any]], labels: Labels) -> dict[str, Any]:
+    """The data of several pictures in one; their numbers have to differ."""
+    return _whole(
+        labels,
+        [image for part in parts for image in part["images"]],
+        [annotation for part in parts for annotation in part["annotations"]],
+    )
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with whole_file(path) as partial:
+        partial.write_text(json.dumps(content) + "\n", encoding="utf-8", newline="\n")

@@ -1,0 +1,46 @@
+"""All channels in one EXR file, beside the picture's colours if there are any."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.labels import Labels
+from omnisim.image_files import write_channels
+
+
+def write_exr(
+    path: Path,
+    channels: Mapping[str, NDArray[Any]],
+    labels: Labels | None,
+    metadata: Mapping[str, Any],
+    linear: NDArray[np.float32] | None = None,
+) -> None:
+    """Write channels under the names of `Channel.parts`, and colours as R, G, B.
+
+    All are 32-bit floats, which hold whole numbers exactly up to 2^24; a position is counted from
+    the world's origin, so far from it a float32 rounds: to 0.1 mm at 1 km. What each holds is in
+    the attributes `omnisim:<channel>`; the label table is in the metadata.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    layers: dict[str, NDArray[Any]] = {}
+    if linear is not None:
+        layers |= {name: linear[..., index] for index, name in enumerate("RGB")}
+    attributes = {}
+    for name, values in channels.items():
+        channel = CHANNELS[name]
+        parts = values.reshape(*values.shape[:2], -1)
+        layers |= {part: parts[..., index] for index, part in enumerate(channel.parts)}
+        unit = f"{channel.unit}; " if channel.unit else ""
+        attributes[f"omnisim:{name}"] = f"{', '.join(channel.parts)}: {unit}{channel.about}"
+    told = dict(metadata)
+    if labels is not None and channels.keys() & {"semantic", "instance"}:
+        told["labels"] = labels.to_json()
+    write_channels(path, layers, told, attributes)

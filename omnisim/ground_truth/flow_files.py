@@ -1,0 +1,53 @@
+"""Optical flow in the two formats that others read: Middlebury's .flo and KITTI's PNG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.atomic_file import whole_file
+from omnisim.image_files import write_numbers
+
+_FLO_MAGIC = np.float32(202021.25)  # "PIEH"
+_FLO_UNKNOWN = np.float32(1e10)
+KITTI_STEPS_PER_PX, _KITTI_ZERO = 64.0, 2**15
+
+
+def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
+    """Write flow (height, width, 2); 1e10 where it is NaN.
+
+    Source: Baker et al., "A database and evaluation methodology for optical flow", flow-code.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    height, width = flow_px.shape[:2]
+    known = np.where(np.isnan(flow_px), _FLO_UNKNOWN, flow_px).astype("<f4")
+    with whole_file(path) as partial:
+        partial.write_bytes(
+            _FLO_MAGIC.astype("<f4").tobytes()
+            + np.array([width, height], dtype="<i4").tobytes()
+            + known.tobytes()
+        )
+
+
+def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
+    """Write flow (height, width, 2) as 16-bit RGB: 64 u + 2^15, 64 v + 2^15, and 1 where valid.
+
+    What is NaN, or does not fit in ±512 px, is not valid: 0, 0, 0. Hidden points are in it, as in
+    KITTI's flow_occ.
+
+    Source: KITTI, devkit of the flow benchmark 2015, readme.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    known = ~np.isnan(flow_px).any(axis=-1)
+    steps = np.rint(KITTI_STEPS_PER_PX * np.where(known[..., None], flow_px, 0.0)) + _KITTI_ZERO
+    known &= np.all((steps >= 0) & (steps < 2**16), axis=-1)
+    pixels = np.zeros((*known.shape, 3), dtype=np.uint16)
+    pixels[known, :2] = steps[known]
+    pixels[known, 2] = 1
+    write_numbers(path, pixels)

@@ -1,0 +1,111 @@
+"""What the numbers of classes and instances mean."""
+
+from __future__ import annotations
+
+import colorsys
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NOTHING = 0  # class and instance where no surface is hit
+_GOLDEN = 0.61803398875  # hues that far apart never come close to one another
+
+
+@dataclass(frozen=True)
+class ClassLabel:
+    """One class.
+
+    Attributes:
+        id: its number in the channel.
+        name: what it is called.
+        color: 8-bit sRGB, for pictures.
+    """
+
+    id: int
+    name: str
+    color: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class InstanceLabel:
+    """One instance: all parts of one name.
+
+    Attributes:
+        id: its number in the channel.
+        name: of its node.
+        class_id: of its class.
+        mover: the mover that it belongs to; None: the scene.
+    """
+
+    id: int
+    name: str
+    class_id: int
+    mover: str | None = None
+
+
+@dataclass(frozen=True)
+class Labels:
+    """All classes and instances that can be seen.
+
+    Attributes:
+        classes: by rising id; without `NOTHING`.
+        instances: number 1, 2, and so on; without `NOTHING`.
+        source: where the classes are from: "table", or "names" of the instances.
+        unlabelled: names that no class of the table claims.
+    """
+
+    classes: tuple[ClassLabel, ...]
+    instances: tuple[InstanceLabel, ...]
+    source: str
+    unlabelled: tuple[str, ...] = ()
+
+    @cached_property
+    def class_of_instance(self) -> NDArray[np.uint16]:
+        """Class of each instance id (n + 1,), from `NOTHING` on."""
+        return np.array([NOTHING, *(i.class_id for i in self.instances)], dtype=np.uint16)
+
+    @cached_property
+    def class_colors(self) -> NDArray[np.uint8]:
+        """Colours (largest id + 1, 3) of the classes; black where there is none."""
+        colors = np.zeros((max((c.id for c in self.classes), default=0) + 1, 3), dtype=np.uint8)
+        for label in self.classes:
+            colors[label.id] = label.color
+        return colors
+
+    def notices(self) -> tuple[str, ...]:
+        """One line each: where the labels are not what a label table would give."""
+        if self.source == "names":
+            return (
+                "the scene has no labels: classes are the instances' names without numbers; "
+                "a [[labels]] table in its TOML, or --labels FILE, says better",
+            )
+        if self.unlabelled:
+            count, first = len(self.unlabelled), self.unlabelled[0]
+            return (f"no label for {count} instances, such as {first!r}: they are 'unlabelled'",)
+        return ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Names and palette, as JSON can hold them."""
+        return {
+            "classes_from": self.source,
+            "classes": [
+                {"id": NOTHING, "name": "nothing", "color": [0, 0, 0]},
+                *({"id": c.id, "name": c.name, "color": list(c.color)} for c in self.classes),
+            ],
+            "instances": [
+                {"id": i.id, "name": i.name, "class": i.class_id}
+                | ({} if i.mover is None else {"mover": i.mover})
+                for i in self.instances
+            ],
+        }
+
+
+def distinct_color(number: int) -> tuple[int, int, int]:
+    """A colour, 8-bit sRGB, unlike those of the numbers beside it; always the same."""
+    hue = (0.08 + number * _GOLDEN) % 1.0
+    saturation, value = 0.55 + 0.15 * (number % 3), 0.95 - 0.18 * (number // 3 % 3)
+    red, green, blue = colorsys.hsv_to_rgb(hue, saturation, value)
+    return round(255 * red), round(255 * green), round(255 * blue)

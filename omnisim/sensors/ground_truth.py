@@ -1,0 +1,118 @@
+"""The channels of one camera: what its pixels' rays hit, in words that people use."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.capture_pass import Emit
+from omnisim.gpu.surface_pass import SurfacePass, Surfaces
+from omnisim.gpu.visibility_pass import VisibilityPass
+from omnisim.scene.labels import find_labels
+from omnisim.sensors.capturing import capture_of, faces_of
+from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.optical_flow import FINENESS, OpticalFlow, View
+from omnisim.sensors.stage import Stage
+
+
+class GroundTruth:
+    """Channels of one camera on a stage; everything on the GPU is made once.
+
+    Args:
+        stage: its context is current, here and in `channels`.
+        sensor: the camera.
+        hidden: names of the body's instances that it does not see.
+        albedo: whether plain colours will be asked for.
+
+    Attributes:
+        labels: what the numbers of classes and instances mean.
+        has_albedo: whether plain colours can be had.
+    """
+
+    def __init__(
+        self, stage: Stage, sensor: OmniCamera, hidden: Collection[str], albedo: bool = False
+    ):
+        self._sensor, self._buffers = sensor, stage.buffers
+        self.has_albedo = albedo
+        self.labels = find_labels(stage.scene, stage.moving)
+        camera = sensor.camera
+        emit = Emit.SURFACE_NORMAL_ALBEDO if albedo else Emit.SURFACE_AND_NORMAL
+        plan = faces_of(sensor, FINENESS)
+        self._visibility = VisibilityPass(
+            stage.context, stage.buffers, plan, sensor.near_m, sensor.far_m, hidden, albedo
+        )
+        self._hidden = hidden
+        self._surfaces = SurfacePass(
+            stage.context,
+            self._visibility,
+            capture_of(stage, sensor, camera, emit),
+            (camera.width_px, camera.height_px),
+            camera.rig_from_optical,
+            emit,
+        )
+        self._flow: OpticalFlow | None = None
+        movers = [None, *stage.moving]
+        ids = {(label.mover, label.name): label.id for label in self.labels.instances}
+        # from the draw −1, which is nothing, on
+        self._instance_of_draw = np.array(
+            [0]
+            + [
+                ids[movers[0 if draw.mover is None else draw.mover + 1], draw.name]
+                for draw in stage.buffers.draws
+            ],
+            dtype=np.uint32,
+        )
+
+    def channels(
+        self, names: Sequence[str], now: View, after: View | None = None
+    ) -> dict[str, NDArray[Any]]:
+        """The channels of these names, in their order.
+
+        Args:
+            names: as `check_channels` gives them; albedo only where `has_albedo`.
+            now: where the camera and the movers are.
+            after: where they are next, for the flow.
+        """
+        surfaces = self._surfaces.render(
+            now.world_from_rig,
+            now.world_from_movers,
+            normals="normals" in names or "normals_camera" in names,
+            albedos="albedo" in names,
+        )
+        world_from_optical = now.world_from_rig[:3, :3] @ self._sensor.camera.rig_from_optical
+        make = {
+            "range": lambda: surfaces.ranges_m,
+            "z": lambda: _along(surfaces, world_from_optical[:, 2]),
+            "position": lambda: _positions(surfaces, now.world_from_rig[:3, 3]),
+            "normals": lambda: surfaces.normals,
+            "normals_camera": lambda: surfaces.normals @ world_from_optical.astype(np.float32),
+            "albedo": lambda: surfaces.albedos,
+            "semantic": lambda: self.labels.class_of_instance[self._instances(surfaces)],
+            "instance": lambda: self._instances(surfaces),
+            "valid": lambda: surfaces.valid.astype(np.uint8),
+        }
+        if after is not None and "flow" in names:
+            if self._flow is None:
+                self._flow = OpticalFlow(self._buffers, self._sensor, self._hidden)
+            flow, occluded = self._flow.between(surfaces, now, after)
+            make |= {"flow": lambda: flow, "occluded": lambda: occluded}
+        return {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+
+    def _instances(self, surfaces: Surfaces) -> NDArray[np.uint32]:
+        return self._instance_of_draw[surfaces.draws + 1]
+
+
+def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: none."""
+    along = surfaces.points_m @ axis.astype(np.float32)
+    return np.where(surfaces.draws < 0, np.float32(np.inf), along)
+
+
+def _positions(surfaces: Surfaces, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (height, width, 3) in the world; NaN: none."""
+    points_m = surfaces.points_m + viewpoint_m
+    points_m[surfaces.draws < 0] = np.nan
+    return points_m

@@ -1,0 +1,65 @@
+"""Ground truth in the folder of a run: its files at each step, and those of the whole run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from omnisim.errors import RunError
+from omnisim.frame import Frame
+from omnisim.ground_truth import Labels
+from omnisim.ground_truth.coco import coco_image, merged, write_json
+from omnisim.ground_truth.exr import write_exr
+from omnisim.simulation.run_folder import BOXES_SUFFIX, CHANNELS_SUFFIX, RunFolder, is_written
+
+# Of the whole run: labels.json, and <camera>/coco.json
+LABELS, BOXES = "labels.json", "coco.json"
+
+
+def write_step(run: RunFolder, camera: str, step: int, frame: Frame) -> None:
+    """Write what is missing of a camera's channels at a step.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    target = run.file(camera, step, CHANNELS_SUFFIX)
+    if frame.channels and not is_written(target):
+        write_exr(target, frame.channels, None, frame.metadata)
+    target = run.file(camera, step, BOXES_SUFFIX)
+    if "instance" in frame.channels and not is_written(target):
+        picture = run.file(camera, step, ".png").name
+        content = coco_image(frame.channels["instance"], frame.labels, picture, step)
+        write_json(target, content)
+
+
+def write_labels(run: RunFolder, labels: Labels) -> None:
+    """Write what the numbers of classes and instances mean, where the run has them.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    if {"semantic", "instance"} & set(run.manifest["channels"]) and not run.has(LABELS):
+        write_json(run.path / LABELS, labels.to_json())
+
+
+def write_boxes(run: RunFolder, labels: Labels) -> None:
+    """Put the boxes of all steps of each camera into one file, where the run has them.
+
+    Raises:
+        RunError: boxes of a step are damaged.
+        OutputError: it cannot be written.
+    """
+    if "instance" not in run.manifest["channels"]:
+        return
+    for camera in run.manifest["cameras"]:
+        if not run.has(f"{camera}/{BOXES}"):
+            steps = range(run.manifest["steps"])
+            parts = [_read(run.file(camera, step, BOXES_SUFFIX)) for step in steps]
+            write_json(run.path / camera / BOXES, merged(parts, labels))
+
+
+def _read(path: Path) -> dict:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise RunError(f"{path}: cannot be read: remove it, and drive again") from None
