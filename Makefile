@@ -3,8 +3,10 @@
 #   make test   installs what is missing and runs the tests
 # And one proves the geometry:
 #   make validate
+# And one repeats the paper's experiments, a robot that finds itself:
+#   make experiments
 
-.PHONY: help demo test validate readme lint setup system clean
+.PHONY: help demo test validate experiments readme lint setup system clean
 
 # The first Python that is new enough; say PYTHON=... to choose another.
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -18,6 +20,7 @@ help:
 	@echo "make demo       install what is missing and render a first picture"
 	@echo "make test       install what is missing and run the tests"
 	@echo "make validate   install what is missing and prove the geometry: out/validation"
+	@echo "make experiments  install what is missing and repeat the experiments: out/experiments"
 	@echo "make readme     the same, and put numbers and figures into README"
 	@echo "make clean      remove what these made"
 
@@ -32,6 +35,10 @@ test: setup lint
 validate: setup
 	@mkdir -p out
 	$(BIN)/omnisim validate -o out/validation
+
+experiments: setup
+	@mkdir -p out
+	$(BIN)/omnisim experiments -o out/experiments
 
 readme: validate
 	$(BIN)/python .ci/renew_readme.py out/validation
