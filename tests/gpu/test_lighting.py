@@ -1,6 +1,5 @@
 """The light of the shader against its NumPy twin, at every pixel of a floor."""
 
-
 import numpy as np
 import pytest
 
