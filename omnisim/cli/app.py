@@ -402,6 +402,23 @@ def validate(
 
 
 @app.command()
+def experiments(
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="Folder for the drives, report.html, report.json and figures."
+        ),
+    ],
+    device: DeviceOption = None,
+) -> None:
+    """Repeat the paper's experiments, a robot that finds itself; 1 if a bound fails."""
+    from omnisim.cli.experiments import run
+
+    if not run(output, device, out, err):
+        raise typer.Exit(1)
+
+
+@app.command()
 def mirror(
     output: Annotated[Path, typer.Option("-o", "--output", help="Mesh: .glb, .obj or .ply.")],
     polygons: Annotated[

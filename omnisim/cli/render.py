@@ -62,6 +62,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
+    for option, value in (("--speed", request.speed_mps), ("--turn-rate", request.turn_rate_degps)):
+        if not math.isfinite(value):
+            raise OutputError(f"{option} {value:g}: want a finite number")
     is_float = is_float_format(request.output)
     check_target(request.output)
     for beside in (request.rays, request.calibration_beside):
