@@ -57,7 +57,7 @@ class Lens:
 
 def lenses() -> tuple[Lens, ...]:
     """One camera of each model that OpenCV has; published numbers where there are any."""
-    mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 800, 800)
+    mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 640, 640)
     narrow = math.radians(14.0)
     return (
         Lens(
@@ -74,21 +74,21 @@ def lenses() -> tuple[Lens, ...]:
             "opencv_pinhole",
             narrow,
         ),
-        Lens(  # TUM-VI cam0, at 1.5 times its size
+        Lens(  # TUM-VI cam0
             "fisheye",
             KannalaBrandtCamera(
                 512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
                 (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4),
-            ).scaled(1.5),
+            ),
             "opencv_fisheye",
             math.radians(45.0),
         ),
-        Lens(  # KITTI-360 image_02, at half its size
+        Lens(  # KITTI-360 image_02, at 0.4 times its size
             "omnidir with distortion",
             UnifiedCamera(
                 1400, 1400, (1336.322, 1335.788), (716.943, 705.764), 2.213404750785489,
                 (0.016798, 1.654877, 4.222e-4, 4.246e-4),
-            ).scaled(0.5),
+            ).scaled(0.4),
             "opencv_omnidir",
             math.radians(65.0),
         ),
