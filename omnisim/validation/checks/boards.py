@@ -83,12 +83,12 @@ def lenses() -> tuple[Lens, ...]:
             "opencv_fisheye",
             math.radians(45.0),
         ),
-        Lens(  # KITTI-360 image_02, at 0.4 times its size
+        Lens(  # KITTI-360 image_02, at half its size
             "omnidir with distortion",
             UnifiedCamera(
                 1400, 1400, (1336.322, 1335.788), (716.943, 705.764), 2.213404750785489,
                 (0.016798, 1.654877, 4.222e-4, 4.246e-4),
-            ).scaled(0.4),
+            ).scaled(0.5),
             "opencv_omnidir",
             math.radians(65.0),
         ),
