@@ -41,5 +41,9 @@ class OutputError(OmnisimError):
     """A picture, mesh, scan or plot that cannot be written, or read back."""
 
 
+class LocalizationError(OmnisimError):
+    """Colours, landmarks, measurements or times that no robot can find itself by."""
+
+
 class CalibrationError(OmnisimError):
     """A calibration file, or a model, that cannot say what is asked for."""

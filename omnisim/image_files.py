@@ -24,6 +24,8 @@ EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
 # On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
+# OpenEXR's writer would put the time of day in: equal data are equal bytes.
+_NO_DATE = "1970:01:01 00:00:00"
 _JPEG = {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"}
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 
@@ -154,6 +156,7 @@ def write_channels(
     spec.channelnames = tuple(channels)
     spec["Software"] = f"omnisim {__version__}"
     spec["Compression"] = "zip"
+    spec["DateTime"] = _NO_DATE
     for key, value in (attributes or {}).items():
         spec[key] = value
     if metadata is not None:
@@ -195,6 +198,32 @@ def _metadata_of(text: Any) -> dict[str, Any] | None:
     except (json.JSONDecodeError, RecursionError):
         return None  # somebody else's description
     return metadata if isinstance(metadata, dict) else None
+
+
+def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
+    """What a picture (height, width, 3) sRGB becomes in a JPEG file, encoded and decoded again.
+
+    Args:
+        pixels: the picture.
+        quality: 1 to 100, as libjpeg counts.
+        subsampling: "4:4:4", "4:2:2" or "4:2:0".
+
+    Raises:
+        OutputError: it cannot be encoded.
+    """
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec["Compression"] = f"jpeg:{quality}"
+    spec["jpeg:subsampling"] = subsampling
+    data = _encoded(Path("camera.jpg"), spec, np.ascontiguousarray(pixels))
+    memory = os.memfd_create("omnisim picture")
+    try:
+        with open(memory, "wb", closefd=False) as file:
+            file.write(data)
+        decoded, _ = read_image(Path(f"/proc/self/fd/{memory}"))
+    finally:
+        os.close(memory)
+    return decoded
 
 
 def _encoded(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> bytes:

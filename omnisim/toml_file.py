@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
@@ -22,6 +23,17 @@ class Table(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True
     )
+
+
+def word_or(word: str, wanted: str, fits: Callable[[Any], bool]) -> pydantic.BeforeValidator:
+    """A value that is one certain word, or fits; the message says both."""
+
+    def check(value: Any) -> Any:
+        if (isinstance(value, str) and value == word) or fits(value):
+            return value
+        raise ValueError(f"want {wanted} or {word!r}")
+
+    return pydantic.BeforeValidator(check)
 
 
 def read_toml(path: Path, model: type[Model], error: type[OmnisimError]) -> Model:

@@ -11,10 +11,10 @@ PACKAGE = Path(omnisim.__file__).parent
 # From the top down; a module may import from layers below its own, and from its own folder.
 LAYERS = (
     {"cli"},
-    {"validation"},
+    {"validation", "experiments"},
     {"plots"},
     {"simulation"},
-    {"sensors", "perception", "robot"},
+    {"sensors", "perception", "localization", "robot"},
     {"gpu"},
     {"calibration"},
     {"scene", "cameras"},
@@ -33,7 +33,7 @@ HOMES = {
     "typer": {"cli"},
     "rich": {"cli"},
     "matplotlib": {"plots", "validation"},
-    "jinja2": {"validation"},
+    "jinja2": {"validation", "experiments"},
     "av": {"plots"},
     "cv2": {"validation"},
     "mitsuba": {"validation"},

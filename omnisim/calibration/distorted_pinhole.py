@@ -36,6 +36,7 @@ SAMPLES = 20001
 MOST_STEPS = 30  # the slant is small: each makes what is left some hundred times smaller
 NEWTON_STEPS = 4  # from between two samples to the last bit
 STEP = 1e-6  # for slopes
+FURTHEST_OFF = 0.01  # of the picture's shorter side
 GOOD_PX = 0.05  # what no corner detector sees
 
 
@@ -178,6 +179,11 @@ def nearest_lens(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, tu
             break
     if best is None:
         raise CalibrationError(f"{source}: {lens.model}: no model of omnisim comes near it")
+    if best.max_px > FURTHEST_OFF * min(lens.width_px, lens.height_px):
+        raise CalibrationError(
+            f"{source}: {lens.model}: the nearest model of omnisim, {best.camera.model}, is up to "
+            f"{best.max_px:.3g} px off"
+        )
     note = (
         f"{lens.model} is none of omnisim's models: read as {best.camera.model}, "
         f"RMS {best.rms_px:.2g} px and at most {best.max_px:.2g} px off within "

@@ -103,6 +103,7 @@ def calibration_text(
             one.said.poses,
             one.residual,
             one.said.notes,
+            one.said.lens.model,
         )
         for one in words
     )

@@ -16,6 +16,7 @@ from omnisim.cli.arguments import (
     LabelsOption,
     PictureOption,
     PolygonsOption,
+    PresetOption,
     RunArgument,
     SceneArgument,
     SizeOption,
@@ -26,6 +27,7 @@ from omnisim.cli.arguments import (
 from omnisim.cli.calibration import MirroredOption, NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
+from omnisim.cli.landmarks import CameraOption, SceneOption, landmarks_app
 from omnisim.cli.robot import robot_app
 from omnisim.errors import OmnisimError
 
@@ -42,6 +44,7 @@ app = typer.Typer(
 )
 
 app.add_typer(robot_app)
+app.add_typer(landmarks_app)
 app.add_typer(calibration_app)
 
 
@@ -111,6 +114,15 @@ def render(
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a picture to look at of each channel.")
     ] = False,
+    preset: PresetOption = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0,
+    speed: Annotated[
+        float,
+        typer.Option("--speed", metavar="M/S", help="Forwards, for motion blur and the shutter."),
+    ] = 0.0,
+    turn_rate: Annotated[
+        float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
+    ] = 0.0,
     rays: Annotated[
         Path | None,
         typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
@@ -127,7 +139,8 @@ def render(
 
     request = RenderRequest(
         scene, output, sensor, camera, camera_name, mirrored, at, yaw, polygons, size, unlit,
-        faces, up, device, also, labels, next_at, next_yaw, preview, rays, calibration,
+        faces, up, device, also, labels, next_at, next_yaw, preview, preset, seed, speed,
+        turn_rate, rays, calibration,
     )  # fmt: skip
     run(request, out, err)
 
@@ -149,7 +162,9 @@ def drive(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder of the run; gone on with if it is there.")
     ],
-    seed: Annotated[int, typer.Option("--seed", help="Of the odometry's noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Of the odometry's and the cameras' noise.")
+    ] = 0,
     step: Annotated[
         float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
     ] = 0.41,
@@ -176,6 +191,7 @@ def drive(
     force: Annotated[
         bool, typer.Option("--force", help="Throw another run away that is in the folder.")
     ] = False,
+    preset: PresetOption = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -185,9 +201,49 @@ def drive(
 
     route = Route(path, step, turn_step, rate, ignore_limits, ground)
     request = DriveRequest(
-        scene, robot, output, route, seed, polygons, size, unlit, force, up, device, also, labels
+        scene,
+        robot,
+        output,
+        route,
+        seed,
+        polygons,
+        size,
+        unlit,
+        force,
+        up,
+        device,
+        also,
+        labels,
+        preset,
     )
     run(request, out, err)
+
+
+@app.command()
+def localize(
+    run_folder: RunArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the estimate, figures and page.")
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Model of `landmarks train`. [dim]learned from the run's own labels[/]",
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", metavar="FILE", help="Filter's parameters. [dim]omnisim's[/]"),
+    ] = None,
+    scene: SceneOption = None,
+    camera: CameraOption = None,
+) -> None:
+    """Find out where the robot of a run was, from its wheels and the landmarks it saw."""
+    from omnisim.cli.localize import run
+
+    run(run_folder, output, model, params, scene, camera, out, err)
 
 
 @app.command()
@@ -342,6 +398,23 @@ def validate(
     from omnisim.cli.validate import run
 
     if not run(output, quick, only or [], device, out, err):
+        raise typer.Exit(1)
+
+
+@app.command()
+def experiments(
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="Folder for the drives, report.html, report.json and figures."
+        ),
+    ],
+    device: DeviceOption = None,
+) -> None:
+    """Repeat the paper's experiments, a robot that finds itself; 1 if a bound fails."""
+    from omnisim.cli.experiments import run
+
+    if not run(output, device, out, err):
         raise typer.Exit(1)
 
 

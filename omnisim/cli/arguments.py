@@ -48,6 +48,15 @@ UpOption = Annotated[
     str | None,
     typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
 ]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME|FILE",
+        help="What the camera lacks to be ideal: ideal, dragonfly2, webcam, bad-day, or a .toml "
+        "file. [dim]the sensor file's[/]",
+    ),
+]
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
 DeviceOption = Annotated[
     int | None,

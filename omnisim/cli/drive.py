@@ -17,7 +17,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from omnisim.cli.options import counted, load_labelled_scene, parse_polygons
+from omnisim.cli.options import counted, load_labelled_scene, parse_polygons, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.simulation.drive import Drive, with_cameras
@@ -42,6 +42,7 @@ class DriveRequest:
     device: int | None
     also: str | None = None
     labels: Path | None = None
+    preset: str | None = None
 
 
 class _Rate(ProgressColumn):
@@ -64,7 +65,9 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
         request.scene, request.up_axis, request.labels, "semantic" in channels, err
     )
     polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
-    vehicle = with_cameras(Vehicle.load(request.robot), request.size_px, polygons)
+    vehicle = with_cameras(
+        Vehicle.load(request.robot), request.size_px, polygons, read_preset(request.preset)
+    )
     drive = Drive(
         scene,
         vehicle,

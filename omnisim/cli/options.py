@@ -12,6 +12,7 @@ from omnisim.errors import CalibrationError, OpticsError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.degradations import Degradation, preset
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -80,6 +81,15 @@ def load_labelled_scene(
     for notice in (*scene.notices, *told):
         err.print("note: ", notice, sep="", markup=False)
     return scene
+
+
+def read_preset(name: str | None) -> Degradation | None:
+    """The degradations of a preset, or None: as the sensor file says.
+
+    Raises:
+        SensorFileError: there is no such preset, or its file has a fault.
+    """
+    return None if name is None else preset(name)
 
 
 def parse_polygons(text: str) -> int | None:

@@ -13,11 +13,12 @@ from rich.console import Console
 from omnisim.atomic_file import check_target
 from omnisim.calibration import CalibratedCamera, Calibration, Pose
 from omnisim.calibration.ray_table import write_ray_table
-from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera
+from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors.motion import Twist
 from omnisim.sensors.renderer import unfolded_cube
 
 
@@ -44,6 +45,10 @@ class RenderRequest:
     next_at: tuple[float, float, float] | None = None
     next_yaw_deg: float | None = None
     preview: bool = False
+    preset: str | None = None
+    seed: int = 0
+    speed_mps: float = 0.0
+    turn_rate_degps: float = 0.0
     rays: Path | None = None
     calibration_beside: Path | None = None
 
@@ -57,6 +62,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
+    for option, value in (("--speed", request.speed_mps), ("--turn-rate", request.turn_rate_degps)):
+        if not math.isfinite(value):
+            raise OutputError(f"{option} {value:g}: want a finite number")
     is_float = is_float_format(request.output)
     check_target(request.output)
     for beside in (request.rays, request.calibration_beside):
@@ -69,6 +77,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     camera = read_camera(
         request.sensor, request.calibration, request.camera_name, request.mirrored, err
     )
+    degradation = read_preset(request.preset)
+    if degradation is not None:
+        camera = camera.with_degradation(degradation)
     if request.size_px is not None:
         camera = camera.resized(request.size_px)
     if request.polygons is not None:
@@ -83,8 +94,17 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     pose = camera.base_pose(position, yaw_deg)
     next_position, next_yaw_deg = _next(request, position, yaw_deg)
     next_pose = camera.base_pose(next_position, next_yaw_deg) if "flow" in also else None
-    with Renderer(scene, camera, unlit=request.unlit, device=request.device) as renderer:
-        frame = renderer.render(pose, linear=is_float, also=also, next_base=next_pose)
+    turn_rate_radps = math.radians(request.turn_rate_degps)
+    shutter = camera.degradation.shutter
+    if (request.speed_mps or turn_rate_radps) and not (shutter and shutter.duration_s):
+        err.print("note: this camera's shutter takes no time: no motion shows", markup=False)
+    twist = Twist((request.speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps))
+    with Renderer(
+        scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
+    ) as renderer:
+        frame = renderer.render(
+            pose, linear=is_float, also=also, next_base=next_pose, motion=twist.through(pose)
+        )
         faces = renderer.faces() if request.faces is not None else {}
     frame.save(request.output, previews=request.preview)
     if request.rays is not None:

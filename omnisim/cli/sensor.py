@@ -28,6 +28,9 @@ def run(check: Path | None, out: Console) -> None:
         if isinstance(sensor.camera, HyperbolicCamera)
         else [f"  {key:22} {value}" for key, value in sensor.camera.parameters().items()]
     )
+    for name, values in sensor.degradation.tables().items():
+        told = ", ".join(f"{key} = {value}" for key, value in values.items())
+        lines.append(f"  {name:22} {told}")
     for line in lines:
         out.print(line, markup=False)
 

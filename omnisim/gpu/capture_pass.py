@@ -145,14 +145,14 @@ def connect_cube(
 ) -> None:
     """Tell a capture's program where in the atlas each face stands (`cube_lookup.glsl`)."""
     tiles = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
-    reach = np.zeros((len(FACE_NAMES), 2), dtype=np.float32)
+    windows = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
     texels = np.zeros(len(FACE_NAMES), dtype=np.float32)
     atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
     for face in plan.faces:
         half_px = 0.5 * face.size_px
-        middle_px = np.array([face.left_px, face.top_px]) + face.margin_px + half_px
+        middle_px = np.array(face.corner_px) + half_px
         tiles[face.index] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
-        reach[face.index] = -face.tangents[0], face.tangents[1]
+        windows[face.index] = face.tangents.ravel()
         texels[face.index] = half_px
     program["u_atlas"] = 0
     if "u_max_level" in program:  # what is no colour has no mip levels
@@ -161,7 +161,7 @@ def connect_cube(
     for name, values in (
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
         ("u_face_tile", tiles),
-        ("u_face_reach", reach),
+        ("u_face_window", windows),
         ("u_face_texels", texels),
     ):
         if name in program:

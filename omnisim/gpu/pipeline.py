@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
@@ -13,6 +13,7 @@ from omnisim.cameras import CentralCamera
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture_pass import Capture, connect_cube
 from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.degradation_pass import DegradationPass
 from omnisim.gpu.shader_files import build_program
 
 
@@ -23,11 +24,19 @@ class Picture(NamedTuple):
     linear: NDArray[np.float32] | None  # (height, width, 3), where asked for
 
 
+class SubFrame(NamedTuple):
+    """A part of the time in which a picture is taken."""
+
+    world_from_rig: NDArray[np.float64]  # (4, 4)
+    world_from_movers: Sequence[NDArray[np.float64]]
+    row_weights: NDArray[np.float32] | None  # (height,) share of each row's exposure; None: all
+
+
 class Pipeline:
     """Renders one camera in one scene; everything on the GPU is made once.
 
     The picture has `supersampling` times fewer pixels to a side than the camera: as many of the
-    camera's are averaged.
+    camera's are averaged. With a `degradation`, its passes come before the encoding.
 
     Raises:
         GraphicsError: a picture larger than the GPU allows.
@@ -41,13 +50,16 @@ class Pipeline:
         cube: CubePass,
         capture: Capture,
         supersampling: int = 1,
+        degradation: DegradationPass | None = None,
     ):
         self._context, self._cube, self._capture = context, cube, capture
+        self._degradation = degradation
         self._size = (camera.width_px // supersampling, camera.height_px // supersampling)
         check_picture_size(context, camera.width_px, camera.height_px)
         connect_cube(capture.program, cube.plan, rig_from_optical)
         try:
-            self._linear = context.texture(self._size, 4, dtype="f2")
+            linear_type = "f2" if degradation is None else "f4"
+            self._linear = context.texture(self._size, 4, dtype=linear_type)
             self._linear_target = context.framebuffer([self._linear])
             self._fine = self._fine_target = None
             if supersampling > 1:
@@ -76,6 +88,45 @@ class Pipeline:
         world_from_movers: Sequence[NDArray[np.float64]] = (),
     ) -> Picture:
         """Render from a pose (4, 4), movers at theirs; linear colours where they are asked for."""
+        self._draw_linear(world_from_rig, world_from_movers)
+        rgba = self._encoded(self._linear)
+        if not linear:
+            return Picture(rgba, None)
+        width, height = self._size
+        floats = np.empty((height, width, 3), dtype=np.float32)
+        self._linear_target.read_into(floats, components=3, dtype="f4")
+        return Picture(rgba, floats)
+
+    def render_degraded(
+        self,
+        sub_frames: Iterable[SubFrame],
+        expose: Callable[[float | None], Mapping[str, Any]],
+        metered: bool = False,
+        linear: bool = False,
+    ) -> Picture:
+        """Render what the degradation makes of sub-frames.
+
+        Args:
+            sub_frames: at least one.
+            expose: from the mean luminance to the values of this frame's uniforms.
+            metered: whether `expose` wants to know the luminance.
+            linear: whether linear colours are asked for.
+        """
+        degradation = self._degradation
+        for sub_frame in sub_frames:
+            self._draw_linear(sub_frame.world_from_rig, sub_frame.world_from_movers)
+            degradation.add(self._linear, sub_frame.row_weights)
+        finished = degradation.finish(expose(degradation.mean_luminance() if metered else None))
+        rgba = self._encoded(finished)
+        floats = np.ascontiguousarray(degradation.read()[..., :3]) if linear else None
+        return Picture(rgba, floats)
+
+    def _draw_linear(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_movers: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the ideal picture."""
         atlas = self._cube.render(world_from_rig, world_from_movers)
         captured = self._fine_target or self._linear_target
         captured.use()
@@ -86,17 +137,19 @@ class Pipeline:
             self._linear_target.use()
             self._fine.use(0)
             self._average.render(moderngl.TRIANGLES, vertices=3)
-        self._encoded_target.use()
-        self._linear.use(0)
-        self._encode.render(moderngl.TRIANGLES, vertices=3)
+
+    def _encoded(self, linear: moderngl.Texture) -> NDArray[np.uint8]:
+        """The values of the file (height, width, 4)."""
+        if self._degradation is not None and self._degradation.encodes:
+            self._degradation.encode(self._encoded_target)
+        else:
+            self._encoded_target.use()
+            linear.use(0)
+            self._encode.render(moderngl.TRIANGLES, vertices=3)
         width, height = self._size
         rgba = np.empty((height, width, 4), dtype=np.uint8)
         self._encoded_target.read_into(rgba, components=4)
-        if not linear:
-            return Picture(rgba, None)
-        floats = np.empty((height, width, 3), dtype=np.float32)
-        self._linear_target.read_into(floats, components=3, dtype="f4")
-        return Picture(rgba, floats)
+        return rgba
 
 
 def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from omnisim import __version__
 from omnisim.atomic_file import check_target, whole_file
 from omnisim.errors import OutputError
 
+__all__ = ["FORMATS", "Figure", "check_plot_target", "figure_png", "write_plot"]
 FORMATS = ("png", "pdf", "svg")
 
 
@@ -31,6 +34,13 @@ def write_plot(path: Path, figure: Figure) -> None:
     name = _format(path)
     with whole_file(path) as partial:
         figure.savefig(partial, format=name)
+
+
+def figure_png(figure: Figure) -> bytes:
+    """A figure as the bytes of a PNG file."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", metadata={"Software": f"omnisim {__version__}"})
+    return data.getvalue()
 
 
 def _format(path: Path) -> str:

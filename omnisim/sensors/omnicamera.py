@@ -15,8 +15,11 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.sensor_file import (
+    MAX_DENSITY,
     MAX_SUPERSAMPLING,
+    MIN_DENSITY,
     SensorFile,
     parse_sensor,
     read_sensor_file,
@@ -46,7 +49,10 @@ class OmniCamera:
         near_m, far_m: what the virtual cameras see; far may be infinite.
         samples: samples a texel of the virtual cameras, against jagged edges.
         supersampling: captured pixels to a side of a pixel of the picture, averaged in linear
-            light; the virtual cameras become as much finer.
+            light.
+        texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels,
+            where no size is given.
+        degradation: what the camera lacks to be ideal; by default nothing.
 
     Raises:
         OmnisimError: a polygon count that makes no mesh, near and far that leave nothing between
@@ -60,7 +66,9 @@ class OmniCamera:
     near_m: float = 0.05
     far_m: float = np.inf
     samples: int = 1
-    supersampling: int = 2
+    supersampling: int = 3
+    texels_per_pixel: float = 2.5
+    degradation: Degradation = field(default_factory=Degradation)
 
     def __post_init__(self) -> None:
         if self.polygons is not None:
@@ -83,6 +91,11 @@ class OmniCamera:
         if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
             raise OpticsError(
                 f"supersampling = {self.supersampling}: want 1 to {MAX_SUPERSAMPLING}"
+            )
+        if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # false for NaN, too
+            raise OpticsError(
+                f"texels_per_pixel = {self.texels_per_pixel}: want {MIN_DENSITY:g} to "
+                f"{MAX_DENSITY:g}"
             )
         frames.check_pose(self.base_from_rig)
 
@@ -118,6 +131,8 @@ class OmniCamera:
             far_m=virtual.far_m,
             samples=virtual.samples,
             supersampling=settings.camera.supersampling,
+            texels_per_pixel=virtual.texels_per_pixel,
+            degradation=settings.make_degradation(),
         )
 
     def resized(self, size_px: int) -> OmniCamera:
@@ -130,7 +145,9 @@ class OmniCamera:
             raise OpticsError(f"camera: size {size_px}: want at least 1")
         old = self.camera
         scale = size_px / min(old.width_px, old.height_px)
-        return dataclasses.replace(self, camera=old.scaled(scale))
+        return dataclasses.replace(
+            self, camera=old.scaled(scale), degradation=self.degradation.scaled(scale)
+        )
 
     @property
     def captured_camera(self) -> CentralCamera:
@@ -151,6 +168,10 @@ class OmniCamera:
             OpticsError: a polygon count that makes no mesh.
         """
         return dataclasses.replace(self, polygons=polygons)
+
+    def with_degradation(self, degradation: Degradation) -> OmniCamera:
+        """The same camera, as far from ideal as said."""
+        return dataclasses.replace(self, degradation=degradation)
 
     def base_pose(self, viewpoint_m: ArrayLike, yaw_deg: float = 0.0) -> NDArray[np.float64]:
         """Pose (4, 4) world_from_base of a level vehicle at a heading, such that the effective

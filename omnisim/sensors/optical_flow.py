@@ -25,7 +25,7 @@ from omnisim.sensors.omnicamera import OmniCamera
 # Texels to a pixel along a side. A triangle is found where a texel near the ray shows it, or one
 # beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at
 # 1.5, and most of those are at silhouettes, where things get hidden.
-FINENESS = 1.25
+FINENESS = 1.5
 VISIBLE, HIDDEN, OUTSIDE, NOTHING_SEEN = 0, 1, 2, 255
 # What is nearer than the point by more than this share hides it. Ranges of the same point are equal
 # to 1e-6; the rest is for rays that meet a triangle too small to show in any texel.

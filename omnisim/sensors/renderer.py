@@ -14,14 +14,15 @@ from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS,
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.frames import check_pose
-from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
 from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.face_plan import FacePlan, whole_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
 from omnisim.ground_truth import check_channels
-from omnisim.mirrors import tessellate
 from omnisim.scene import Scene
+from omnisim.sensors.capturing import capture_of, faces_of
 from omnisim.sensors.ground_truth import GroundTruth
+from omnisim.sensors.imperfect_camera import ImperfectCamera
+from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import OnStage, Stage
@@ -41,6 +42,7 @@ class Renderer(OnStage):
         unlit: show plain base colours, without lights.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
+        seed: of the camera's noise.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
@@ -56,10 +58,13 @@ class Renderer(OnStage):
         hidden: Collection[str] = (),
         unlit: bool = False,
         device: int | None = None,
+        seed: int | str = 0,
     ):
         self.camera = OmniCamera() if camera is None else camera
+        self._imperfect = ImperfectCamera(self.camera, seed)
         self._unlit = unlit
-        self._rendered = False
+        self._whole_cube: CubePass | None = None
+        self._last_view: View | None = None
         self._ground_truth: GroundTruth | None = None
         super().__init__(scene, body, hidden, device)
 
@@ -67,11 +72,25 @@ class Renderer(OnStage):
         sensor, context = self.camera, stage.context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
-        self._cube = CubePass(
+        plan = faces_of(sensor, sensor.texels_per_pixel, sensor.face_size_px)
+        self._cube = self._cube_pass(stage, plan)
+        self._pipeline = Pipeline(
             context,
+            camera,
+            camera.rig_from_optical,
+            self._cube,
+            capture_of(stage, sensor, camera),
+            sensor.supersampling,
+            self._imperfect.make_pass(stage),
+        )
+
+    def _cube_pass(self, stage: Stage, plan: FacePlan) -> CubePass:
+        sensor = self.camera
+        return CubePass(
+            stage.context,
             stage.buffers,
             stage.surfaces,
-            plan_faces(camera, camera.rig_from_optical, sensor.face_size_px),
+            plan,
             sensor.near_m,
             sensor.far_m,
             sensor.samples,
@@ -79,22 +98,9 @@ class Renderer(OnStage):
             self.scene.background,
             self.hidden,
         )
-        capture: Capture
-        if sensor.polygons is None:
-            capture = LensCapture(context, camera)
-        else:
-            mesh = tessellate(camera.mirror, sensor.polygons)
-            capture = MirrorMeshCapture(context, camera, mesh)
-        self._pipeline = Pipeline(
-            context,
-            camera,
-            camera.rig_from_optical,
-            self._cube,
-            capture,
-            sensor.supersampling,
-        )
 
     def _forget(self) -> None:
+        self._whole_cube = None
         del self._cube, self._pipeline
         self._ground_truth = None
 
@@ -107,17 +113,24 @@ class Renderer(OnStage):
         movers: Mapping[str, ArrayLike] | None = None,
         next_base: ArrayLike | None = None,
         next_movers: Mapping[str, ArrayLike] | None = None,
+        motion: Motion | None = None,
+        frame_number: int = 0,
+        exposure_ev: float | None = None,
     ) -> Frame:
         """Render one frame.
 
         Args:
             world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
-                there, too.
+                there, too. With a motion it is that of the middle of the frame.
             linear: also read back linear floats, which EXR needs.
             also: names of channels of ground truth, see `omnisim.ground_truth`.
             movers: (4, 4) poses of the stage's other movers, by name.
             next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
             next_movers: poses of the other movers at the next frame; None: they stay.
+            motion: for motion blur and rolling shutter: from seconds after the middle of the frame
+                to the pose; None: at rest.
+            frame_number: noise differs from frame to frame.
+            exposure_ev: of auto-exposure; None: what suits the picture, as if it had settled.
 
         Raises:
             OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
@@ -129,9 +142,15 @@ class Renderer(OnStage):
         if "flow" in names and after_base is None:
             raise OutputError("channel 'flow': leads to the next picture: want next_base")
         world_from_rig = base @ self.camera.base_from_rig
+        metadata = self._metadata(base, world_from_rig)
         with self._current() as stage:
             moving = stage.movers_at(base, movers)
-            picture = self._pipeline.render(world_from_rig, linear, moving)
+            if self.camera.degradation.is_ideal:
+                picture = self._pipeline.render(world_from_rig, linear, moving)
+            else:
+                picture, metadata["degradation"] = self._imperfect.take(
+                    self._pipeline, stage, base, movers, linear, motion, frame_number, exposure_ev
+                )
             channels, labels = {}, None
             if names:
                 truth = self._truth(stage, names)
@@ -143,8 +162,7 @@ class Renderer(OnStage):
                     )
                 channels = truth.channels(names, View(world_from_rig, moving), after)
                 labels = truth.labels
-        self._rendered = True
-        metadata = self._metadata(base, world_from_rig)
+        self._last_view = View(world_from_rig, moving)
         if "flow" in names:
             metadata["next_world_from_base"] = after_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels)
@@ -160,13 +178,19 @@ class Renderer(OnStage):
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
+        They are drawn for this: a frame draws of each face only what its picture looks up.
+
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
-        with self._current():
-            if not self._rendered:
+        with self._current() as stage:
+            if self._last_view is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
-            linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
+            if self._whole_cube is None:
+                self._whole_cube = self._cube_pass(stage, whole_faces(self._cube.plan))
+            cube = self._whole_cube
+            cube.render(self._last_view.world_from_rig, self._last_view.world_from_movers)
+            linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
             for name, pixels in linear.items()

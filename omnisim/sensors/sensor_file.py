@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from omnisim.calibration import load_calibration
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
@@ -25,22 +24,14 @@ from omnisim.mirrors.hyperbolic import (
     PAPER_METERS_PER_UNIT,
 )
 from omnisim.mirrors.tessellation import sectors_and_rings
-from omnisim.toml_file import Number, Table, parse_table, read_toml
+from omnisim.sensors.degradations.degradation import Degradation
+from omnisim.sensors.degradations.degradation_file import DegradationTable, from_table
+from omnisim.toml_file import Number, Table, parse_table, read_toml, word_or
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_SUPERSAMPLING = 8
+MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
-
-
-def _word_or(word: str, wanted: str, fits: Callable[[Any], bool]) -> BeforeValidator:
-    """A value that is one certain word, or fits; the message says both."""
-
-    def check(value: Any) -> Any:
-        if value == word or fits(value):
-            return value
-        raise ValueError(f"want {wanted} or {word!r}")
-
-    return BeforeValidator(check)
 
 
 def _is_size(value: Any) -> bool:
@@ -59,10 +50,10 @@ def _is_point(value: Any) -> bool:
     )
 
 
-PolygonCount = Annotated[Any, _word_or("exact", "a whole number", lambda v: type(v) is int)]
-FaceSize = Annotated[Any, _word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
-FocalLength = Annotated[Any, _word_or("fit", "a number > 0", _is_positive)]
-PrincipalPoint = Annotated[Any, _word_or("centre", "[u, v] in pixels", _is_point)]
+PolygonCount = Annotated[Any, word_or("exact", "a whole number", lambda v: type(v) is int)]
+FaceSize = Annotated[Any, word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
+FocalLength = Annotated[Any, word_or("fit", "a number > 0", _is_positive)]
+PrincipalPoint = Annotated[Any, word_or("centre", "[u, v] in pixels", _is_point)]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 
@@ -104,6 +95,7 @@ class VirtualCameras(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = 2.5
     near_m: Positive = 0.05
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     samples: Literal[1, 2, 4, 8] = 1
@@ -127,7 +119,7 @@ class Camera(Table):
     height_px: Size = 360
     focal_length_px: FocalLength = "fit"
     principal_point_px: PrincipalPoint = "centre"
-    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 2
+    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 3
 
 
 class Lens(Table):
@@ -186,7 +178,9 @@ class SensorFile(Table):
     virtual_cameras: VirtualCameras = VirtualCameras()
     camera: Camera = Camera()
     lens: Lens | None = None
+    degradation: DegradationTable = DegradationTable()
     _source: str = PrivateAttr("sensor")
+    _folder: Path = PrivateAttr(Path())
 
     @model_validator(mode="after")
     def _mirror_or_lens(self) -> SensorFile:
@@ -231,6 +225,14 @@ class SensorFile(Table):
             camera = replace(camera, principal_point_px=(float(centre[0]), float(centre[1])))
         return camera
 
+    def make_degradation(self) -> Degradation:
+        """What the camera lacks to be ideal.
+
+        Raises:
+            SensorFileError: an unknown preset, or values that do not fit each other.
+        """
+        return from_table(self.degradation, self._source, self._folder)
+
     def _make_mirror(self) -> HyperbolicMirror:
         data = self.mirror
         shape = (data.k, data.c, data.meters_per_unit)
@@ -263,7 +265,7 @@ def read_sensor_file(path: Path) -> SensorFile:
     Raises:
         SensorFileError: naming file, key, value and what was wanted.
     """
-    return _checked(read_toml(path, SensorFile, SensorFileError), str(path))
+    return _checked(read_toml(path, SensorFile, SensorFileError), str(path), path.parent)
 
 
 def parse_sensor(table: dict[str, Any], source: str) -> SensorFile:
@@ -272,10 +274,10 @@ def parse_sensor(table: dict[str, Any], source: str) -> SensorFile:
     Raises:
         SensorFileError: naming source, key, value and what was wanted.
     """
-    return _checked(parse_table(table, SensorFile, SensorFileError, source), source)
+    return _checked(parse_table(table, SensorFile, SensorFileError, source), source, Path())
 
 
-def _checked(settings: SensorFile, source: str) -> SensorFile:
-    settings._source = source
+def _checked(settings: SensorFile, source: str, folder: Path) -> SensorFile:
+    settings._source, settings._folder = source, folder
     settings.make_camera()
     return settings

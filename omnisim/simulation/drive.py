@@ -20,8 +20,10 @@ from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.labels import find_labels
 from omnisim.sensors import LaserRenderer, Renderer
+from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.fingerprint import fingerprint
+from omnisim.simulation.picture_taking import check_exposure, noise_seed, take_picture
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_channels import (
     write_boxes,
@@ -49,7 +51,8 @@ class Drive:
         scene: where.
         vehicle: with its sensors.
         route: along what path.
-        seed: of the odometry's noise; a scanner's noise has its own, from the robot file.
+        seed: of the odometry's and the cameras' noise; a scanner's noise has its own, from the
+            robot file.
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
         up_axis: that the scene was loaded with, for the record, or None.
@@ -70,11 +73,13 @@ class Drive:
 
         Raises:
             TrajectoryError: a path that cannot be driven.
-            RunError: a seed that is none.
+            RunError: a seed that is none, or an exposure longer than a step.
         """
         if not 0 <= self.seed <= LARGEST_SEED:
             raise RunError(f"seed {self.seed}: want a whole number from 0 to 2**63 - 1")
         truth = plan_route(self.scene, self.vehicle, self.route)
+        for camera in self.vehicle.cameras:
+            check_exposure(camera, truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         return Plan(self, truth, odometry)
 
@@ -113,7 +118,13 @@ class Plan:
             stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
             cameras = {
                 camera.name: stack.enter_context(
-                    Renderer(stage, camera.sensor, hidden=camera.hides, unlit=drive.unlit)
+                    Renderer(
+                        stage,
+                        camera.sensor,
+                        hidden=camera.hides,
+                        unlit=drive.unlit,
+                        seed=noise_seed(drive.seed, camera.name),
+                    )
                 )
                 for camera in vehicle.cameras
             }
@@ -153,7 +164,7 @@ class Plan:
         poses = self.truth.world_from_base
         also = run.channels_at(step)
         following = poses[step + 1] if "flow" in also else None
-        frame = renderer.render(poses[step], also=also, next_base=following)
+        frame = take_picture(renderer, camera, self.truth, step, run, also, following)
         write_step(run, camera, step, frame)
         picture = run.file(camera, step, ".png")
         if not is_written(picture):
@@ -236,20 +247,30 @@ def _calibration(camera: MountedCamera) -> str:
     return json.dumps(told, indent=2) + "\n"
 
 
-def with_cameras(vehicle: Vehicle, size_px: int | None, polygons: int | str | None) -> Vehicle:
-    """The vehicle with other pictures: of another size, or by another mesh.
+def with_cameras(
+    vehicle: Vehicle,
+    size_px: int | None,
+    polygons: int | str | None,
+    degradation: Degradation | None = None,
+) -> Vehicle:
+    """The vehicle with other pictures: of another size, by another mesh, or otherwise degraded.
 
     Args:
         vehicle: is left as it is.
         size_px: pixels of the shorter side, or None: as it is.
         polygons: of the mirror's mesh, None: exactly; or "same": as it is.
+        degradation: of all cameras, or None: as their sensor files say.
 
     Raises:
         OpticsError: a size or polygon count that cannot be.
     """
     cameras = []
     for camera in vehicle.cameras:
-        sensor = camera.sensor if size_px is None else camera.sensor.resized(size_px)
+        sensor = camera.sensor
+        if degradation is not None:
+            sensor = sensor.with_degradation(degradation)
+        if size_px is not None:
+            sensor = sensor.resized(size_px)
         if polygons != "same":
             sensor = sensor.with_polygons(polygons)
         cameras.append(dataclasses.replace(camera, sensor=sensor))

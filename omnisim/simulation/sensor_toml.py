@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 
@@ -34,13 +35,14 @@ yaw_deg = {yaw!r}
 
 [virtual_cameras]
 size_px = {size}
+texels_per_pixel = {sensor.texels_per_pixel!r}
 near_m = {sensor.near_m!r}
 far_m = {float(sensor.far_m)!r}
 samples = {sensor.samples}
 
 [camera]
 {picture}supersampling = {sensor.supersampling}
-"""
+{_degradation(sensor)}"""
 
 
 def _mirror(camera: HyperbolicCamera, polygons: int | None) -> str:
@@ -63,6 +65,18 @@ principal_point_px = [{u!r}, {v!r}]
 """
 
 
+def _degradation(sensor: OmniCamera) -> str:
+    """The tables of what is switched on, none of an ideal camera."""
+    return "".join(
+        f"\n[degradation.{name}]\n{_keys(values)}"
+        for name, values in sensor.degradation.tables().items()
+    )
+
+
 def _lens(camera: CentralCamera) -> str:
-    """Numbers, lists of numbers and words are written alike in JSON and in TOML."""
-    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in camera.parameters().items())
+    return _keys(camera.parameters())
+
+
+def _keys(values: dict[str, Any]) -> str:
+    """Numbers, lists of numbers, words, true and false are written alike in JSON and in TOML."""
+    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in values.items())

@@ -63,6 +63,7 @@ CHAPTERS = (
         "second_rasteriser.check",
         oracles=("pyrender",),
     ),
+    Chapter("quality", "Quality of the picture, and shimmer", "picture_quality.check"),
     Chapter("markers", "Markers through the whole pipeline", "calibration.check_markers"),
     Chapter(
         "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)

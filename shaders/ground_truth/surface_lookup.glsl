@@ -133,7 +133,7 @@ void emit(bool valid, vec3 ray) {
     vec3 rig = u_rig_from_optical * ray;
     int face = face_of(rig);
     vec3 local = u_face_from_rig[face] * rig;
-    vec2 tangent = clamp(local.xy / local.z, -1.0, 1.0);
+    vec2 tangent = clamp(local.xy / local.z, u_face_window[face].xy, u_face_window[face].zw);
     vec4 tile = u_face_tile[face] * vec2(textureSize(u_atlas, 0)).xyxy;
     ivec2 own_texel = ivec2(floor(tile.xy + tangent * tile.zw));
     uvec2 own = texelFetch(u_atlas, own_texel, 0).xy;

@@ -58,7 +58,7 @@ def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
         "calibration", "convert", "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml"
     )
     assert status == 0, err
-    assert "camera: hyperbolic, the same rays" in out
+    assert "camera: unified in a mirrored frame, the same rays" in out
     assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
     status, _, err = omnisim("calibration", "show", "s.toml", "--camera-name", "x")
     assert (status, "s.toml has one camera, without a name" in err) == (1, True)
@@ -187,8 +187,6 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
     assert sensor.polygons is None
     looks_up = text.replace("[lens.mounting]", "mirrored = true\n[lens.mounting]")
     (tmp_path / "up.toml").write_text(looks_up)
-        f"{text.replace('[lens.', 'mirrored = true' + chr(10) + '[lens.')}"
-    )
     assert OmniCamera.from_file(tmp_path / "up.toml").camera == MirroredCamera(sensor.camera)
     # a drive's own copy stands for itself
     (tmp_path / "copy.toml").write_text(sensor_toml(sensor))

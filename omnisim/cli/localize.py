@@ -1,0 +1,84 @@
+"""`omnisim localize`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from omnisim.cli.options import counted
+from omnisim.cli.progress import count_along
+from omnisim.errors import LocalizationError
+from omnisim.experiments.localizing import localize, sighting_of
+from omnisim.experiments.localizing_report import write_localized
+from omnisim.experiments.page import check_folder
+from omnisim.experiments.run_data import read_run
+from omnisim.experiments.training import train_on_run
+from omnisim.localization.parameters import read_parameters
+from omnisim.localization.sightings import LandmarkMap
+from omnisim.perception.color_model import ColorModel, Costs
+from omnisim.perception.color_model_file import load_model
+from omnisim.perception.landmark_detector import LandmarkDetector
+
+SHOWN = 4  # panoramas on the page
+
+
+def run(
+    folder: Path,
+    output: Path,
+    model: Path | None,
+    parameters: Path | None,
+    scene: str | None,
+    camera: str | None,
+    out: Console,
+    err: Console,
+) -> None:
+    """Localize a run, write the estimate and its page, and say how good it is.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    check_folder(output)
+    chosen = read_parameters(parameters)
+    data = read_run(folder, scene, camera)
+    colors = _colors(model, folder)
+    detector = LandmarkDetector(
+        colors if colors is not None else train_on_run(data, Costs()).model,
+        data.landmarks,
+        data.mount,
+    )
+    at = set(np.linspace(0, data.steps - 1, min(SHOWN, data.steps)).round().astype(int).tolist())
+    detections, shown = [], []
+    for step in count_along(range(data.steps), "looking", data.steps, err):
+        panorama = detector.panorama(data.picture(step))
+        detections.append(detector.find(panorama))
+        if step in at:
+            told = f"step {step}: {counted(len(detections[-1]), 'landmark')}"
+            shown.append((told, panorama, detections[-1]))
+    sightings = [[sighting_of(each, chosen.measurement) for each in found] for found in detections]
+    found = localize(
+        data.odometry,
+        sightings,
+        LandmarkMap.of_scene(data.landmarks),
+        chosen,
+        data.mount.position_m,
+    )
+    page = write_localized(output, data, found, chosen, detections, shown)
+    (section,) = page.sections
+    for notice in section.notices:
+        err.print("note: ", notice, sep="", markup=False)
+    out.print(f"{output / 'report.html'}: {counted(data.steps, 'step')}", markup=False)
+    for number in section.numbers:
+        unit = f" {number.unit}" if number.unit else ""
+        out.print(f"  {number.name}: {number.value:.4g}{unit}", markup=False)
+
+
+def _colors(path: Path | None, folder: Path) -> ColorModel | None:
+    """The model of a file, or None: to be learned from the run itself."""
+    if path is None:
+        return None
+    if path.is_dir():
+        raise LocalizationError(f"{path}: is a folder: want the .npz file of landmarks train")
+    model, _ = load_model(path)
+    return model

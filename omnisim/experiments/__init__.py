@@ -1,0 +1,1 @@
+"""What robots do with the pictures: learn landmarks, find them, find themselves, and how well."""

@@ -1,0 +1,61 @@
+"""From sightings and wheel readings to where a robot believes to be, step by step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from omnisim.localization.filter import LocalizationFilter
+from omnisim.localization.parameters import FilterParameters, Measurement
+from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.localization.track import Track
+from omnisim.perception.landmark_detector import Detection
+from omnisim.robot.odometry import Odometry
+
+
+def sighting_of(detection: Detection, relation: Measurement) -> Sighting:
+    """A detection as the filter takes it, its range by the relation that the file names."""
+    is_paper = relation.relation == "eq2" and math.isfinite(detection.range_eq2_m)
+    return Sighting(
+        (detection.landmark,),
+        detection.range_eq2_m if is_paper else detection.range_m,
+        detection.bearing_rad,
+        detection.range_sigma_m,
+        detection.bearing_sigma_rad,
+    )
+
+
+def localize(
+    odometry: Odometry,
+    sightings: Sequence[Sequence[Sighting]],
+    landmarks: LandmarkMap,
+    parameters: FilterParameters,
+    camera_m: tuple[float, float],
+    covariance: ArrayLike | None = None,
+) -> Track:
+    """Run the filter along a run.
+
+    Args:
+        odometry: readings, from the start that is known.
+        sightings: of each step; those of the first are not used: the start is known.
+        landmarks: where they are.
+        parameters: of the filter.
+        camera_m: x and y of the effective viewpoint in the base frame.
+        covariance: (3, 3) of the start, or None: by the parameters.
+
+    Raises:
+        LocalizationError: readings or sightings that cannot be.
+    """
+    times = odometry.times_s
+    robot = LocalizationFilter(
+        landmarks, parameters, camera_m, float(times[0]), odometry.start, covariance
+    )
+    estimates = [robot.estimate]
+    for k in range(1, len(sightings)):
+        time_s = float(times[k])
+        speed = float(odometry.distances_m[k - 1]) / (time_s - estimates[-1].time_s)
+        turn = float(odometry.turns_rad[k - 1])
+        estimates.append(robot.step(time_s, speed, turn, sightings[k]))
+    return Track(tuple(estimates), odometry.planar_poses[: len(sightings)])

@@ -1,0 +1,100 @@
+"""The drives that the experiments need; each is recorded once, and gone on with when stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.experiments.real_setting import cluttered
+from omnisim.experiments.run_data import RunData, read_run
+from omnisim.scene import load_scene
+from omnisim.scene.model import Scene, ScenePath
+from omnisim.sensors.degradations import Degradation, preset
+from omnisim.simulation import Vehicle
+from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.route import Route
+
+SCENE = "soccer"
+# A way across the field that no other drive takes, to learn colours on: from near and far, and from
+# all sides.
+LEARNING_WAY = (
+    (-1.9, -0.9), (-0.6, 0.8), (0.7, -1.0), (1.9, 0.4), (0.4, 1.2), (-1.9, 0.5), (0.0, -0.3),
+)  # fmt: skip
+# The paper's own camera, out of focus, and slow enough for a robot that turns at 90°/s to blur.
+REAL_PRESET = "dragonfly2"
+REAL_DEFOCUS_PX = (1.0, 2.2)
+REAL_EXPOSURE_S = 0.012
+REAL_FULL_WELL_E = 2500.0
+Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """The runs.
+
+    Attributes:
+        learning: to learn colours from, P2AT.
+        simulated: the paper's simulation, P2AT, counter-clockwise.
+        real: the paper's real setting, Super Scout, clockwise, degraded.
+    """
+
+    learning: RunData
+    simulated: RunData
+    real: RunData
+
+
+def real_camera() -> Degradation:
+    """What the real setting's camera does to its pictures."""
+    told = preset(REAL_PRESET)
+    centre, rim = REAL_DEFOCUS_PX
+    assert told.defocus is not None
+    assert told.shutter is not None
+    assert told.noise is not None
+    return dataclasses.replace(
+        told,
+        defocus=dataclasses.replace(told.defocus, centre_defocus_px=centre, rim_defocus_px=rim),
+        shutter=dataclasses.replace(told.shutter, exposure_s=REAL_EXPOSURE_S),
+        noise=dataclasses.replace(told.noise, full_well_e=REAL_FULL_WELL_E),
+    )
+
+
+def record_all(folder: Path, device: int | None, progress: Progress) -> Recordings:
+    """Record what is missing in a folder that is there.
+
+    Raises:
+        OmnisimError: no OpenGL, or another run is in a folder.
+    """
+    scene = load_scene(SCENE)
+    way = dataclasses.replace(scene, paths=(*scene.paths, ScenePath("learning", LEARNING_WAY)))
+    p2at = _with_camera_only(Vehicle.load("p2at"))
+    scout = with_cameras(_with_camera_only(Vehicle.load("superscout")), None, "same", real_camera())
+    return Recordings(
+        _record(folder / "learning", way, p2at, "learning", device, progress),
+        _record(folder / "simulated", scene, p2at, "lap", device, progress),
+        _record(folder / "real", cluttered(scene), scout, "lap_clockwise", device, progress),
+    )
+
+
+def _with_camera_only(vehicle: Vehicle) -> Vehicle:
+    """Nothing here looks at a laser scan."""
+    return dataclasses.replace(vehicle, scanners=())
+
+
+def _record(
+    folder: Path, scene: Scene, vehicle: Vehicle, path: str, device: int | None, progress: Progress
+) -> RunData:
+    drive = Drive(scene, vehicle, Route(path), device=device, channels=("instance",))
+    plan = drive.plan()
+    steps = plan.record(folder)
+    done = next(steps)
+    total = len(plan.truth)
+    # how many are there before each following one
+    counted = progress(f"drive: {folder.name}", total)(range(total))
+    for count in counted:
+        if count >= done:
+            next(steps, None)
+    for _ in steps:  # what comes after the last one
+        pass
+    return read_run(folder)

@@ -1,0 +1,144 @@
+"""What a recorded run gives to those who look for landmarks in it."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import camera_from_parameters
+from omnisim.errors import OmnisimError, RunError
+from omnisim.frames import check_pose
+from omnisim.image_files import read_image
+from omnisim.perception.panorama import CameraMount
+from omnisim.robot import Trajectory, read_odometry, read_trajectory
+from omnisim.robot.odometry import Odometry
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Landmark
+from omnisim.sensors.coverage import covered_pixels
+from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+
+
+@dataclass(frozen=True, eq=False)
+class RunData:
+    """A run with one of its cameras.
+
+    Attributes:
+        folder: of the run.
+        camera: name of the camera.
+        mount: the camera on the vehicle, from its calibration file: no pose of the vehicle.
+        scene: that it was driven in.
+        odometry: what the wheels reported, from the known start on.
+        truth: poses of the base, or None: nobody knows.
+        steps: how many have their picture.
+    """
+
+    folder: RunFolder
+    camera: str
+    mount: CameraMount
+    scene: Scene
+    odometry: Odometry
+    truth: Trajectory | None
+    steps: int
+
+    @property
+    def name(self) -> str:
+        """Robot, scene and path, for titles."""
+        manifest = self.folder.manifest
+        robot, scene, path = (manifest[key]["name"] for key in ("robot", "scene", "path"))
+        return f"{robot} in {scene}, {path}"
+
+    @property
+    def landmarks(self) -> tuple[Landmark, ...]:
+        """Those of the scene."""
+        return self.scene.landmarks
+
+    @property
+    def true_poses(self) -> NDArray[np.float64] | None:
+        """x, y, yaw (steps, 3), or None: nobody knows."""
+        return None if self.truth is None else planar_poses(self.truth)[: self.steps]
+
+    def picture(self, step: int) -> NDArray[np.uint8]:
+        """What the camera saw (height, width, 3), sRGB.
+
+        Raises:
+            OutputError: the picture is damaged.
+        """
+        pixels, _ = read_image(self.folder.file(self.camera, step, ".png"))
+        return np.ascontiguousarray(pixels[..., :3])
+
+    def pictures(self) -> Iterator[NDArray[np.uint8]]:
+        """All pictures, one after the other."""
+        return (self.picture(step) for step in range(self.steps))
+
+
+def planar_poses(trajectory: Trajectory) -> NDArray[np.float64]:
+    """x, y, yaw (n, 3) of a trajectory."""
+    return np.column_stack((trajectory.positions_m[:, :2], trajectory.yaw_rad))
+
+
+def read_run(folder: Path, scene: str | None = None, camera: str | None = None) -> RunData:
+    """Read what is there of a run.
+
+    Args:
+        folder: of the run.
+        scene: file or name of its scene, where it is not where it was.
+        camera: name of a camera; by default the first.
+
+    Raises:
+        OmnisimError: no run, no camera, no picture yet, no landmarks, or a damaged file.
+    """
+    run = RunFolder.read(folder)
+    name = _camera_name(run, camera)
+    told = run.manifest["scene"]
+    found = load_scene(scene or told["file"], told["up_axis"])
+    if not found.landmarks:
+        raise RunError(
+            f"{folder}: its scene {found.name} has no [[landmarks]]: want a scene with some"
+        )
+    steps = run.steps_done()
+    if steps == 0:
+        raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
+    odometry = read_odometry(folder / ODOMETRY)
+    truth = read_trajectory(folder / GROUND_TRUTH) if run.has(GROUND_TRUTH) else None
+    for file, count in ((ODOMETRY, len(odometry.times_s)), (GROUND_TRUTH, truth and len(truth))):
+        if count is not None and count != run.manifest["steps"]:
+            raise RunError(
+                f"{folder / file}: has {count} steps, the run has {run.manifest['steps']}: "
+                "delete it, and drive again to have it back"
+            )
+    mount = _read_mount(folder / name / "calibration.json")
+    return RunData(run, name, mount, found, odometry, truth, steps)
+
+
+def _camera_name(run: RunFolder, wanted: str | None) -> str:
+    names = run.manifest["cameras"]
+    if not names:
+        raise RunError(f"{run.path}: this run has no camera")
+    if wanted is None:
+        return names[0]
+    if wanted not in names:
+        near = difflib.get_close_matches(wanted, names, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else "it has " + ", ".join(names)
+        raise RunError(f"{run.path}: camera {wanted!r}: not there; {hint}")
+    return wanted
+
+
+def _read_mount(path: Path) -> CameraMount:
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        camera = camera_from_parameters(told["camera"])
+        base_from_optical = check_pose(told["base_from_optical"])
+        polygons = told["polygons"] if isinstance(told["polygons"], int) else None
+        return CameraMount(camera, base_from_optical, covered_pixels(camera, polygons))
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except OmnisimError as reason:
+        raise RunError(f"{path}: {reason}") from None
+    except (KeyError, TypeError, ValueError):
+        raise RunError(f"{path}: is damaged: not a camera's calibration") from None

@@ -1,0 +1,156 @@
+"""The same run with other noise: wheels and pictures drawn anew for each seed.
+
+Pictures do not depend on the wheels, so a run is recorded once. What is drawn anew for each seed is
+the noise of the wheels and that of the pictures' pixels, in which landmarks are then looked for
+again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.experiments.localizing import localize
+from omnisim.experiments.run_data import RunData
+from omnisim.localization.consistency import Band, mean_band
+from omnisim.localization.parameters import FilterParameters
+from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.localization.track import Track
+from omnisim.perception.landmark_detector import Detection, LandmarkDetector
+from omnisim.robot import simulate_odometry
+from omnisim.robot.odometry import Odometry, OdometryErrors
+
+PIXEL_SIGMA = 2.0  # of 255, of each seed's own noise
+Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
+
+
+def detect_with_noise(
+    run: RunData, detector: LandmarkDetector, seeds: int, progress: Progress
+) -> list[list[list[Detection]]]:
+    """Detections of each seed and step, in pictures with noise of their own."""
+    pictures = list(run.pictures())
+    found = []
+    for seed in progress("pictures with noise of 20 seeds", seeds)(range(seeds)):
+        generator = np.random.default_rng([1, seed])
+        found.append([detector(noisy(picture, generator)) for picture in pictures])
+    return found
+
+
+def noisy(picture: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
+    """A picture with a camera's noise on it."""
+    noise = PIXEL_SIGMA * generator.standard_normal(picture.shape, dtype=np.float32)
+    return np.clip(np.rint(picture + noise), 0, 255).astype(np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class SeedRuns:
+    """The tracks of all seeds, against the truth.
+
+    Attributes:
+        tracks: one a seed.
+        errors_m, reckoned_m: (seeds, steps).
+        nees: (seeds, steps); NaN without doubt.
+        nis, nis_degrees: (seeds, steps); NaN and 0 where nothing was let through.
+    """
+
+    tracks: tuple[Track, ...]
+    errors_m: NDArray[np.float64]
+    reckoned_m: NDArray[np.float64]
+    nees: NDArray[np.float64]
+    nis: NDArray[np.float64]
+    nis_degrees: NDArray[np.intp]
+
+    @property
+    def nees_band(self) -> Band:
+        """Of the mean of the seeds at one step."""
+        return mean_band(3, len(self.tracks))
+
+    @property
+    def nees_by_step(self) -> NDArray[np.float64]:
+        """Mean of the seeds (steps,); NaN where none has any doubt."""
+        return _mean(self.nees)
+
+    @property
+    def nis_by_step(self) -> NDArray[np.float64]:
+        """Over its degrees of freedom, all seeds together (steps,)."""
+        degrees = self.nis_degrees.sum(axis=0)
+        return np.where(degrees > 0, np.nansum(self.nis, axis=0) / np.maximum(degrees, 1), np.nan)
+
+    @property
+    def nis_bands(self) -> list[Band]:
+        """Of each step."""
+        return [mean_band(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
+
+    @property
+    def opens(self) -> NDArray[np.float64]:
+        """The step (seeds,) at which the gate opens; infinite where it does not."""
+        steps = [track.gate_opens for track in self.tracks]
+        return np.array([math.inf if step is None else step for step in steps])
+
+
+def run_seeds(
+    run: RunData,
+    wheels: OdometryErrors,
+    sightings: Sequence[Sequence[Sequence[Sighting]]],
+    parameters: FilterParameters,
+    covariance: ArrayLike | None = None,
+    prepare: Callable[[Odometry], Odometry] = lambda odometry: odometry,
+) -> SeedRuns:
+    """Localize a run once for each seed.
+
+    Args:
+        run: with its truth, against which errors are counted.
+        wheels: their errors; each seed has its own noise.
+        sightings: of each seed and step.
+        parameters: of the filter.
+        covariance: (3, 3) of the start, or None: by the parameters.
+        prepare: what is done to the wheels' readings before.
+    """
+    assert run.truth is not None
+    truth = run.true_poses
+    assert truth is not None
+    landmarks = LandmarkMap.of_scene(run.landmarks)
+    tracks = []
+    for seed, seen in enumerate(sightings):
+        odometry = prepare(simulate_odometry(run.truth, wheels, seed))
+        tracks.append(
+            localize(odometry, seen, landmarks, parameters, run.mount.position_m, covariance)
+        )
+    return SeedRuns(
+        tuple(tracks),
+        np.array([track.errors_m(truth) for track in tracks]),
+        np.array([track.reckoned_errors_m(truth) for track in tracks]),
+        np.array([track.nees(truth) for track in tracks]),
+        np.array([[each.nis for each in track.estimates] for track in tracks]),
+        np.array([[each.nis_degrees for each in track.estimates] for track in tracks]),
+    )
+
+
+def ahead_only(
+    sightings: Sequence[Sequence[Sighting]], field_of_view_rad: float
+) -> list[list[Sighting]]:
+    """What of them a camera sees that looks forward."""
+    half = 0.5 * field_of_view_rad
+    return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in sightings]
+
+
+def with_more_noise(sighting: Sighting, factor: float) -> Sighting:
+    """The same sighting that trusts itself less."""
+    return dataclasses.replace(
+        sighting,
+        range_sigma_m=factor * sighting.range_sigma_m,
+        bearing_sigma_rad=factor * sighting.bearing_sigma_rad,
+    )
+
+
+def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Along the first axis, of what is a number."""
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

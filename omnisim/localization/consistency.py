@@ -1,0 +1,48 @@
+"""Whether a filter is as sure as it should be: NEES and NIS against their χ² bounds.
+
+Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+section 5.4.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+
+class Band(NamedTuple):
+    """Between what a mean lies in a given share of all cases."""
+
+    low: float
+    high: float
+
+
+def mean_band(degrees: int, count: int, share: float = 0.95) -> Band:
+    """Where the mean of `count` independent χ² values of `degrees` each lies."""
+    tail = 0.5 * (1.0 - share)
+    low, high = chi2.ppf((tail, 1.0 - tail), degrees * count) / count
+    return Band(float(low), float(high))
+
+
+def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
+    """Estimated less true poses (..., 3): x, y, yaw; yaw within ±π."""
+    errors = np.asarray(estimated, dtype=np.float64) - np.asarray(true, dtype=np.float64)
+    errors[..., 2] = np.remainder(errors[..., 2] + math.pi, 2.0 * math.pi) - math.pi
+    return errors
+
+
+def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normalised estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
+
+    NaN where a covariance has no inverse, as that of a start without doubt.
+    """
+    found = np.full(len(errors), np.nan)
+    for k, (error, covariance) in enumerate(zip(errors, covariances, strict=True)):
+        values, axes = np.linalg.eigh(covariance)
+        if values[0] > 1e-14 * max(values[-1], 1e-300):
+            found[k] = float(np.sum(np.square(axes.T @ error) / values))
+    return found

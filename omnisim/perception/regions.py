@@ -1,0 +1,74 @@
+"""Connected regions of one colour in a panorama, whose right edge is its left edge again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+_EIGHT = np.ones((3, 3), dtype=np.int8)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Pixels of one class that touch each other, at an edge or a corner.
+
+    Attributes:
+        color: their class.
+        top, left: of the mask in the panorama; columns may run past its right edge.
+        mask: (height, width) which pixels.
+    """
+
+    color: int
+    top: int
+    left: int
+    mask: NDArray[np.bool_]
+
+    @property
+    def bottom(self) -> int:
+        """First row below."""
+        return self.top + self.mask.shape[0]
+
+    @property
+    def right(self) -> int:
+        """First column to the right."""
+        return self.left + self.mask.shape[1]
+
+    @property
+    def area_px(self) -> int:
+        """How many pixels."""
+        return int(np.count_nonzero(self.mask))
+
+
+def wrapped_around(panorama: NDArray) -> NDArray:
+    """A panorama (height, width, ...) with its left half again at its right."""
+    return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
+
+
+def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> list[Region]:
+    """Regions of a panorama, each once, also those across its edge.
+
+    Args:
+        classes: (height, width) of pixels; 0 is none.
+        colors: how many others there are.
+        smallest_px: regions of less are left out.
+    """
+    width = classes.shape[1]
+    doubled = wrapped_around(classes)
+    # the middle of each thing is within one turn that starts a quarter from the left
+    first = width // 4
+    found = []
+    for color in range(1, colors + 1):
+        labels, count = ndimage.label(doubled == color, structure=_EIGHT)
+        areas = np.bincount(labels.ravel(), minlength=count + 1)
+        for index, slices in enumerate(ndimage.find_objects(labels), start=1):
+            if areas[index] < smallest_px:
+                continue
+            rows, columns = slices
+            if not first <= (columns.start + columns.stop) // 2 < first + width:
+                continue
+            mask = labels[slices] == index
+            found.append(Region(color, rows.start, columns.start, mask))
+    return found

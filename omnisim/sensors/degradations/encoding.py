@@ -1,0 +1,53 @@
+"""Gamma and quantisation: from linear light to the numbers of the file.
+
+| key | unit | typical |
+| --- | --- | --- |
+| gamma | "srgb", or a number: values are raised to 1/gamma | "srgb"; 1 for machine vision |
+| bit_depth | bits a channel, 1 to 8 | 8 |
+
+Source: IEC 61966-2-1, for sRGB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from omnisim.gpu.degradation_pass import Step
+from omnisim.sensors.degradations.parameters import Parameters
+from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.srgb import srgb_from_linear
+from omnisim.toml_file import word_or
+
+
+def _is_gamma(value: Any) -> bool:
+    return type(value) in (int, float) and 0.1 <= value <= 10.0
+
+
+Gamma = Annotated[Any, word_or("srgb", "a number from 0.1 to 10", _is_gamma)]
+
+
+@dataclass(frozen=True)
+class Encoding(Parameters):
+    """Values are clipped to [0, 1], take the transfer function and are rounded to whole steps."""
+
+    gamma: Gamma = "srgb"
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=8)] = 8
+
+    def steps(self, geometry: PictureGeometry) -> list[Step]:
+        """On the GPU: into 8 bits."""
+        exponent = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
+        uniforms = {"u_exponent": exponent, "u_largest": float(2**self.bit_depth - 1)}
+        return [Step("encoding", uniforms)]
+
+    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
+        """Reference: the same in NumPy, as numbers in [0, 1]."""
+        values = np.clip(picture[..., :3].astype(np.float64), 0.0, 1.0)
+        encoded = srgb_from_linear(values) if self.gamma == "srgb" else values ** (1 / self.gamma)
+        largest = 2**self.bit_depth - 1
+        result = picture.copy()
+        result[..., :3] = np.floor(encoded * largest + 0.5) / largest
+        return result

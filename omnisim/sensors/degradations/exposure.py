@@ -1,0 +1,70 @@
+"""Exposure, and auto-exposure that comes after the light.
+
+| key | unit | typical |
+| --- | --- | --- |
+| ev | stops: powers of two of the light | 0 |
+| auto | true or false | false |
+| target | mean linear luminance that auto-exposure aims at | 0.18, a grey card's |
+| time_constant_s | seconds until 63 % of a change of light are made up for | 0.1 to 0.5 |
+| min_ev | stops | −4 |
+| max_ev | stops | 6 |
+
+The light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
+Auto-exposure works as an iris does: motion blur keeps the shutter's time. It follows what the
+picture before asked for, as a filter of first order: the typical values are assumptions.
+
+Source: ISO 12232 and APEX, for stops; the 18 % of a grey card is photography's convention.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from omnisim.errors import OpticsError
+from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
+from omnisim.toml_file import Number
+
+
+@dataclass(frozen=True)
+class Exposure(Parameters):
+    """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
+
+    ev: Number = 0.0
+    auto: bool = False
+    target: Positive = 0.18
+    time_constant_s: NotNegative = 0.2
+    min_ev: Number = -4.0
+    max_ev: Number = 6.0
+
+    def _check(self) -> None:
+        if self.min_ev > self.max_ev:
+            raise OpticsError(
+                f"degradation.exposure: min_ev = {self.min_ev:g}, max_ev = {self.max_ev:g}: "
+                "want min_ev ≤ max_ev"
+            )
+        if abs(self.ev) > 30.0:
+            raise OpticsError(f"degradation.exposure.ev = {self.ev:g}: want −30 to 30")
+
+    def metered_ev(self, mean_luminance: float) -> float:
+        """The exposure that would suit a picture (of Rec. 709 luminance, before exposure)."""
+        if not self.auto:
+            return self.ev
+        if mean_luminance <= 0.0:
+            return self.max_ev
+        wanted = math.log2(self.target / mean_luminance) + self.ev
+        return min(max(wanted, self.min_ev), self.max_ev)
+
+    def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
+        """The exposure of the next picture.
+
+        Args:
+            ev: of this picture.
+            metered_ev: what would have suited this picture.
+            later_s: from this picture to the next.
+        """
+        if not self.auto:
+            return self.ev
+        if self.time_constant_s == 0.0:
+            return metered_ev
+        return ev + (metered_ev - ev) * -math.expm1(-later_s / self.time_constant_s)

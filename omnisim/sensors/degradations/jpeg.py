@@ -1,0 +1,36 @@
+"""JPEG: the camera's own compression, by a real encoder and decoder.
+
+| key | unit | typical |
+| --- | --- | --- |
+| quality | 1 to 100, as libjpeg counts | 75 to 95; 30 for a cheap stream |
+| subsampling | of colour: "4:4:4", "4:2:2" or "4:2:0" | "4:2:0" |
+
+Source: ITU-T T.81.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.image_files import through_jpeg
+from omnisim.sensors.degradations.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class Jpeg(Parameters):
+    """The picture is encoded and decoded; outside of its mask it stays black."""
+
+    quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
+    subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
+
+    def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The picture (height, width, 4) that comes out of its JPEG; alpha is kept."""
+        result = rgba.copy()
+        result[..., :3] = through_jpeg(rgba[..., :3], self.quality, self.subsampling)
+        result[rgba[..., 3] == 0, :3] = 0
+        return result

@@ -1,0 +1,154 @@
+"""Shot noise, dark current, read noise and the converter: a sensor that counts electrons.
+
+| key | unit | typical |
+| --- | --- | --- |
+| full_well_e | electrons a pixel holds | 5 000 (small CMOS) to 30 000 (large CCD) |
+| gain_e_per_dn | electrons a step of the converter | full well / 2^bits; less with more gain |
+| read_noise_e | electrons, standard deviation | 2 (good CMOS) to 20 (interline CCD) |
+| dark_current_e_per_s | electrons a second; needs `shutter.exposure_s` | 1 to 100 |
+| black_level_dn | steps, added before the converter and taken off again | 0.1 to 2 % of the range |
+| bit_depth | bits of the converter | 8 to 14 |
+
+Without `gain_e_per_dn` a full well is the converter's largest number.
+
+A linear value of 1 fills the well, or reaches the converter's largest number, whichever is first:
+`white_e` electrons. Photons that are caught are Poisson distributed. Below a mean of 32 electrons
+their number is found by inversion of the distribution function, exactly but for float32. From
+there on it is λ + z√λ + (z² − 1)/6, rounded, z normal: Cornish and Fisher's expansion, which has
+the Poisson distribution's skewness to its first order. The largest difference of the distribution
+functions there is 4e-4 (a plain normal number: 12e-3), and gets smaller with the mean; an 8-bit
+camera's step is many electrons by then.
+
+Source: EMVA Standard 1288, release 4.0 (model and names); Cornish and Fisher, 1938.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.errors import OpticsError
+from omnisim.gpu.degradation_pass import Step
+from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
+from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.sensors.degradations.random_numbers import normal, pcg4d, uniform
+
+NORMAL_FROM_E = 32.0  # mean number of electrons from which on normal numbers are good enough
+MOST_COUNTED = 128  # more than that do not come from a mean below NORMAL_FROM_E
+# The terms of the sum are smaller than float32's steps near 1 from here on: it has come to its end.
+SMALLEST_TERM = 2.0**-27
+
+
+@dataclass(frozen=True)
+class Noise(Parameters):
+    """Every pixel and colour: electrons, Poisson; read noise, normal; whole numbers, clipped.
+
+    The result is brought back to linear values in which white is 1. It may be below 0 where there
+    is a black level: clipping there would brighten the dark. Outside of the mask there is no noise.
+    """
+
+    full_well_e: Annotated[Positive, Field(ge=10.0, le=1e7)] = 20_000.0
+    gain_e_per_dn: Positive | None = None
+    read_noise_e: NotNegative = 5.0
+    dark_current_e_per_s: NotNegative = 0.0
+    black_level_dn: NotNegative = 0.0
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = 12
+
+    def _check(self) -> None:
+        if self.black_level_dn >= self.largest_dn:
+            raise OpticsError(
+                f"degradation.noise.black_level_dn = {self.black_level_dn:g}: want less than "
+                f"{self.largest_dn}, the largest number of {self.bit_depth} bits"
+            )
+
+    @property
+    def largest_dn(self) -> int:
+        """The converter's largest number."""
+        return 2**self.bit_depth - 1
+
+    @property
+    def gain(self) -> float:
+        """Electrons a step of the converter."""
+        if self.gain_e_per_dn is not None:
+            return self.gain_e_per_dn
+        return self.full_well_e / (self.largest_dn - self.black_level_dn)
+
+    @property
+    def white_e(self) -> float:
+        """Electrons of a linear value of 1."""
+        return min(self.full_well_e, self.gain * (self.largest_dn - self.black_level_dn))
+
+    def steps(self, geometry: PictureGeometry, key: int, exposure_s: float) -> list[Step]:
+        """On the GPU.
+
+        Args:
+            geometry: is not needed.
+            key: of the camera's random numbers.
+            exposure_s: for the dark current.
+        """
+        uniforms = {
+            "u_key": key,
+            "u_white_e": self.white_e,
+            "u_full_well_e": self.full_well_e,
+            "u_gain_e_per_dn": self.gain,
+            "u_read_noise_e": self.read_noise_e,
+            "u_dark_e": self.dark_current_e_per_s * exposure_s,
+            "u_black_level_dn": self.black_level_dn,
+            "u_largest_dn": float(self.largest_dn),
+            "u_normal_from_e": NORMAL_FROM_E,
+            "u_most_counted": MOST_COUNTED,
+            "u_smallest_term": SMALLEST_TERM,
+        }
+        return [Step("noise", uniforms)]
+
+    def apply(
+        self, picture: Picture, geometry: PictureGeometry, key: int, exposure_s: float, frame: int
+    ) -> Picture:
+        """Reference: the same in NumPy, for the frame of a number."""
+        column, row, channel = np.meshgrid(
+            np.arange(geometry.width_px), np.arange(geometry.height_px), np.arange(3)
+        )
+        hashes = pcg4d(column, row, frame, key + channel)
+        dark_e = np.float32(self.dark_current_e_per_s * exposure_s)
+        white_e, gain = np.float32(self.white_e), np.float32(self.gain)
+        black = np.float32(self.black_level_dn)
+        mean_e = np.maximum(picture[..., :3], np.float32(0.0)) * white_e + dark_e
+        electrons = np.minimum(poisson(mean_e, hashes[0], hashes[1]), np.float32(self.full_well_e))
+        electrons += np.float32(self.read_noise_e) * normal(hashes[2], hashes[3])
+        numbers = np.floor(electrons / gain + black + np.float32(0.5))
+        numbers = np.clip(numbers, np.float32(0.0), np.float32(self.largest_dn))
+        result = picture.copy()
+        seen = picture[..., 3] > 0.5
+        result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
+        return result
+
+
+def poisson(
+    mean: NDArray[np.float32], first: NDArray[np.uint32], second: NDArray[np.uint32]
+) -> NDArray[np.float32]:
+    """Whole numbers (...), Poisson distributed about means (...) ≥ 0, from two hashes each."""
+    z = normal(first, second)
+    large = np.maximum(mean, np.float32(NORMAL_FROM_E))
+    many = large + np.sqrt(large) * z + (z * z - np.float32(1.0)) * np.float32(1.0 / 6.0)
+    many = np.maximum(np.floor(many + np.float32(0.5)), np.float32(0.0))
+    return np.where(mean >= np.float32(NORMAL_FROM_E), many, _counted(mean, uniform(first)))
+
+
+def _counted(mean: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The smallest whole numbers (...) up to which a share (...) of the distribution lies."""
+    mean = np.minimum(mean, np.float32(NORMAL_FROM_E))
+    term = np.exp(-mean)
+    total = term.copy()
+    count = np.zeros_like(mean)
+    for number in range(1, MOST_COUNTED):
+        more = (share > total) & ~((number > mean) & (term < np.float32(SMALLEST_TERM)))
+        if not np.any(more):
+            break
+        term = np.where(more, term * (mean / np.float32(number)), term)
+        total = np.where(more, total + term, total)
+        count = np.where(more, np.float32(number), count)
+    return count

@@ -1,0 +1,49 @@
+"""What a mirror takes from the light: reflectance and tint.
+
+| key | unit | typical |
+| --- | --- | --- |
+| reflectance | share of the light | 0.9 bare aluminium, 0.95 or more silver |
+| tint | factors of R, G, B | 1, 1, 1; a shade warmer for nickel and chrome |
+
+Source: makers' data of coated mirrors for the ranges; for any one mirror an assumption.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from omnisim.gpu.degradation_pass import Step
+from omnisim.sensors.degradations.parameters import Colour, Parameters
+from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.toml_file import Number
+
+
+@dataclass(frozen=True)
+class Reflectance(Parameters):
+    """Mirror reflectance: the light is multiplied by `reflectance` and by the colour's `tint`."""
+
+    reflectance: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.9
+    tint: Colour = (1.0, 1.0, 1.0)
+
+    @property
+    def factors(self) -> tuple[float, float, float]:
+        """Of red, green and blue."""
+        red, green, blue = (self.reflectance * part for part in self.tint)
+        return red, green, blue
+
+    def steps(self, geometry: PictureGeometry) -> list[Step]:
+        """On the GPU."""
+        return [Step("colour_factors", {"u_factors": self.factors})]
+
+    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
+        """Reference: the same in NumPy."""
+        return multiplied(picture, self.factors)
+
+
+def multiplied(picture: Picture, factors: tuple[float, float, float]) -> Picture:
+    """A picture with its colours multiplied; the reference of `colour_factors.frag`."""
+    return picture * np.array([*factors, 1.0], dtype=np.float32)

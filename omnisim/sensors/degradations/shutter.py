@@ -1,0 +1,101 @@
+"""Motion blur and rolling shutter: when each row of the picture collects its light.
+
+| key | unit | typical |
+| --- | --- | --- |
+| exposure_s | seconds a row collects light; left out: an instant | 0.001 to 0.03 |
+| readout_s | seconds in which the rows start, first to last; 0: at once | 0 (CCD), 0.01 to 0.03 |
+| frame_rate_hz | pictures a second, where known: no exposure is longer than 1/rate | 15, 30 |
+| sub_frames | renders that make up a picture, or "auto" | "auto" |
+
+"auto" keeps a moving edge in every row within 0.05 px of where it belongs, and takes a step of at
+most 0.5 px from sub-frame to sub-frame; but no more than 64 of them.
+
+The pose of a picture, and so its ground truth, is that of the middle of its frame: of the middle
+row's exposure. The frame lasts readout_s + exposure_s, first row first. The time is cut into equal
+sub-frames, each rendered at the pose in its middle; a row takes their mean, weighted by how long
+each overlaps its own window. Without exposure it takes the one in which its instant lies.
+
+Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras", 2005.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.errors import OpticsError
+from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
+from omnisim.toml_file import word_or
+
+LARGEST_ERROR_PX = 0.05  # of where a row shows a moving edge
+LARGEST_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
+MOST_SUB_FRAMES = 64
+LONGEST_S = 3600.0
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and 1 <= value <= 4096
+
+
+SubFrames = Annotated[Any, word_or("auto", "a whole number from 1 to 4096", _is_count)]
+
+
+@dataclass(frozen=True)
+class Shutter(Parameters):
+    """How long rows collect light, and one after the other or all at once."""
+
+    exposure_s: Annotated[Positive, Field(le=LONGEST_S)] | None = None
+    readout_s: Annotated[NotNegative, Field(le=LONGEST_S)] = 0.0
+    frame_rate_hz: Positive | None = None
+    sub_frames: SubFrames = "auto"
+
+    def _check(self) -> None:
+        if self.frame_rate_hz is None:
+            return
+        period_s = 1.0 / self.frame_rate_hz
+        for key in ("exposure_s", "readout_s"):
+            value = getattr(self, key) or 0.0
+            if value > period_s * (1.0 + 1e-9):
+                raise OpticsError(
+                    f"degradation.shutter.{key} = {value:g}: want at most {period_s:g} s, the time "
+                    f"from picture to picture at frame_rate_hz = {self.frame_rate_hz:g}"
+                )
+
+    @property
+    def duration_s(self) -> float:
+        """From the start of the first row to the end of the last."""
+        return self.readout_s + (self.exposure_s or 0.0)
+
+    def sub_frame_count(self, motion_px: float) -> int:
+        """How many renders a picture takes in which things move by so much."""
+        if self.duration_s == 0.0 or motion_px == 0.0:
+            return 1
+        if self.sub_frames != "auto":
+            return self.sub_frames
+        # Half a step off without exposure. With it, what of a sub-frame a row takes is off by at
+        # most half a step at either end: the mean of its window by step² / (8 exposure).
+        blur_px = motion_px * (self.exposure_s or 0.0) / self.duration_s
+        step_px = max(2.0 * LARGEST_ERROR_PX, math.sqrt(8.0 * LARGEST_ERROR_PX * blur_px))
+        step_px = min(step_px, LARGEST_STEP_PX)
+        return min(max(1, math.ceil(motion_px / step_px - 1e-9)), MOST_SUB_FRAMES)
+
+    def times_s(self, count: int) -> NDArray[np.float64]:
+        """The middles (count,) of the sub-frames, from the middle of the frame."""
+        return ((np.arange(count) + 0.5) / count - 0.5) * self.duration_s
+
+    def row_weights(self, count: int, height_px: int) -> NDArray[np.float32]:
+        """Shares (count, height) of each row's exposure that the sub-frames make up."""
+        starts = (np.arange(height_px) + 0.5) / height_px * self.readout_s
+        step_s = self.duration_s / count
+        if self.exposure_s is None:
+            which = np.clip(np.floor(starts / step_s), 0, count - 1)
+            return (which == np.arange(count)[:, None]).astype(np.float32)
+        begin = np.arange(count)[:, None] * step_s
+        overlap = np.minimum(begin + step_s, starts + self.exposure_s) - np.maximum(begin, starts)
+        overlap = np.maximum(overlap, 0.0)
+        return (overlap / overlap.sum(axis=0)).astype(np.float32)

@@ -1,0 +1,55 @@
+"""Vignetting: a lens gives less light away from its axis.
+
+| key | unit | typical |
+| --- | --- | --- |
+| coefficients | of r², r⁴, r⁶; r = 1 at half of the picture's shorter side | −2t², 3t⁴, −4t⁶ |
+
+The typical ones are cos⁴ of the field angle, t its tangent at r = 1.
+
+Source: Goldman, "Vignette and exposure calibration and compensation", PAMI 2010, for the even
+polynomial; the cos⁴ law is textbook radiometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from omnisim.errors import OpticsError
+from omnisim.gpu.degradation_pass import Step
+from omnisim.sensors.degradations.parameters import Parameters
+from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.toml_file import Number
+
+
+@dataclass(frozen=True)
+class Vignetting(Parameters):
+    """Light is multiplied by 1 + c₂r² + c₄r⁴ + c₆r⁶, but never by less than 0."""
+
+    coefficients: tuple[Number, Number, Number] = (-0.3, 0.0, 0.0)
+
+    @classmethod
+    def cos4(cls, tangent: float) -> Vignetting:
+        """The expansion of cos⁴ of the field angle whose tangent at r = 1 is given.
+
+        Raises:
+            OpticsError: a field too wide for three terms, which would turn up again.
+        """
+        if not 0.0 <= tangent <= 0.6:
+            raise OpticsError(f"cos⁴ up to a tangent of {tangent:g}: want 0 to 0.6")
+        return cls((-2.0 * tangent**2, 3.0 * tangent**4, -4.0 * tangent**6))
+
+    def steps(self, geometry: PictureGeometry) -> list[Step]:
+        """On the GPU."""
+        uniforms = {"u_coefficients": self.coefficients, **geometry.uniforms()}
+        return [Step("vignetting", uniforms)]
+
+    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
+        """Reference: the same in NumPy."""
+        squared = geometry.squared_radii()
+        c2, c4, c6 = (np.float32(value) for value in self.coefficients)
+        factor = np.float32(1.0) + squared * (c2 + squared * (c4 + squared * c6))
+        result = picture.copy()
+        result[..., :3] *= np.maximum(factor, np.float32(0.0))[..., None]
+        return result

@@ -1,0 +1,12 @@
+// Bayer's mosaic: every pixel keeps the colour of its filter, in all three channels.
+#version 430 core
+
+uniform sampler2D u_picture;
+#include "degradation/bayer_pattern.glsl"
+layout(location = 0) out vec4 out_value;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 value = texelFetch(u_picture, pixel, 0);
+    out_value = vec4(vec3(value[colour_of(pixel)]), value.a);
+}

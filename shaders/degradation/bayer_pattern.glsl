@@ -1,0 +1,8 @@
+// int colour_of(ivec2 pixel): which colour a pixel of the mosaic sees: 0 red, 1 green, 2 blue.
+
+uniform ivec2 u_red_at;  // column and row of red in the 2 x 2 pattern
+
+int colour_of(ivec2 pixel) {
+    ivec2 odd = (pixel + u_red_at) & 1;
+    return odd.x + odd.y;
+}

@@ -1,0 +1,39 @@
+// Lateral chromatic aberration: each colour is looked up where its own picture shows the pixel,
+// bilinearly among the valid neighbours (the hardware's filter has only 8 bits of weight).
+#version 430 core
+
+uniform sampler2D u_picture;
+uniform vec2 u_centre_px;
+uniform vec3 u_inverse_scales;
+layout(location = 0) out vec4 out_value;
+
+float channel_at(vec2 place_px, int channel, float fallback) {
+    ivec2 size = textureSize(u_picture, 0);
+    vec2 corner = floor(place_px);
+    vec2 share = place_px - corner;
+    float total = 0.0, weights = 0.0;
+    for (int down = 0; down <= 1; ++down)
+        for (int right = 0; right <= 1; ++right) {
+            ivec2 pixel = ivec2(corner) + ivec2(right, down);
+            if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)))
+                continue;
+            vec4 value = texelFetch(u_picture, pixel, 0);
+            if (value.a <= 0.5)
+                continue;
+            float weight = (right == 1 ? share.x : 1.0 - share.x)
+                * (down == 1 ? share.y : 1.0 - share.y);
+            total += weight * value[channel];
+            weights += weight;
+        }
+    return weights > 0.0 ? total / weights : fallback;
+}
+
+void main() {
+    vec4 value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0);
+    vec2 offset_px = gl_FragCoord.xy - 0.5 - u_centre_px;
+    if (value.a > 0.5) {
+        value.r = channel_at(offset_px * u_inverse_scales.r + u_centre_px, 0, value.r);
+        value.b = channel_at(offset_px * u_inverse_scales.b + u_centre_px, 2, value.b);
+    }
+    out_value = value;
+}

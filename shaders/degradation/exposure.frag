@@ -1,0 +1,10 @@
+// Exposure, and the sensor's response to the three colours: factors of this frame.
+#version 430 core
+
+uniform sampler2D u_picture;
+uniform vec3 u_exposure_factors;
+layout(location = 0) out vec4 out_value;
+
+void main() {
+    out_value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0) * vec4(u_exposure_factors, 1.0);
+}

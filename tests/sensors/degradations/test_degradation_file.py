@@ -1,0 +1,184 @@
+"""`[degradation]` in sensor files, presets, and every fault in one line."""
+
+import dataclasses
+import importlib
+import re
+
+import pytest
+
+from omnisim.errors import OpticsError, SensorFileError
+from omnisim.sensors import OmniCamera
+from omnisim.sensors.degradations import (
+    Bayer,
+    Degradation,
+    Noise,
+    Shutter,
+    WhiteBalance,
+    preset,
+    preset_names,
+)
+from omnisim.sensors.degradations.degradation_file import PARTS, PRESETS
+from omnisim.simulation.fingerprint import fingerprint
+from omnisim.simulation.sensor_toml import sensor_toml
+
+
+def _read(tmp_path, text):
+    (tmp_path / "sensor.toml").write_text(text)
+    return OmniCamera.from_file(tmp_path / "sensor.toml").degradation
+
+
+def test_ideal_is_the_default(tmp_path):
+    assert OmniCamera().degradation.is_ideal
+    assert _read(tmp_path, "").is_ideal
+    assert _read(tmp_path, "[degradation]\npreset = 'ideal'").is_ideal
+    assert "degradation" not in sensor_toml(OmniCamera())
+
+
+def test_presets_are_those_that_are_promised():
+    assert preset_names() == ["bad-day", "dragonfly2", "ideal", "webcam"]
+    assert preset("ideal") == Degradation()
+    assert set(preset("bad-day").parts) == set(PARTS) - {"encoding"}
+    assert preset("dragonfly2").shutter.readout_s == 0.0  # a CCD
+
+
+def test_tables_override_a_preset_key_by_key(tmp_path):
+    text = (
+        "[degradation]\npreset = 'webcam'\n[degradation.noise]\nread_noise_e = 20\n"
+        "[degradation.jpeg]\nenabled = false\n[degradation.reflectance]\n"
+    )
+    got, webcam = _read(tmp_path, text), preset("webcam")
+    assert got.noise == dataclasses.replace(webcam.noise, read_noise_e=20.0)
+    assert got.jpeg is None
+    assert got.reflectance.reflectance == 0.9
+    assert got.bayer == webcam.bayer
+
+
+def test_a_preset_of_ones_own_lies_beside_the_sensor_file(tmp_path):
+    (tmp_path / "mine.toml").write_text("[bayer]\npattern = 'GBRG'\n")
+    assert _read(tmp_path, "[degradation]\npreset = 'mine.toml'").bayer == Bayer("GBRG")
+    assert preset("mine.toml", tmp_path) == Degradation(bayer=Bayer("GBRG"))
+
+
+@pytest.mark.parametrize("name", [*preset_names(), "all defaults"])
+def test_sensor_file_round_trip(tmp_path, name):
+    if name == "all defaults":
+        parts = {key: kind() for key, kind in PARTS.items()}
+        degradation = Degradation(**parts)
+    else:
+        degradation = preset(name)
+    sensor = OmniCamera().with_degradation(degradation).resized(100)
+    text = sensor_toml(sensor)
+    assert _read(tmp_path, text) == sensor.degradation
+    assert sensor_toml(OmniCamera.from_file(tmp_path / "sensor.toml")) == text
+
+
+def test_fingerprint_and_size_know_of_it():
+    one = OmniCamera().with_degradation(preset("webcam"))
+    prints = {fingerprint(OmniCamera()), fingerprint(one)}
+    noise = dataclasses.replace(one.degradation.noise, read_noise_e=4.5)
+    prints.add(fingerprint(one.with_degradation(dataclasses.replace(one.degradation, noise=noise))))
+    assert len(prints) == 3
+    doubled = one.resized(720).degradation
+    assert doubled.defocus.rim_defocus_px == 2.0 * one.degradation.defocus.rim_defocus_px
+    assert doubled.noise == one.degradation.noise
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[degradation]\npreset = 'dragonfly'", r"preset = 'dragonfly': .* did you mean 'dragonf"),
+        ("[degradation]\npreset = 'nikon'", r"unknown preset; want one of bad-day, dragonfly2, id"),
+        ("[degradation]\npreset = 'no.toml'", r"no\.toml: cannot be read: No such file"),
+        ("[degradation]\npreset = 3", r"degradation\.preset = 3: want a valid string"),
+        ("[degradation]\nnoise = 3", r"degradation\.noise = 3: want a table"),
+        ("[degradation.nois]\n", r"degradation\.nois: unknown key; did you mean 'noise'"),
+        (
+            "[degradation.noise]\nread_noise_e = -1",
+            r"degradation\.noise\.read_noise_e = -1: want greater than or equal to 0",
+        ),
+        ("[degradation.noise]\nread_noise_e = nan", r"read_noise_e = nan: want a finite number"),
+        (
+            "[degradation.noise]\nread_noise = 3",
+            r"read_noise: unknown key; did you mean 'read_nois",
+        ),
+        ("[degradation.noise]\nbit_depth = 17", r"bit_depth = 17: want less than or equal to 16"),
+        (
+            "[degradation.noise]\nbit_depth = 4\nblack_level_dn = 15",
+            r"black_level_dn = 15: want less than 15, the largest number of 4 bits",
+        ),
+        (
+            "[degradation.noise]\ndark_current_e_per_s = 5",
+            r"dark_current_e_per_s = 5: needs degradation\.shutter\.exposure_s",
+        ),
+        ("[degradation.shutter]\nexposure_s = 0", r"exposure_s = 0: want greater than 0"),
+        ("[degradation.shutter]\nexposure_s = -0.1", r"exposure_s = -0\.1: want greater than 0"),
+        ("[degradation.shutter]\nexposure_s = '5 ms'", r"exposure_s = '5 ms': want a valid number"),
+        (
+            "[degradation.shutter]\nexposure_ms = 5",
+            r"exposure_ms: unknown key; did you mean 'expos",
+        ),
+        (
+            "[degradation.shutter]\nexposure_s = 0.05\nframe_rate_hz = 30",
+            r"sensor\.toml: degradation\.shutter\.exposure_s = 0\.05: want at most 0\.0333333 s",
+        ),
+        (
+            "[degradation.shutter]\nreadout_s = 0.05\nframe_rate_hz = 30",
+            r"readout_s = 0\.05: want at most 0\.0333333 s, the time from picture to picture",
+        ),
+        (
+            "[degradation.shutter]\nsub_frames = 0",
+            r"sub_frames = 0: want .* or 'auto'",
+        ),
+        ("[degradation.exposure]\nmin_ev = 3\nmax_ev = 2", r"want min_ev ≤ max_ev"),
+        ("[degradation.exposure]\nev = 99", r"exposure\.ev = 99: want −30 to 30"),
+        ("[degradation.bayer]\npattern = 'RGBG'", r"pattern = 'RGBG': want 'RGGB', 'BGGR'"),
+        ("[degradation.jpeg]\nquality = 0", r"quality = 0: want greater than or equal to 1"),
+        (
+            "[degradation.defocus]\nrim_defocus_px = 50",
+            r"rim_defocus_px = 50: want less than or eq",
+        ),
+        ("[degradation.reflectance]\nreflectance = 0", r"reflectance = 0: want greater than 0"),
+        ("[degradation.chromatic_aberration]\nred_scale = 2", r"red_scale = 2: want less than or"),
+        (
+            "[degradation.encoding]\ngamma = 'log'",
+            r"gamma = 'log': want a number .* or 'srgb'",
+        ),
+        ("[degradation.white_balance]\nresponse = [1, 0, 1]", r"response\.1 = 0: want greater"),
+    ],
+)
+def test_every_fault_names_file_key_and_value(tmp_path, text, words):
+    with pytest.raises(SensorFileError, match=words) as info:
+        _read(tmp_path, text)
+    assert re.match(r"\S+\.toml: ", str(info.value))
+    assert "\n" not in str(info.value)
+
+
+def test_a_preset_file_with_a_wrong_unit_is_named(tmp_path):
+    (tmp_path / "mine.toml").write_text("[shutter]\nexposure_ms = 5\n")
+    with pytest.raises(SensorFileError, match=r"mine\.toml: shutter\.exposure_ms: unknown key"):
+        _read(tmp_path, "[degradation]\npreset = 'mine.toml'")
+
+
+def test_python_is_checked_like_a_file():
+    with pytest.raises(OpticsError, match=r"degradation\.noise: read_noise_e = -1\.0: want"):
+        Noise(read_noise_e=-1.0)
+    with pytest.raises(OpticsError, match=r"exposure_s = 1: want at most 0\.1 s"):
+        Shutter(exposure_s=1.0, frame_rate_hz=10.0)
+    with pytest.raises(OpticsError, match=r"degradation\.white_balance: gains"):
+        WhiteBalance(gains="gray")
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_every_key_is_documented_with_its_unit(name):
+    """In the table of its module, and the module's name is the table's."""
+    kind = PARTS[name]
+    assert kind.table_name() == name
+    text = importlib.import_module(kind.__module__).__doc__
+    documented = re.findall(r"^\| (\w+) \| \S", text, re.MULTILINE)[1:]
+    assert documented == [field.name for field in dataclasses.fields(kind)]
+
+
+def test_preset_files_say_what_is_assumed():
+    for name in preset_names():
+        text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
+        assert name == "ideal" or "assumption" in text
