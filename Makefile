@@ -3,8 +3,10 @@
 #   make test   installs what is missing and runs the tests
 # And one proves the geometry:
 #   make validate
+# And one repeats the paper's experiments, a robot that finds itself:
+#   make experiments
 
-.PHONY: help demo test validate readme gallery lint setup system clean
+.PHONY: help demo test validate experiments readme gallery lint setup system clean
 
 # The first Python that is new enough; say PYTHON=... to choose another.
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -15,12 +17,14 @@ BIN := $(VENV)/bin
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 help:
-	@echo "make demo       install what is missing and render a first picture"
-	@echo "make test       install what is missing and run the tests"
-	@echo "make validate   install what is missing and prove the geometry: out/validation"
-	@echo "make readme     the same, and put numbers and figures into README"
-	@echo "make gallery    render one scene through every camera model: omnisim/cameras/gallery"
-	@echo "make clean      remove what these made"
+	@echo "Each installs what is missing first."
+	@echo "make demo         render a first picture"
+	@echo "make test         run the tests"
+	@echo "make validate     prove the geometry: out/validation"
+	@echo "make experiments  repeat the paper's experiments: out/experiments"
+	@echo "make readme       prove the geometry, and put numbers and figures into README"
+	@echo "make gallery      render one scene through every camera model: omnisim/cameras/gallery"
+	@echo "make clean        remove what these made"
 
 demo: setup
 	@mkdir -p out
@@ -33,6 +37,10 @@ test: setup lint
 validate: setup
 	@mkdir -p out
 	$(BIN)/omnisim validate -o out/validation
+
+experiments: setup
+	@mkdir -p out
+	$(BIN)/omnisim experiments -o out/experiments
 
 readme: validate
 	$(BIN)/python .ci/renew_readme.py out/validation

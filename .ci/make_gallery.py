@@ -134,16 +134,18 @@ def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
 
 
 def main() -> None:
-    """Render all pictures and write the page."""
+    """Render all pictures and write the page; with --page only that."""
     FOLDER.mkdir(exist_ok=True)
     cameras = gallery_cameras()
+    (FOLDER / "README.md").write_text(page(cameras), encoding="utf-8")
+    if sys.argv[1:] == ["--page"]:
+        return
     pictures = {}
     for model, camera in cameras.items():
         pictures[model] = picture_of(camera)
         _save(pictures[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
         print(f"{model}: {camera.width_px} × {camera.height_px} px")
     _save(_sheet(pictures), FOLDER / SHEET, 4 * LARGEST_BYTES)
-    (FOLDER / "README.md").write_text(page(cameras), encoding="utf-8")
     print(f"{FOLDER.relative_to(ROOT)}: {len(pictures)} models")
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from omnisim.frames import pose
     from omnisim.scene import Scene, load_scene
     from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
+    from omnisim.sensors.degradations import Degradation
+    from omnisim.sensors.motion import Twist
     from omnisim.simulation.vehicle import Vehicle
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
@@ -30,6 +32,8 @@ _HOMES = {
     "calibration_of": "omnisim.calibration",
     "load_calibration": "omnisim.calibration",
     "save_calibration": "omnisim.calibration",
+    "Degradation": "omnisim.sensors.degradations",
+    "Twist": "omnisim.sensors.motion",
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
     "pose": "omnisim.frames",
@@ -45,6 +49,7 @@ _HOMES = {
 }
 __all__ = [
     "Calibration",
+    "Degradation",
     "Frame",
     "LaserRenderer",
     "LaserScanner",
@@ -54,6 +59,7 @@ __all__ = [
     "Scan",
     "Scene",
     "Stage",
+    "Twist",
     "Vehicle",
     "__version__",
     "calibration_of",

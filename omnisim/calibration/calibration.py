@@ -59,6 +59,7 @@ class CalibratedCamera:
         poses: what the file says of where it is.
         residual: how near it is to the camera it was fitted to, if it was.
         notes: what a reader of the file should know, a sentence each.
+        said_as: model of the lens that the file says it by, if there is a file.
     """
 
     name: str
@@ -66,6 +67,7 @@ class CalibratedCamera:
     poses: tuple[Pose, ...] = ()
     residual: Residual | None = None
     notes: tuple[str, ...] = ()
+    said_as: str | None = None
 
     @property
     def mirrored(self) -> bool:

@@ -36,6 +36,7 @@ SAMPLES = 20001
 MOST_STEPS = 30  # the slant is small: each makes what is left some hundred times smaller
 NEWTON_STEPS = 4  # from between two samples to the last bit
 STEP = 1e-6  # for slopes
+FURTHEST_OFF = 0.01  # of the picture's shorter side
 GOOD_PX = 0.05  # what no corner detector sees
 
 
@@ -152,8 +153,8 @@ class FovLens(DistortedPinhole):
         return np.arctan(2.0 * math.tan(0.5 * self.w) * radius) / self.w
 
 
-def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]]:
-    """The nearest of our models, and how near it is, in words.
+def nearest_lens(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, tuple[str, ...]]:
+    """The nearest of our models, and how near it is, in words; `source` names the file.
 
     Raises:
         CalibrationError: none is near.
@@ -161,7 +162,7 @@ def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]
     from omnisim.calibration.fit import fit_camera
 
     if not lens.radius_limit > 0.0:
-        raise CalibrationError(f"{lens.model}: folds at its own middle: want a lens")
+        raise CalibrationError(f"{source}: {lens.model}: folds at its own middle: want a lens")
     best: Any = None
     candidates: tuple[tuple[type[Any], dict[str, float]], ...] = (
         (UnifiedCamera, {}), (UnifiedCamera, {"xi": 0.0}), (KannalaBrandtCamera, {}),
@@ -177,7 +178,12 @@ def nearest_lens(lens: DistortedPinhole) -> tuple[CentralCamera, tuple[str, ...]
         if best is not None and best.max_px <= GOOD_PX:
             break
     if best is None:
-        raise CalibrationError(f"{lens.model}: no model of omnisim comes near to this lens")
+        raise CalibrationError(f"{source}: {lens.model}: no model of omnisim comes near it")
+    if best.max_px > FURTHEST_OFF * min(lens.width_px, lens.height_px):
+        raise CalibrationError(
+            f"{source}: {lens.model}: the nearest model of omnisim, {best.camera.model}, is up to "
+            f"{best.max_px:.3g} px off"
+        )
     note = (
         f"{lens.model} is none of omnisim's models: read as {best.camera.model}, "
         f"RMS {best.rms_px:.2g} px and at most {best.max_px:.2g} px off within "

@@ -121,7 +121,7 @@ def _camera(
         camera = optical_camera(said.lens, mirrored, limit, turned)
         check_camera(camera, place)
     residual = remark.residual if remark else None
-    return CalibratedCamera(said.name, camera, said.poses, residual, said.notes)
+    return CalibratedCamera(said.name, camera, said.poses, residual, said.notes, said.lens.model)
 
 
 def check_camera(camera: Any, place: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -89,7 +90,7 @@ def calibration_text(
     if len(set(names)) < len(names):
         names = [form.rename(at, "") for at in range(len(names))]
     cameras = renamed(calibration.cameras, names)
-    words = [in_words(camera, form, model) for camera in cameras]
+    words = [_with_doubts(in_words(camera, form, model), form) for camera in cameras]
     text = form.write([one.said for one in words])
     remarks = [
         remark_of(one.said.name, one.mirrored, one.turned, one.limit_rad, one.residual)
@@ -102,6 +103,7 @@ def calibration_text(
             one.said.poses,
             one.residual,
             one.said.notes,
+            one.said.lens.model,
         )
         for one in words
     )
@@ -138,13 +140,21 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
         )
     fit = _best_fit(camera, form, model, mirrored, reasons)
     residual = Residual(fit.rms_px, fit.max_px, fit.theta_max_rad, camera.camera.model)
-    note = (
-        f"fitted by {fit.camera.model}: RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px "
-        f"within {math.degrees(fit.theta_max_rad):.1f}° of the axis"
-    )
-    said = Said(camera.name, fit.camera, camera.poses, (note,))
+    said = Said(camera.name, fit.camera, camera.poses)
     limit = theta_max_rad(fit.camera) or theta_max_rad(camera.camera)
     return Words(said, mirrored, turned, limit, residual)
+
+
+def _with_doubts(words: Words, form: Format) -> Words:
+    """The words, and a note where others would read them differently."""
+    if not form.doubt or isinstance(words.said.lens, EquirectangularCamera):
+        return words
+    widest = _widest_rad(words.said.lens)
+    if widest <= form.doubtful_past_rad:
+        return words
+    note = f"sees {math.degrees(widest):.1f}° from its axis: {form.doubt}"
+    said = dataclasses.replace(words.said, notes=(*words.said.notes, note))
+    return words._replace(said=said)
 
 
 def _kinds(form: Format, model: str | None) -> list[type[Any]]:

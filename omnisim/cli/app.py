@@ -24,7 +24,7 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
-from omnisim.cli.calibration import NameOption, calibration_app
+from omnisim.cli.calibration import MirroredOption, NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
 from omnisim.cli.landmarks import CameraOption, SceneOption, landmarks_app
@@ -89,6 +89,7 @@ def render(
         ),
     ] = None,
     camera_name: NameOption = None,
+    mirrored: MirroredOption = None,
     at: AtOption = None,
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
@@ -137,9 +138,9 @@ def render(
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, camera, camera_name, at, yaw, polygons, size, unlit, faces, up,
-        device, also, labels, next_at, next_yaw, preview, preset, seed, speed, turn_rate, rays,
-        calibration,
+        scene, output, sensor, camera, camera_name, mirrored, at, yaw, polygons, size, unlit,
+        faces, up, device, also, labels, next_at, next_yaw, preview, preset, seed, speed,
+        turn_rate, rays, calibration,
     )  # fmt: skip
     run(request, out, err)
 
@@ -397,6 +398,23 @@ def validate(
     from omnisim.cli.validate import run
 
     if not run(output, quick, only or [], device, out, err):
+        raise typer.Exit(1)
+
+
+@app.command()
+def experiments(
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="Folder for the drives, report.html, report.json and figures."
+        ),
+    ],
+    device: DeviceOption = None,
+) -> None:
+    """Repeat the paper's experiments, a robot that finds itself; 1 if a bound fails."""
+    from omnisim.cli.experiments import run
+
+    if not run(output, device, out, err):
         raise typer.Exit(1)
 
 

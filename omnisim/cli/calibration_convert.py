@@ -10,6 +10,7 @@ from rich.console import Console
 
 from omnisim.atomic_file import check_target
 from omnisim.calibration import FORMATS, CalibratedCamera, save_calibration
+from omnisim.calibration.file_frame import looks_back
 from omnisim.calibration.load import format_named
 from omnisim.cli.calibration_source import first_camera, read_calibration
 
@@ -44,16 +45,24 @@ def run(request: ConvertRequest, out: Console, err: Console) -> None:
     out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
     for before, after in zip(found.cameras, written.cameras, strict=True):
         out.print(f"  {_line(before, after)}", markup=False)
+        for note in after.notes:
+            err.print(f"note: {after.name}: {note}", markup=False)
+
+
+def _is_mirror(camera: CalibratedCamera) -> bool:
+    """Whether the file says a mirror by a lens."""
+    return camera.mirrored or (camera.said_as != camera.camera.model and looks_back(camera.camera))
 
 
 def _line(before: CalibratedCamera, after: CalibratedCamera) -> str:
     same = before.name == after.name
     named = after.name if same else f"{after.name} (was {before.name})"
     residual = after.residual
+    model = f"{after.said_as}{' in a mirrored frame' if _is_mirror(after) else ''}"
     if residual is None or residual is before.residual:
-        return f"{named}: {after.camera.model}, the same rays"
+        return f"{named}: {model}, the same rays"
     return (
-        f"{named}: {after.camera.model}, fitted to {residual.source_model}: "
+        f"{named}: {model}, fitted to {residual.source_model}: "
         f"RMS {residual.rms_px:.3g} px, at most {residual.max_px:.3g} px, "
         f"within {math.degrees(residual.theta_max_rad):.1f}° of the axis"
     )

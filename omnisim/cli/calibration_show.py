@@ -44,7 +44,10 @@ def run(
 def _rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     camera: Any = calibrated.camera
     told = camera.parameters()
-    rows = [("model", str(told.pop("model")))]
+    model = str(told.pop("model"))
+    rows = [("model", model)]
+    if calibrated.said_as not in (None, model):
+        rows.append(("in the file", f"{calibrated.said_as}"))
     width, height = told.pop("width_px"), told.pop("height_px")
     rows.append(("picture", f"{width} × {height} px"))
     rows += [(_name(key), _value(key, value)) for key, value in told.items()]

@@ -25,7 +25,11 @@ def read_sensor(path: Path | None) -> OmniCamera:
 
 
 def read_camera(
-    sensor: Path | None, calibration: Path | None, camera_name: str | None, err: Console
+    sensor: Path | None,
+    calibration: Path | None,
+    camera_name: str | None,
+    mirrored: bool | None,
+    err: Console,
 ) -> OmniCamera:
     """The sensor of a file, or a camera of a calibration file as a sensor, or the paper's.
 
@@ -33,6 +37,7 @@ def read_camera(
         sensor: a sensor file.
         calibration: a calibration file.
         camera_name: a camera of the calibration file; by default the first.
+        mirrored: whether it looks into a mirror; by default what the file's remarks say.
         err: for notices.
 
     Raises:
@@ -41,11 +46,15 @@ def read_camera(
     if calibration is None:
         if camera_name is not None:
             raise CalibrationError(f"--camera-name {camera_name}: is for --camera: want that too")
+        if mirrored is not None:
+            raise CalibrationError("--mirrored: is for --camera: want that too")
         return read_sensor(sensor)
     if sensor is not None:
         raise CalibrationError("--sensor and --camera both say what camera it is: want one")
+    if calibration.suffix.lower() == ".toml":
+        raise CalibrationError(f"--camera {calibration}: is a sensor file: pass it as --sensor")
     found = first_camera(
-        read_calibration(calibration, camera_name, None, None, err), camera_name, err
+        read_calibration(calibration, camera_name, None, mirrored, err), camera_name, err
     )
     return OmniCamera(found.cameras[0].camera, polygons=None)
 

@@ -31,6 +31,7 @@ class RenderRequest:
     sensor: Path | None
     calibration: Path | None
     camera_name: str | None
+    mirrored: bool | None
     at: tuple[float, float, float] | None
     yaw_deg: float | None
     polygons: str | None
@@ -61,6 +62,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
+    for option, value in (("--speed", request.speed_mps), ("--turn-rate", request.turn_rate_degps)):
+        if not math.isfinite(value):
+            raise OutputError(f"{option} {value:g}: want a finite number")
     is_float = is_float_format(request.output)
     check_target(request.output)
     for beside in (request.rays, request.calibration_beside):
@@ -70,7 +74,9 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_camera(request.sensor, request.calibration, request.camera_name, err)
+    camera = read_camera(
+        request.sensor, request.calibration, request.camera_name, request.mirrored, err
+    )
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)

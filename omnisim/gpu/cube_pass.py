@@ -139,12 +139,14 @@ class CubePass:
         return pixels
 
     def _order(self, placement: Placement) -> NDArray[np.intp]:
-        """Draws in the order to draw them: opaque ones as they stand, blended from far to near."""
-        distances = np.linalg.norm(placement.centres_m[self._blended], axis=1)
-        blended = self._blended[np.argsort(-distances, kind="stable")]
+        """Draws in the order to draw them: opaque ones from near to far, so that most of what is
+        hidden is never shaded; then blended ones from far to near."""
+        distances = np.linalg.norm(placement.centres_m, axis=1)
+        opaque = self._opaque[np.argsort(distances[self._opaque], kind="stable")]
+        blended = self._blended[np.argsort(-distances[self._blended], kind="stable")]
         for index in blended:
             self._buffers.sort_blended(self._buffers.draws[index], placement.here_from_mesh[index])
-        return np.concatenate((self._opaque, blended))
+        return np.concatenate((opaque, blended))
 
 
 def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,8 +29,7 @@ _EYE = np.eye(3)
 _SINGULAR = 1e-12
 
 
-@dataclass(frozen=True)
-class Judgement:
+class Judgement(NamedTuple):
     """What became of one sighting.
 
     Attributes:
@@ -170,7 +169,9 @@ class LocalizationFilter:
         owners = [k for k, sighting in enumerate(sightings) for _ in sighting.candidates]
         names = [name for sighting in sightings for name in sighting.candidates]
         here, corners = tuple(pose.tolist()), self._landmarks.corners
-        told = np.array([_numbers(sighting) for sighting in sightings])[owners]
+        told = np.array([_numbers(sighting) for sighting in sightings])
+        if len(owners) > len(sightings):
+            told = told[owners]
         model = np.array([expect(here, self._camera_m, corners(name)) for name in names])
         model = model.reshape(-1, 2, 4)
         expected, by_pose = model[..., 0], model[..., 1:]
@@ -180,14 +181,15 @@ class LocalizationFilter:
         spread = by_pose @ covariance
         own = spread @ by_pose.transpose(0, 2, 1)
         distances = _mahalanobis(innovations, own, noise)
-        verdicts, chosen = self._judge(owners, names, distances)
+        off, far = innovations.tolist(), distances.tolist()
+        verdicts, chosen = self._judge(owners, names, far)
         judgements = tuple(
             Judgement(
                 names[row],
                 sighting.range_m,
                 sighting.bearing_rad,
-                *innovations[row].tolist(),
-                float(distances[row]),
+                *off[row],
+                far[row],
                 verdict,
             )
             for sighting, row, verdict in zip(sightings, chosen, verdicts, strict=True)
@@ -202,19 +204,17 @@ class LocalizationFilter:
         s = across @ h.T
         s.flat[:: len(r) + 1] += r
         try:
-            solved = np.linalg.solve(s, np.column_stack((across, nu)))
+            weights = np.linalg.inv(s)
         except np.linalg.LinAlgError:  # each can be inverted, but not all of them together
             singular = tuple(
-                Judgement(**{**vars(told), "verdict": SINGULAR})
-                if told.verdict == ACCEPTED
-                else told
-                for told in judgements
+                judged._replace(verdict=SINGULAR) if judged.verdict == ACCEPTED else judged
+                for judged in judgements
             )
             return _estimate(time_s, pose, covariance, singular, steps_rejected + 1)
-        gain = solved[:, :3].T
+        gain = across.T @ weights
         kept = _EYE - gain @ h
         corrected = kept @ covariance @ kept.T + (gain * r) @ gain.T
-        nis = float(nu @ solved[:, 3])
+        nis = float(nu @ weights @ nu)
         return _estimate(time_s, pose + gain @ nu, corrected, judgements, 0, nis, len(nu))
 
     def _noise(self, told: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -226,12 +226,12 @@ class LocalizationFilter:
         return noise
 
     def _judge(
-        self, owners: list[int], names: list[str], distances: NDArray[np.float64]
+        self, owners: list[int], names: list[str], distances: list[float]
     ) -> tuple[list[Verdict], list[int]]:
         """A verdict for each sighting, and which of its candidates it is taken for."""
         gate = self._parameters.measurement.gate
         best: dict[int, int] = {}
-        for k, (owner, distance) in enumerate(zip(owners, distances.tolist(), strict=True)):
+        for k, (owner, distance) in enumerate(zip(owners, distances, strict=True)):
             if owner not in best or distance < distances[best[owner]]:
                 best[owner] = k
         chosen = list(best.values())

@@ -46,6 +46,9 @@ def contact_sheet(
         y = 1.0 - (GAP_PX + row * cell_height + 0.5 * TITLE_PX) / height
         figure.text(x, y, title, ha="center", va="center", fontsize=POINTS)
     canvas = FigureCanvasAgg(figure)
+    for text in figure.texts:  # smaller where it would run into the next
+        taken_px = text.get_window_extent(canvas.get_renderer()).width
+        text.set_fontsize(POINTS * min(1.0, (cell_width - GAP_PX) / max(taken_px, 1.0)))
     canvas.draw()
     sheet = np.array(canvas.buffer_rgba())[:height, :width, :3]
     for index, (_, picture) in enumerate(tiles):

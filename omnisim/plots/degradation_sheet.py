@@ -1,15 +1,14 @@
 """Every degradation and preset on one sheet: `python -m omnisim.plots.degradation_sheet FILE`.
 
 The first rows show each degradation alone, stronger than cameras usually have it, as a whole
-picture or as a part of it whose pixels are four times as large; the last row shows the presets on
-a robot that drives and turns.
+picture or as a part of a finer one with its pixels four times as large; what turns, turns left at
+120°/s. The last row shows the presets on a robot that drives and turns.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +38,8 @@ from omnisim.sensors.degradations import (
 from omnisim.sensors.motion import Twist
 from omnisim.sensors.stage import Stage
 
-SIDE_PX, TIMES, COLUMNS = 360, 4, 4
-PART = np.s_[20:110, 170:260]  # of the picture: posters, desks, the blue goal and lines
+SIDE_PX, FINE_PX, TIMES, COLUMNS = 240, 360, 4, 4
+PART = np.s_[22:82, 178:238]  # of the fine picture: a poster, desks, the blue goal, a line
 LEFT_TURN = Twist(angular_radps=(0.0, 0.0, math.radians(120.0)))
 DRIVING = Twist((0.6, 0.0, 0.0), (0.0, 0.0, math.radians(40.0)))
 
@@ -48,7 +47,7 @@ WHOLE = {
     "ideal": Degradation(),
     "reflectance 0.7, warm tint": Degradation(reflectance=Reflectance(0.7, (1.0, 0.93, 0.8))),
     "dust and scratches": Degradation(
-        dirt=Dirt(140, 2.2, 0.7, 18, 0.6, 110.0, 0.5, dust_glow=0.05, scratch_glow=0.8)
+        dirt=Dirt(140, 1.7, 0.7, 18, 0.5, 80.0, 0.5, dust_glow=0.05, scratch_glow=0.8)
     ),
     "vignetting, cos⁴ to 30°": Degradation(vignetting=Vignetting.cos4(math.tan(math.pi / 6.0))),
     "exposure +1.5 EV": Degradation(exposure=Exposure(1.5)),
@@ -58,14 +57,12 @@ WHOLE = {
     ),
     "gamma 1": Degradation(encoding=Encoding(1.0)),
     "gamma 2.2, 3 bits": Degradation(encoding=Encoding(2.2, 3)),
-    "exposure 50 ms, left turn 120°/s": Degradation(shutter=Shutter(0.05)),
+    "exposure 50 ms, turning left": Degradation(shutter=Shutter(0.05)),
 }
 PARTS = {
     "ideal": Degradation(),
-    "defocus 1 px, 3 px at the rim": Degradation(defocus=Defocus(1.0, 3.0)),
-    "red 1 % larger, blue 1 % smaller": Degradation(
-        chromatic_aberration=ChromaticAberration(1.01, 0.99)
-    ),
+    "defocus 1 to 3 px": Degradation(defocus=Defocus(1.0, 3.0)),
+    "red +1 %, blue −1 %": Degradation(chromatic_aberration=ChromaticAberration(1.01, 0.99)),
     "noise: full well of 500 e⁻": Degradation(noise=Noise(500.0, None, 3.0, bit_depth=10)),
     "read noise 60 of 3000 e⁻": Degradation(noise=Noise(3000.0, None, 60.0, 0.0, 60.0, 10)),
     "Bayer mosaic RGGB": Degradation(bayer=Bayer(demosaic="none")),
@@ -74,11 +71,11 @@ PARTS = {
     "noise, then Malvar": Degradation(noise=Noise(500.0, None, 3.0), bayer=Bayer()),
     "JPEG, quality 50": Degradation(jpeg=Jpeg(50)),
     "JPEG, quality 10": Degradation(jpeg=Jpeg(10)),
-    "exposure 50 ms, left turn": Degradation(shutter=Shutter(0.05)),
+    "exposure 50 ms, turning": Degradation(shutter=Shutter(0.05)),
 }
 AHEAD = {
     "perspective lens": Degradation(),
-    "rolling shutter 60 ms, left turn": Degradation(shutter=Shutter(readout_s=0.06)),
+    "rolling shutter, turning left": Degradation(shutter=Shutter(readout_s=0.06)),
 }
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 
@@ -90,7 +87,7 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
         OmnisimError: there is no such scene, or no OpenGL.
     """
     scene = load_scene(scene_name)
-    mirror = OmniCamera().resized(SIDE_PX)
+    mirror, fine = OmniCamera().resized(SIDE_PX), OmniCamera().resized(FINE_PX)
     lens = OmniCamera(
         PerspectiveCamera.with_field_of_view(SIDE_PX, SIDE_PX, math.radians(80.0)), polygons=None
     )
@@ -98,7 +95,6 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
     tiles = []
     with Stage(scene) as stage:
 
-        @cache
         def taken(camera: OmniCamera, degradation: Degradation, twist: Twist) -> NDArray[np.uint8]:
             pose = camera.base_pose(start, yaw_deg)
             with Renderer(stage, camera.with_degradation(degradation)) as renderer:
@@ -109,8 +105,8 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
         for title, degradation in AHEAD.items():
             tiles.append((title, taken(lens, degradation, LEFT_TURN)))
         for title, degradation in PARTS.items():
-            part = taken(mirror, degradation, LEFT_TURN)[PART]
-            tiles.append((f"{title} ×{TIMES}", magnified(part, TIMES)))
+            part = taken(fine, degradation, LEFT_TURN)[PART]
+            tiles.append((f"{title}, ×{TIMES}", magnified(part, TIMES)))
         for name in PRESETS:
             tiles.append((f"preset {name}, driving", taken(mirror, preset(name), DRIVING)))
     return tiles

@@ -109,7 +109,7 @@ def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure
 
 def curves_figure(
     panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]],
-    levels: Mapping[str, Sequence[str]],
+    levels: Sequence[str],
 ) -> Figure:
     """Something against levels of severity, a panel for each quantity, a line for each cause."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
@@ -119,8 +119,7 @@ def curves_figure(
         _style(axes, title, "level", "")
         for color, (label, values) in zip(colors, lines, strict=False):
             axes.plot(np.arange(len(values)), values, "-o", ms=3.5, color=color, label=label)
-        ticks = next(iter(levels.values()))
-        axes.set_xticks(range(len(ticks)))
+        axes.set_xticks(range(len(levels)), levels)
         if column == 0:
             axes.legend(frameon=False, fontsize=7)
     return figure

@@ -21,6 +21,7 @@ from omnisim.scene.model import Landmark
 from omnisim.srgb import srgb_from_linear
 
 SIGMAS = 3.0
+SMALLEST_M = 1e-3  # where the errors' scale begins: a start that is known has none at all
 _GRASS, _INK = "#e9f2e6", "#222222"
 
 
@@ -79,26 +80,31 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
     for column, panel in enumerate(panels):
         assert panel.true_poses is not None
         axes = figure.add_subplot(grid[0, column])
-        _style(axes, panel.title, "", "distance from the truth (m)")
+        _style(axes, panel.title, "", "distance from the truth (m), logarithmic")
         steps = np.arange(len(panel.track.estimates))
-        axes.plot(
-            steps, panel.track.reckoned_errors_m(panel.true_poses), "--", color=ORANGE,
-            label="odometry alone",
-        )  # fmt: skip
-        axes.plot(steps, panel.track.errors_m(panel.true_poses), color=RED, label="estimate")
+        for errors, line, color, label in (
+            (panel.track.reckoned_errors_m(panel.true_poses), "--", ORANGE, "odometry alone"),
+            (panel.track.errors_m(panel.true_poses), "-", RED, "estimate"),
+        ):
+            axes.plot(steps, np.maximum(errors, SMALLEST_M), line, color=color, label=label)
         doubt = SIGMAS * np.sqrt(np.linalg.eigvalsh(panel.track.covariances[:, :2, :2])[:, -1])
-        axes.plot(steps, doubt, ":", color=GREY, lw=1.0, label="its own doubt, 3σ")
+        axes.plot(
+            steps, np.maximum(doubt, SMALLEST_M), ":", color=GREY, lw=1.0, label="its own doubt, 3σ"
+        )
         if panel.bound_m is not None:
             axes.axhline(panel.bound_m, color=_INK, lw=0.8, ls="-.", label="the paper's bound")
-        axes.set_ylim(bottom=0.0)
-        axes.legend(frameon=False, fontsize=8)
+        axes.set_yscale("log")
+        axes.set_ylim(SMALLEST_M, 10.0)
+        axes.legend(frameon=False, fontsize=7, ncols=2, loc="upper left")
         below = figure.add_subplot(grid[1, column], sharex=axes)
         _style(below, "", "step", "landmarks")
         accepted, rejected = panel.track.counts(True), panel.track.counts(False)
         below.bar(steps, accepted, color=GREEN, width=0.9, label="let through")
         below.bar(steps, -rejected, color=RED, width=0.9, label="rejected")
         below.axhline(0.0, color=_INK, lw=0.6)
-        below.legend(frameon=False, fontsize=7, ncols=2, loc="lower right")
+        top = max(4, int(accepted.max(initial=0)))
+        below.set_ylim(-max(3, int(rejected.max(initial=0))) - 0.5, top + 2.5)
+        below.legend(frameon=False, fontsize=7, ncols=2, loc="upper right")
     return figure
 
 

@@ -124,7 +124,8 @@ class Camera(Table):
 
 class Lens(Table):
     """Instead of the first and third group: a camera model by its own parameters, or a
-    calibration file, whose path is beside the sensor file's, and a camera's name in it.
+    calibration file, whose path is beside the sensor file's, a camera's name in it, and whether it
+    is mirrored.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -147,12 +148,16 @@ class Lens(Table):
             OpticsError: naming the key and what was wanted.
             CalibrationError: the calibration file cannot be read.
         """
-        others = sorted(self.__pydantic_extra__ or {})
+        others = sorted((self.__pydantic_extra__ or {}).keys() - {"mirrored"})
         if self.calibration is not None:
             if self.model is not None or others:
                 other = "model" if self.model is not None else others[0]
                 raise OpticsError(f"camera: {other}: calibration says it already: want one")
-            return load_calibration(folder / self.calibration).camera(self.camera).camera
+            mirrored = (self.__pydantic_extra__ or {}).get("mirrored")
+            if mirrored is not None and type(mirrored) is not bool:
+                raise OpticsError(f"camera: mirrored = {mirrored!r}: want true or false")
+            found = load_calibration(folder / self.calibration, mirrored=mirrored)
+            return found.camera(self.camera).camera
         if self.camera is not None:
             raise OpticsError("camera: camera: is a name in a calibration file: want calibration")
         parameters = {"model": self.model, **(self.__pydantic_extra__ or {})}

@@ -1,10 +1,12 @@
 """What is written means to other people's readers and projections what it means to us."""
 
+import dataclasses
 import json
 import math
 
 import numpy as np
 import pytest
+import yaml
 
 from omnisim.calibration import calibration_of, load_calibration
 from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
@@ -143,6 +145,30 @@ def test_the_colmap_samples_are_what_colmap_reads(tmp_path):
         points = _seen(found.camera, math.radians(35.0))
         pixels = theirs[int(found.name)].img_from_cam(points) - 0.5
         _assert_same(found.camera, points, pixels)
+
+
+@pytest.mark.parametrize("name", ["hyperbolic-paper", "kannala-brandt-tum-vi", "eucm"])
+def test_a_plain_yaml_reader_finds_floats_for_kalibr(name, tmp_path):
+    """Kalibr takes no integer, and PyYAML takes 1e-05 for a word."""
+    camera = CAMERA_EXAMPLES[name]
+    tiny = dataclasses.replace(camera, principal_point_px=(1e-5, 250.0))
+    calibration_of(tiny).save(tmp_path / "camchain.yaml", "kalibr")
+    told = yaml.safe_load((tmp_path / "camchain.yaml").read_text())["cam0"]
+    numbers = told["intrinsics"] + told["distortion_coeffs"]
+    assert all(type(number) is float for number in numbers)
+    assert told["intrinsics"][-2:] == [1e-5, 250.0]
+    assert told["resolution"] == [camera.width_px, camera.height_px]
+
+
+def test_matlabs_ocamcalib_counts_from_one(tmp_path):
+    text = (FOLDER / "ocamcalib.txt").read_text()
+    (tmp_path / "m.txt").write_text(text.replace("starting from 0 (C", "starting from 1 (MATLAB"))
+    ours, theirs = (
+        load_calibration(path).cameras[0].camera.principal_point_px
+        for path in (FOLDER / "ocamcalib.txt", tmp_path / "m.txt")
+    )
+    assert ours == (309.9506845, 250.7950823902723)  # column, row
+    np.testing.assert_allclose(np.subtract(ours, theirs), 1.0)
 
 
 def _scaramuzza_cam2world(text, row, column):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.calibration import calibration_of, load_calibration
+from omnisim.cameras import MirroredCamera
 from omnisim.errors import SensorFileError
 from omnisim.image_files import read_image
 from omnisim.sensors import OmniCamera
@@ -20,6 +21,7 @@ def test_convert_says_what_it_did(omnisim, tmp_path):
     assert status == 0, err
     assert "c.txt: COLMAP: cameras.txt" in out
     assert "1 (was cam0): kannala_brandt, the same rays" in out
+    assert "note: 1: sees 115.6° from its axis: COLMAP's own projection ends at 90°" in err
     assert "2 (was cam1): kannala_brandt, the same rays" in out
     assert load_calibration(tmp_path / "c.txt").names == ["1", "2"]
 
@@ -30,7 +32,9 @@ def test_convert_takes_one_camera_and_says_which(omnisim, tmp_path):
     assert status == 0
     assert "the first of 2 cameras, cam0: --camera-name takes another of cam0, cam1" in err
     status, out, err = omnisim(*arguments, "--camera-name", "cam1")
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert "the first" not in err
+    assert "cv2.fisheye's own projection is wrong past 90°" in err
     assert "camera (was cam1): kannala_brandt, the same rays" in out
     camera = load_calibration(tmp_path / "f.yaml").cameras[0].camera
     assert camera.focal_lengths_px == (190.44236969414825, 190.4344384721956)
@@ -54,7 +58,7 @@ def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
         "calibration", "convert", "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml"
     )
     assert status == 0, err
-    assert "camera: hyperbolic, the same rays" in out
+    assert "camera: unified in a mirrored frame, the same rays" in out
     assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
     status, _, err = omnisim("calibration", "show", "s.toml", "--camera-name", "x")
     assert (status, "s.toml has one camera, without a name" in err) == (1, True)
@@ -158,6 +162,8 @@ def test_a_mirror_by_way_of_a_file_is_the_same_picture(omnisim, tmp_path):
     [
         (["--camera", KITTI, "--sensor", "s.toml"], "--sensor and --camera both say"),
         (["--camera-name", "cam0"], "--camera-name cam0: is for --camera"),
+        (["--camera", "s.toml"], "--camera s.toml: is a sensor file: pass it as --sensor"),
+        (["--mirrored"], "--mirrored: is for --camera"),
         (["--camera", KITTI, "-n", "16"], "has no mirror with a mesh"),
         (["--camera", TUM_VI, "--camera-name", "cam7"], "no camera 'cam7': want one of cam0, cam1"),
         (["--camera", "none.yaml"], "none.yaml: cannot be read"),
@@ -179,6 +185,9 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
     sensor = OmniCamera.from_file(tmp_path / "s.toml")
     assert sensor.camera == load_calibration(TUM_VI).cameras[1].camera
     assert sensor.polygons is None
+    looks_up = text.replace("[lens.mounting]", "mirrored = true\n[lens.mounting]")
+    (tmp_path / "up.toml").write_text(looks_up)
+    assert OmniCamera.from_file(tmp_path / "up.toml").camera == MirroredCamera(sensor.camera)
     # a drive's own copy stands for itself
     (tmp_path / "copy.toml").write_text(sensor_toml(sensor))
     assert OmniCamera.from_file(tmp_path / "copy.toml").camera == sensor.camera

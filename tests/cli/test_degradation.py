@@ -35,6 +35,12 @@ def test_a_motion_that_cannot_show_is_told(omnisim, tmp_path):
     assert "shutter takes no time: no motion shows" in err
 
 
+def test_motions_that_are_none_are_refused(omnisim, tmp_path):
+    for option in ("--speed", "--turn-rate"):
+        status, _, err = omnisim(*RENDER, "-o", "a.png", option, "nan")
+        assert (status, err.strip()) == (1, f"error: {option} nan: want a finite number")
+
+
 def test_unknown_presets_are_one_line(omnisim, tmp_path):
     for command in (RENDER, ("drive", "soccer", "--robot", "p2at", "--path", "lap")):
         status, _, err = omnisim(*command, "-o", "a.png", "--preset", "web-cam")

@@ -40,6 +40,17 @@ def _seen_from(pose, name, sigma_m=0.05, sigma_rad=0.01, error=(0.0, 0.0)):
     return Sighting((name,), range_m + more_m, bearing_rad + more_rad, sigma_m, sigma_rad)
 
 
+def _sigmas(parameters, sighting):
+    """What a sighting's range and bearing may be off by the filter's own account."""
+    extra = parameters.measurement
+    return (
+        math.hypot(
+            sighting.range_sigma_m, extra.range_sigma_m, extra.range_sigma_share * sighting.range_m
+        ),
+        math.hypot(sighting.bearing_sigma_rad, math.radians(extra.bearing_sigma_deg)),
+    )
+
+
 @pytest.mark.parametrize("turn", [0.0, 1e-10, 1e-5, -0.4, 3.0])
 def test_motion_is_dead_reckonings_and_its_jacobians_are_the_numerical_ones(turn):
     pose, distance = np.array([1.2, -0.7, 2.9]), -0.37
@@ -128,7 +139,7 @@ def test_of_two_sightings_of_one_landmark_the_better_counts():
 def test_the_gate_keeps_out_what_is_too_far_off():
     start = (0.1, -0.2, 0.3)
     robot = _filter(np.diag([1e-6] * 3), start)
-    sigma = math.hypot(0.05, 0.01, 0.01 * _seen_from(start, "a").range_m)
+    sigma, _ = _sigmas(_parameters(), _seen_from(start, "a"))
     for sigmas, verdict in ((2.9, "accepted"), (3.2, "gated")):  # the gate is at 3.03
         sighting = _seen_from(start, "a", error=(sigmas * sigma, 0.0))
         (judged,) = _filter(np.diag([1e-6] * 3), start).step(1.0, 0.0, 0.0, [sighting]).judgements
@@ -215,9 +226,7 @@ def _simulate(parameters, generator, steps=60):
         seen = []
         for name in MAP.corners_m:
             sighting = _seen_from(true, name)
-            sigma_m = math.hypot(0.05, 0.01, 0.01 * sighting.range_m)
-            sigma_rad = math.hypot(0.01, math.radians(0.2))
-            error = generator.normal(size=2) * (sigma_m, sigma_rad)
+            error = generator.normal(size=2) * _sigmas(parameters, sighting)
             seen.append(_seen_from(true, name, error=error))
         estimate = robot.step(float(k), told[0], told[1], seen)
         errors.append(pose_errors(estimate.pose, true))

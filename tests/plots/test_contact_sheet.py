@@ -31,6 +31,15 @@ def test_pictures_are_there_pixel_for_pixel_below_their_titles(tmp_path):
     np.testing.assert_array_equal(read_image(tmp_path / "sheet.png")[0], sheet)
 
 
+def test_long_titles_stay_in_their_cells():
+    tiles = [("a title that is much longer than its picture is wide", np.zeros((9, 80), np.uint8))]
+    sheet = contact_sheet([*tiles, ("", tiles[0][1])], 2)
+    dark = np.flatnonzero((sheet[GAP_PX : GAP_PX + TITLE_PX] < 128).any(axis=(0, 2)))
+    assert dark.size
+    assert dark.min() >= GAP_PX
+    assert dark.max() < GAP_PX + 80 + 1
+
+
 def test_a_sheet_of_nothing_is_refused(capsys):
     with pytest.raises(OutputError, match="want at least one"):
         contact_sheet([], 3)

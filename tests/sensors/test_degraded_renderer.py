@@ -235,3 +235,22 @@ def test_a_motion_that_is_no_pose_is_refused():
         pytest.raises(OmnisimError, match="pose: want"),
     ):
         renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
+
+
+def test_ground_truth_is_that_of_the_ideal_camera():
+    """Whatever becomes of the picture, and whatever moves while it is taken."""
+    ideal = OmniCamera().resized(60)
+    also = ("range", "instance", "normals", "flow")
+    pose, after = np.eye(4), frames.pose((0.1, 0.0, 0.0), yaw_deg=3.0)
+    with Stage(scene_of([room()])) as stage:
+        with Renderer(stage, ideal) as renderer:
+            truth = renderer.render(pose, also=also, next_base=after)
+        with Renderer(stage, ideal.with_degradation(preset("bad-day"))) as renderer:
+            motion = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.5)).through(pose)
+            frame = renderer.render(pose, also=also, next_base=after, motion=motion)
+            faces = renderer.faces()
+    assert np.mean(frame.rgb != truth.rgb) > 0.3
+    assert frame.channels.keys() == truth.channels.keys()
+    for name, values in truth.channels.items():
+        np.testing.assert_array_equal(frame.channels[name], values)
+    assert "front" in faces

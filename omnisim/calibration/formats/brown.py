@@ -43,4 +43,4 @@ def brown_pinhole(
         known = used[:5] if used[4] else used[:4]
         return pinhole(size_px, focal_lengths_px, principal_point_px, known), ()
     lens = BrownLens(*size_px, focal_lengths_px, principal_point_px, tuple(used))
-    return nearest_lens(lens)
+    return nearest_lens(lens, source)

@@ -118,7 +118,7 @@ def _lens(
         if model == "EUCM":
             return EucmCamera(*size, focal, centre, *shape), ()
         if model == "FOV":
-            return nearest_lens(FovLens(*size, focal, centre, *shape))
+            return nearest_lens(FovLens(*size, focal, centre, *shape), place)
         if model == "FULL_OPENCV":
             return brown_pinhole(size, focal, centre, shape, place)
         if model == "THIN_PRISM_FISHEYE":
@@ -180,6 +180,8 @@ COLMAP = Format(
     (UnifiedCamera, KannalaBrandtCamera, EucmCamera, EquirectangularCamera),
     ((KannalaBrandtCamera, {}), (EucmCamera, {}), (UnifiedCamera, {"xi": 0.0})),
     _refuse,
+    doubtful_past_rad=0.5 * math.pi,
+    doubt="COLMAP's own projection ends at 90°",
     several=True,
     rename=_rename,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -78,6 +79,8 @@ class Format:
         widest_rad: angle from the axis past which it says nothing, if there is one.
         unclear: why a text of this format cannot be read unless the user names the format, or None.
         centred: whether the axis is in the picture's middle always.
+        doubtful_past_rad, doubt: angle from the axis past which others read its parameters
+            differently, and what to know then.
         several: whether a file holds more than one camera.
         rename: what it calls a camera, by its place in the file and the name it has.
         is_own: omnisim's own, which says mirrors as mirrors.
@@ -96,6 +99,8 @@ class Format:
     widest_rad: float | None = None
     unclear: Callable[[str, str], str | None] = field(default=_clear)
     centred: bool = False
+    doubtful_past_rad: float = math.inf
+    doubt: str = ""
     several: bool = False
     rename: Callable[[int, str], str] = field(default=_keep)
     is_own: bool = False

@@ -111,7 +111,7 @@ def _lens(fields: _Camera, place: str) -> tuple[CentralCamera, tuple[str, ...]]:
         if distortion == "equidistant":
             return KannalaBrandtCamera(*size, (fu, fv), (pu, pv), tuple(coefficients)), ()
         if distortion == "fov":
-            return nearest_lens(FovLens(*size, (fu, fv), (pu, pv), coefficients[0]))
+            return nearest_lens(FovLens(*size, (fu, fv), (pu, pv), coefficients[0]), place)
         coefficients = coefficients or [0.0] * 4
         if model == "omni":
             return UnifiedCamera(*size, (fu, fv), (pu, pv), *shape, tuple(coefficients)), ()

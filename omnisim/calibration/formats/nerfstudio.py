@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.calibration.calibration import Pose, find_pose
+from omnisim.calibration.calibration import Pose
 from omnisim.calibration.documents import parse_json
 from omnisim.calibration.fields import Foreign, Matrix, Size, parse, pose, rows
 from omnisim.calibration.formats.format import Format, Remarks, Said, making, nameless
@@ -139,14 +139,14 @@ def _lens(part: _Intrinsics, place: str) -> tuple[CentralCamera, tuple[str, ...]
 
 def _write(cameras: Sequence[Said]) -> str:
     (camera,) = cameras
-    frames = []
-    names = [pose.source for pose in camera.poses if pose.target == "world"]
-    for name in names:
-        matrix = find_pose(camera.poses, "world", name)
-        if matrix is not None:
-            frames.append(
-                {"file_path": name, "transform_matrix": rows(matrix * OPENGL_FROM_OPENCV)}
-            )
+    frames = [
+        {
+            "file_path": pose.source,
+            "transform_matrix": rows(pose.target_from_source * OPENGL_FROM_OPENCV),
+        }
+        for pose in camera.poses
+        if pose.target == "world"
+    ]
     return json.dumps({**_words(camera.lens), "frames": frames}, indent=2) + "\n"
 
 

@@ -187,10 +187,12 @@ def _format(
     refuse: Callable[[Any], str | None] = lambda lens: None,
     widest_rad: float | None = None,
     unclear: Callable[[str, str], str | None] = lambda text, source: None,
+    doubt: str = "",
 ) -> Format:
     return Format(
         name, f"OpenCV: {title}", ".yaml", looks_like, partial(_read, name), write, (model,),
         ((model, fixed),), refuse, widest_rad=widest_rad, unclear=unclear, rename=nameless,
+        doubtful_past_rad=0.5 * math.pi if doubt else math.inf, doubt=doubt,
     )  # fmt: skip
 
 
@@ -204,8 +206,9 @@ OPENCV_OMNIDIR = _format(
     refuse_k3,
 )
 OPENCV_FISHEYE = _format(
-    "opencv_fisheye", "fisheye yaml", _is_fisheye, _write_fisheye, KannalaBrandtCamera, {}
-)
+    "opencv_fisheye", "fisheye yaml", _is_fisheye, _write_fisheye, KannalaBrandtCamera, {},
+    doubt="cv2.fisheye's own projection is wrong past 90°",
+)  # fmt: skip
 OPENCV_PINHOLE = _format(
     "opencv_pinhole", "pinhole yaml", _is_pinhole, _write_pinhole, UnifiedCamera, {"xi": 0.0},
     _refuse_pinhole, 0.5 * math.pi, _unclear,

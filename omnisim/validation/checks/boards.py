@@ -62,14 +62,14 @@ def lenses() -> tuple[Lens, ...]:
     return (
         Lens(
             "pinhole",
-            PerspectiveCamera.with_field_of_view(800, 600, math.radians(90.0)),
+            PerspectiveCamera.with_field_of_view(800, 600, math.radians(85.0)),
             "opencv_pinhole",
             narrow,
         ),
         Lens(
             "pinhole with distortion",
             UnifiedCamera(
-                800, 600, (406.0, 404.5), (402.25, 297.0), 0.0, (-0.25, 0.07, 1e-3, -5e-4)
+                800, 600, (540.0, 538.5), (402.25, 297.0), 0.0, (-0.25, 0.07, 1e-3, -5e-4)
             ),
             "opencv_pinhole",
             narrow,
@@ -98,7 +98,7 @@ def lenses() -> tuple[Lens, ...]:
 
 def check(bench: Bench) -> Findings:
     """Find the corners in rendered pictures; project them by OpenCV with the saved calibration."""
-    count = 4 if bench.is_quick else 10
+    count = LEAST_BOARDS if bench.is_quick else 10
     measures, shown, facts = [], {}, {}
     for lens in lenses():
         off, boards, picture = _off_px(bench, lens, count)

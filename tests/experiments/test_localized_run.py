@@ -1,0 +1,172 @@
+"""A short drive from its pictures to the page, by the command line."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from omnisim.cli.app import app
+from omnisim.errors import OmnisimError
+from omnisim.experiments.run_data import read_run
+from omnisim.experiments.run_labels import RunLabels, landmark_colors
+from omnisim.experiments.training import train_on_run
+from omnisim.perception.color_model import Costs
+
+STEPS = 5
+
+
+def _omnisim(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=True)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A metre and a half across the middle of the field, with labels."""
+    folder = tmp_path_factory.mktemp("localized")
+    (folder / "way.csv").write_text("x_m,y_m\n-1.0,0.2\n0.6,0.2\n")
+    done = _omnisim(
+        "drive", "soccer", "--robot", "p2at", "--path", folder / "way.csv", "--step", 0.4,
+        "--also", "instance", "-o", folder / "run",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def model(run):
+    """Colours that were learned from it."""
+    done = _omnisim("landmarks", "train", run, "-o", run.parent / "model.npz")
+    assert done.exit_code == 0, done.output
+    assert "3 colours from 5 pictures" in done.output
+    return run.parent / "model.npz"
+
+
+@pytest.fixture(scope="module")
+def localized(run, model):
+    """It, localized."""
+    done = _omnisim("localize", run, "-o", run.parent / "out", "--model", model)
+    assert done.exit_code == 0, done.output
+    return run.parent / "out"
+
+
+def test_labels_are_those_of_the_colours(run):
+    data = read_run(run)
+    colors = landmark_colors(data.landmarks)
+    assert colors == ("pink", "sky_blue", "yellow")  # white tells nothing
+    labels, picture = RunLabels(data, colors)(0), data.picture(0)
+    assert labels.shape == picture.shape[:2]
+    for index, hue in enumerate(((244, 56, 162), (0, 184, 241), (246, 218, 0)), start=1):
+        mean = np.median(picture[labels == index], axis=0)
+        # the lamps' shade takes from all three alike; the hue is left
+        assert np.linalg.norm(mean / mean.max() - np.array(hue) / max(hue)) < 0.2
+
+
+def test_landmarks_are_detected_in_a_run_and_in_a_picture(run, model, tmp_path):
+    csv, png = tmp_path / "found.csv", tmp_path / "found.png"
+    done = _omnisim("landmarks", "detect", run, "--model", model, "-o", csv, "--show", png)
+    assert done.exit_code == 0, done.output
+    lines = csv.read_text().splitlines()
+    assert len(lines) > 1 + 4 * STEPS
+    assert png.stat().st_size > 10_000
+    picture = run / "omnicam" / "000002.png"
+    done = _omnisim("landmarks", "detect", picture, "--model", model)
+    assert done.exit_code == 0, done.output
+    alone = {line.split(":")[0].strip() for line in done.output.splitlines()[1:]}
+    assert alone == {line.split(",")[1] for line in lines if line.startswith("2,")}
+
+
+def test_a_run_is_localized(run, localized):
+    out = localized
+    assert {path.name for path in out.iterdir()} == {
+        "estimate.tum", "estimate.csv", "measurements.csv", "detections.csv", "report.html",
+        "report.json", "fig11-detections.png", "fig12-paths.png", "fig13-errors.png",
+    }  # fmt: skip
+    (section,) = json.loads((out / "report.json").read_text())["sections"]
+    told = {number["name"]: number["value"] for number in section["numbers"]}
+    assert told["landmarks let through the gate"] >= 4 * (STEPS - 1)
+    truth = np.loadtxt(run / "ground_truth.tum")
+    estimate = np.loadtxt(out / "estimate.tum")
+    # the bound of experiment 1
+    assert np.linalg.norm(estimate[:, 1:3] - truth[:, 1:3], axis=1).max() < 0.25
+    rows = np.genfromtxt(out / "estimate.csv", delimiter=",", names=True)
+    for k in range(STEPS):
+        matrix = [
+            [rows["xx_m2"][k], rows["xy_m2"][k], rows["x_yaw_m_rad"][k]],
+            [rows["xy_m2"][k], rows["yy_m2"][k], rows["y_yaw_m_rad"][k]],
+            [rows["x_yaw_m_rad"][k], rows["y_yaw_m_rad"][k], rows["yaw_yaw_rad2"][k]],
+        ]
+        assert np.linalg.eigvalsh(matrix)[0] > 0.0
+
+
+def test_a_run_without_ground_truth_is_localized_without_errors(run, model, tmp_path):
+    shutil.copytree(run, tmp_path / "blind")
+    (tmp_path / "blind" / "ground_truth.tum").unlink()
+    done = _omnisim("localize", tmp_path / "blind", "-o", tmp_path / "out", "--model", model)
+    assert done.exit_code == 0, done.output
+    assert "no ground truth" in " ".join(done.output.split())
+    assert not (tmp_path / "out" / "fig13-errors.png").exists()
+    told = json.loads((tmp_path / "out" / "report.json").read_text())["sections"][0]
+    assert not any("error" in number["name"] for number in told["numbers"])
+
+
+def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):
+    """With a wrong truth beside them pictures and wheels lead to the same place."""
+    shutil.copytree(run, tmp_path / "lied")
+    lines = (run / "ground_truth.tum").read_text().splitlines()
+    moved = [
+        " ".join((cells[0], f"{float(cells[1]) + 3.0:.9f}", *cells[2:]))
+        if not line.startswith("#")
+        else line
+        for line in lines
+        for cells in [line.split()]
+    ]
+    (tmp_path / "lied" / "ground_truth.tum").write_text("\n".join(moved) + "\n")
+    done = _omnisim("localize", tmp_path / "lied", "-o", tmp_path / "out", "--model", model)
+    assert done.exit_code == 0, done.output
+    name = "estimate.tum"
+    assert (tmp_path / "out" / name).read_bytes() == (localized / name).read_bytes()
+
+
+def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path):
+    blank = shutil.copytree(run, tmp_path / "blank")
+    from omnisim.image_files import read_image, write_image
+
+    for step in range(STEPS):
+        pixels, told = read_image(blank / "omnicam" / f"{step:06d}.png")
+        write_image(blank / "omnicam" / f"{step:06d}.png", np.full_like(pixels, 90), told)
+    done = _omnisim("localize", blank, "-o", tmp_path / "out", "--model", model)
+    assert done.exit_code == 0, done.output
+    assert "4 of 4 steps show no landmark" in " ".join(done.output.split())
+    rows = np.genfromtxt(tmp_path / "out" / "estimate.csv", delimiter=",", names=True)
+    assert np.all(np.diff(rows["xx_m2"] + rows["yy_m2"]) > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("localize", "RUN", "-o", "OUT", "--model", "RUN"), "is a folder: want the .npz file"),
+        (("localize", "RUN", "-o", "OUT", "--model", "OUT.npz"), "No such file"),
+        (("localize", "OUT", "-o", "OUT2"), "no such folder"),
+        (("landmarks", "train", "RUN", "-o", "OUT.txt"), "want a name that ends in .npz"),
+        (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "-1"), "--missed -1"),
+        (("landmarks", "train", "RUN", "-o", "OUT.npz", "--camera", "omni"), "'omnicam'?"),
+    ],
+)
+def test_bad_input_is_one_line(run, tmp_path, words, told):
+    places = {"RUN": run, "OUT": tmp_path / "out", "OUT2": tmp_path / "out2"}
+    places |= {f"OUT{suffix}": tmp_path / f"out{suffix}" for suffix in (".npz", ".txt")}
+    done = _omnisim(*(places.get(word, word) for word in words))
+    assert isinstance(done.exception, OmnisimError)
+    assert told in str(done.exception)
+    assert "\n" not in str(done.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_without_labels_teaches_nothing(run, tmp_path):
+    plain = shutil.copytree(run, tmp_path / "plain")
+    manifest = json.loads((plain / "manifest.json").read_text())
+    (plain / "manifest.json").write_text(json.dumps(manifest | {"channels": []}))
+    with pytest.raises(OmnisimError, match="has no labels to learn from: drive it again"):
+        train_on_run(read_run(plain), Costs())
