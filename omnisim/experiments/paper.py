@@ -281,7 +281,8 @@ def _detection(simulated: _Simulated, real: _Real) -> Section:
         Number("the same by the inverse of Eq. 2", 100.0 * three.range_eq2_rms_share, "%"),
         Number("range by Eq. 2 less that by the exact relation, mean within 4 m",
                1e3 * near.eq2_mean_m, "mm"),
-        Number("processor time of one picture of 360 × 360, median", simulated.milliseconds, "ms", 30.0),
+        Number("processor time of one picture of 360 × 360, median",
+               simulated.milliseconds, "ms", 30.0),
         Number("recall within 4 m, real setting", worst.recall),
         Number("precision within 4 m, real setting", worst.precision),
     ]  # fmt: skip
