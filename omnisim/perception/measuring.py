@@ -18,12 +18,12 @@ from omnisim.scene.model import Landmark
 from omnisim.srgb import linear_from_srgb
 
 # Noise of an edge in pixels: measured on drives, of which see the experiments' page.
-EDGE_SIGMA_PX = 0.25
-WIDE_EDGE_SIGMA_PX = 0.9  # where a corner is too slim to be seen by itself
+EDGE_SIGMA_PX = 0.2
+WIDE_EDGE_SIGMA_PX = 0.8  # where a corner is too slim to be seen by itself
 CORNER_SIGMA_M = 0.01  # of where on its boards' ends that corner is
 MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
-COLUMN_SIGMA_PX = 0.18
-WIDE_COLUMN_SIGMA_PX = 0.36
+COLUMN_SIGMA_PX = 0.15
+WIDE_COLUMN_SIGMA_PX = 0.3
 MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
 LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
 _LINEAR = linear_from_srgb(np.arange(256) / 255.0)
