@@ -6,7 +6,7 @@
 # And one repeats the paper's experiments, a robot that finds itself:
 #   make experiments
 
-.PHONY: help demo test validate experiments readme lint setup system clean
+.PHONY: help demo test validate experiments readme gallery sheets lint setup system clean
 
 # The first Python that is new enough; say PYTHON=... to choose another.
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -17,12 +17,15 @@ BIN := $(VENV)/bin
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 help:
-	@echo "make demo       install what is missing and render a first picture"
-	@echo "make test       install what is missing and run the tests"
-	@echo "make validate   install what is missing and prove the geometry: out/validation"
-	@echo "make experiments  install what is missing and repeat the experiments: out/experiments"
-	@echo "make readme     the same, and put numbers and figures into README"
-	@echo "make clean      remove what these made"
+	@echo "Each installs what is missing first."
+	@echo "make demo         render a first picture"
+	@echo "make test         run the tests"
+	@echo "make validate     prove the geometry: out/validation"
+	@echo "make experiments  repeat the paper's experiments: out/experiments"
+	@echo "make readme       prove the geometry, and put numbers and figures into README"
+	@echo "make gallery      render one scene through every camera model: omnisim/cameras/gallery"
+	@echo "make sheets       every channel of ground truth, every degradation: omnisim/sensors/sheets"
+	@echo "make clean        remove what these made"
 
 demo: setup
 	@mkdir -p out
@@ -42,6 +45,14 @@ experiments: setup
 
 readme: validate
 	$(BIN)/python .ci/renew_readme.py out/validation
+
+gallery: setup
+	$(BIN)/python .ci/make_gallery.py
+
+sheets: setup
+	@mkdir -p omnisim/sensors/sheets
+	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
+	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup
 	$(BIN)/ruff check .

@@ -11,15 +11,29 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from omnisim.calibration import (
+        Calibration,
+        calibration_of,
+        load_calibration,
+        save_calibration,
+    )
     from omnisim.errors import OmnisimError
     from omnisim.frame import Frame
     from omnisim.frames import pose
     from omnisim.scene import Scene, load_scene
     from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
+    from omnisim.sensors.degradations import Degradation
+    from omnisim.sensors.motion import Twist
     from omnisim.simulation.vehicle import Vehicle
 
 # Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
 _HOMES = {
+    "Calibration": "omnisim.calibration",
+    "calibration_of": "omnisim.calibration",
+    "load_calibration": "omnisim.calibration",
+    "save_calibration": "omnisim.calibration",
+    "Degradation": "omnisim.sensors.degradations",
+    "Twist": "omnisim.sensors.motion",
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
     "pose": "omnisim.frames",
@@ -34,6 +48,8 @@ _HOMES = {
     "Vehicle": "omnisim.simulation.vehicle",
 }
 __all__ = [
+    "Calibration",
+    "Degradation",
     "Frame",
     "LaserRenderer",
     "LaserScanner",
@@ -43,10 +59,14 @@ __all__ = [
     "Scan",
     "Scene",
     "Stage",
+    "Twist",
     "Vehicle",
     "__version__",
+    "calibration_of",
+    "load_calibration",
     "load_scene",
     "pose",
+    "save_calibration",
 ]
 
 

@@ -24,6 +24,8 @@ EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
 # On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
+# OpenEXR's writer would put the time of day in: equal data are equal bytes.
+_NO_DATE = "1970:01:01 00:00:00"
 _JPEG = {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"}
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 
@@ -154,6 +156,7 @@ def write_channels(
     spec.channelnames = tuple(channels)
     spec["Software"] = f"omnisim {__version__}"
     spec["Compression"] = "zip"
+    spec["DateTime"] = _NO_DATE
     for key, value in (attributes or {}).items():
         spec[key] = value
     if metadata is not None:

@@ -97,6 +97,10 @@ CAMERA_EXAMPLES = {
     "unified-kalibr": UnifiedCamera(
         376, 240, (260.0, 261.0), (188.25, 119.0), xi=1.6, distortion=(-0.2, 0.15, 1e-3, -5e-4)
     ),
+    "unified-pinhole-with-k3": UnifiedCamera(
+        320, 240, (266.4, 266.5), (171.2, 116.9), xi=0.0,
+        distortion=(-0.281, 0.0252, 1.2e-3, -1.4e-4, 0.163),
+    ),
     "equirectangular": EquirectangularCamera(400, 200),
     "equirectangular-odd": EquirectangularCamera(301, 203),
     "f-theta-woodscape-like": FThetaCamera(
@@ -125,7 +129,7 @@ CAMERA_EXAMPLES = {
         200, 200, (99.5, 99.5), (0.0, 0.7, 1.4), (0.0, 60.0, 95.0)
     ),
     "gazebo-sin": GazeboCamera(
-        300, 200, 60.0, (149.5, 99.5), 1.2, 1.6, 0.0, "sin", theta_max_rad=math.radians(130.0)
+        300, 200, 82.0, (149.5, 99.5), 1.2, 1.6, 0.0, "sin", theta_max_rad=math.radians(130.0)
     ),
     "gazebo-tan": GazeboCamera(
         300, 240, 40.0, (150.5, 118.5), 2.0, 2.2, -0.1, "tan", theta_max_rad=math.radians(120.0)

@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -181,6 +182,7 @@ def fit_camera(
     return fit
 
 
+@lru_cache(maxsize=4)  # one camera is fitted by several models
 def samples_of(camera: CentralCamera, mirrored: bool, turned: float = 0.0) -> Samples:
     """Pixels that see something, evenly all over the picture and on the edge, and their rays.
 
@@ -308,13 +310,12 @@ def _refined(
         distances[~seen.valid] = penalty[0]
         return distances.ravel()
 
-    # parameters differ by many powers of ten: steps are taken in shares of them
-    scale = np.where(first == 0.0, 1.0, np.abs(first))
     inside = np.clip(first, low + 1e-12, high - 1e-12)
     with np.errstate(all="ignore"):  # a step too far is no camera, and is taken back
+        # parameters differ by many powers of ten: the columns of the Jacobian say by how many
         found = least_squares(
-            off, inside, bounds=(low, high), x_scale=scale,
-            ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=100,
+            off, inside, bounds=(low, high), x_scale="jac",
+            ftol=1e-10, xtol=1e-14, gtol=1e-15, max_nfev=100,
         )  # fmt: skip
     before = off(first)
     return made(found.x) if 2.0 * found.cost < float(before @ before) else start

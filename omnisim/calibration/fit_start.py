@@ -91,7 +91,11 @@ def start_of(
     profile = _profile(camera, samples)
     if len(profile.theta_rad) < 20 or profile.theta_rad.min() > math.radians(170.0):
         raise OpticsError("it shows next to nothing that could be compared")
-    return _STARTS[model](profile, dict(fixed))
+    fixed = dict(fixed)
+    centre_px = fixed.pop("principal_point_px", None)
+    if centre_px is not None:
+        profile = profile._replace(centre_px=centre_px)
+    return _STARTS[model](profile, fixed)
 
 
 def _profile(camera: CentralCamera, samples: Samples) -> Profile:

@@ -25,6 +25,7 @@ from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
 from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
@@ -50,6 +51,7 @@ __all__ = [
     "GazeboCamera",
     "HyperbolicCamera",
     "KannalaBrandtCamera",
+    "MirroredCamera",
     "OcamcalibCamera",
     "OrthographicCamera",
     "ParabolicCamera",

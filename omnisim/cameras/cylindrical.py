@@ -1,6 +1,15 @@
 """The cylindrical panorama: upright lines stay straight, and a turn of the camera is a shift.
 
-GLSL twin: `shaders/camera/cylindrical.glsl`.
+    (u, v) = (f atan2(x, z) + u0, f y/√(x² + z²) + v0)
+
+Domain: azimuths from −180° to 180°; all directions but the cylinder's own axis, ±y.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px/rad | a turn is 2π f wide: 100 for 628 px |
+| principal_point_px | px | the picture's middle |
+
+GLSL twin: `shaders/camera/cylindrical.glsl`. Source: Szeliski, "Computer vision", section 8.2.
 """
 
 from __future__ import annotations

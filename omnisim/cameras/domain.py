@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.cameras.camera import CentralCamera
 
 SAMPLES = 129  # along a line out of the middle
 HALVINGS = 60  # from a sample's distance to the last bit of a pixel
-BAND_PIXELS = 1 << 20  # rows are looked at in bands, so that what is in between stays small
+MOST_PIXELS = 1 << 19  # are counted: a share to some hundredths of a per cent, at once
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,12 @@ def middle_px(camera: CentralCamera) -> NDArray[np.float64]:
 
 
 def covered_share(camera: CentralCamera) -> float:
-    """Share of the picture's pixels that see something."""
-    seen, step = 0, max(1, BAND_PIXELS // camera.width_px)
-    for first in range(0, camera.height_px, step):
-        rows = min(step, camera.height_px - first)
-        pixels = pixel_grid(camera.width_px, rows) + (0.0, first)
-        seen += int(camera.ray_from_pixel(pixels).valid.sum())
-    return seen / (camera.width_px * camera.height_px)
+    """Share of the picture's pixels that see something; of a large one, of every n-th pixel."""
+    skip = math.ceil(math.sqrt(camera.width_px * camera.height_px / MOST_PIXELS))
+    columns = np.arange(0, camera.width_px, skip, dtype=np.float64)
+    rows = np.arange(0, camera.height_px, skip, dtype=np.float64)
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
+    return float(camera.ray_from_pixel(pixels).valid.mean())
 
 
 def largest_theta_rad(camera: CentralCamera) -> float:

@@ -1,6 +1,25 @@
-"""The pinhole camera that looks at a hyperbolic mirror from its other focus.
+"""The pinhole camera that looks at a hyperbolic mirror from its other focus: the paper's camera.
 
-GLSL twin: `shaders/camera/hyperbolic.glsl`.
+    tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
+
+θ is measured at the mirror's inner focus, the effective viewpoint, from its axis: 0 looks down at
+the camera, 90° is the horizon, of radius f/√(k(k−2)) in the picture; β is the same at the pinhole.
+A pixel's ray is (sin θ cos φ, sin θ sin φ, −cos θ). With its axis turned round it is the unified
+model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
+
+Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos(−√((k−2)/k)).
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 1300 for 360 px; `framed_on_rim` finds it |
+| principal_point_px | px | the picture's middle |
+| k | – | ≥ 2: the paper's 11.546; 2 is a plane |
+| c | mirror units | from viewpoint to pinhole: the paper's 2.321 |
+| meters_per_unit | m | 0.04: a mirror of 24 mm |
+| theta_max_deg | degrees | 105 |
+
+GLSL twin: `shaders/camera/hyperbolic.glsl`. Source: Baker & Nayar 1999, section 2.2; Schmits &
+Visser 2008, Eq. 1.
 """
 
 from __future__ import annotations

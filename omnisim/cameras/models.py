@@ -18,6 +18,7 @@ from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
@@ -64,4 +65,4 @@ def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
     model = parameters.get("model")
     if not isinstance(model, str) or model not in CAMERA_MODELS:
         raise OpticsError(f"camera: model = {model!r}: want one of " + ", ".join(CAMERA_MODELS))
-    return CAMERA_MODELS[model].from_parameters(parameters)
+    return MirroredCamera.of(CAMERA_MODELS[model].from_parameters(parameters), parameters)

@@ -1,6 +1,16 @@
 """The pinhole camera: straight lines stay straight.
 
-GLSL twin: `shaders/camera/perspective.glsl`.
+    (u, v) = f (x, y)/z + (u0, v0)
+
+Domain: z > 0, all pixels.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | half the width for 90° |
+| principal_point_px | px | the picture's middle |
+
+GLSL twin: `shaders/camera/perspective.glsl`. Source: Hartley & Zisserman, "Multiple view geometry
+in computer vision", section 6.1.
 """
 
 from __future__ import annotations

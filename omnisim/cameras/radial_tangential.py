@@ -1,13 +1,13 @@
-"""Radial and tangential distortion of the normalised plane, k1, k2, p1, p2, and its inverse.
+"""Radial and tangential distortion of the normalised plane, k1, k2, p1, p2, k3, and its inverse.
 
-    a = 1 + k1 r² + k2 r⁴
+    a = 1 + k1 r² + k2 r⁴ + k3 r⁶
     x' = a x + 2 p1 x y + p2 (r² + 2 x²)
     y' = a y + p1 (r² + 2 y²) + 2 p2 x y
 
-The map is the gradient of r²/2 + k1 r⁴/4 + k2 r⁶/6 + (p2 x + p1 y) r², so its Jacobian is
-symmetric, and where it is positive definite all over a disc no two points of the disc meet. The
-radial part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴, the tangential part none
-below −6 |p| r with |p| = √(p1² + p2²). Domain: the disc up to the first r with
+The map is the gradient of r²/2 + k1 r⁴/4 + k2 r⁶/6 + k3 r⁸/8 + (p2 x + p1 y) r², so its
+Jacobian is symmetric, and where it is positive definite all over a disc no two points of the disc
+meet. The radial part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶, the
+tangential part none below −6 |p| r with |p| = √(p1² + p2²). Domain: the disc up to the first r with
 min(a, b) = 6 |p| r; without tangential distortion that is exactly the fold.
 
 Source: Brown, "Close-range camera calibration", 1971; OpenCV's module calib3d.
@@ -30,25 +30,27 @@ ROUNDING = 1e-14  # of the distance between a point and the distorted inverse of
 
 
 class RadialTangential(NamedTuple):
-    """The four coefficients, as OpenCV orders them."""
+    """The coefficients, as OpenCV orders them."""
 
     k1: float
     k2: float
     p1: float
     p2: float
+    k3: float = 0.0
 
     def radius_limit(self, highest: float) -> float:
         """Radius of the disc that is the domain, `highest` if that is less."""
         slant = -6.0 * math.hypot(self.p1, self.p2)
-        across = first_root(np.array([1.0, slant, self.k1, 0.0, self.k2]), highest)
-        along = first_root(np.array([1.0, slant, 3.0 * self.k1, 0.0, 5.0 * self.k2]), highest)
+        across = first_root(np.array([1.0, slant, self.k1, 0.0, self.k2, 0.0, self.k3]), highest)
+        slopes = [1.0, slant, 3.0 * self.k1, 0.0, 5.0 * self.k2, 0.0, 7.0 * self.k3]
+        along = first_root(np.array(slopes), highest)
         return min(across, along)
 
     def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distorted points (..., 2) of points (..., 2)."""
         squared = np.sum(plane * plane, axis=-1, keepdims=True)
         tangential = np.array([self.p2, self.p1])
-        growth = 1.0 + squared * (self.k1 + squared * self.k2)
+        growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
         slant = np.sum(tangential * plane, axis=-1, keepdims=True)
         return plane * (growth + 2.0 * slant) + squared * tangential
 
@@ -58,7 +60,7 @@ class RadialTangential(NamedTuple):
         Valid where there is one; elsewhere a point at the limit.
         """
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
-        radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2])
+        radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2, 0.0, self.k3])
         slopes = polynomial.polyder(radial)
         start = solve_increasing(
             lambda r: polynomial.polyval(r, radial),
@@ -97,8 +99,8 @@ class RadialTangential(NamedTuple):
         """The Jacobian's inverse times an error (..., 2)."""
         x, y = plane[..., 0], plane[..., 1]
         squared = x * x + y * y
-        growth = 1.0 + squared * (self.k1 + squared * self.k2)
-        bend = 2.0 * self.k1 + 4.0 * self.k2 * squared
+        growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
+        bend = 2.0 * self.k1 + squared * (4.0 * self.k2 + 6.0 * self.k3 * squared)
         xx = growth + bend * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
         yy = growth + bend * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
         xy = bend * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y

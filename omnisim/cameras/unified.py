@@ -1,7 +1,7 @@
 """The unified model of Geyer and Mei with distortion: OpenCV's `omnidir`, Kalibr's `omni`.
 
     (x_n, y_n) = (x, y)/(z + ξ d),  d = √(x² + y² + z²)
-    (x_d, y_d) = distorted by k1, k2, p1, p2, see `radial_tangential`
+    (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `radial_tangential`
     (u, v) = (γu x_d + s y_d + u0, γv y_d + v0)
 
 Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the picture would fold over; and
@@ -13,7 +13,7 @@ x_n² + y_n² ≤ 1/(ξ² − 1). Where nothing else ends it, r_max is 1000: nea
 | xi | – | ≥ 0: 0 perspective, 1 paraboloid, 1.5 to 2.5 a fisheye |
 | focal_lengths_px | px | γu, γv: (1 + ξ) times the focal length at the axis |
 | principal_point_px | px | u0, v0 |
-| distortion | – | k1, k2, p1, p2 |
+| distortion | – | k1, k2, p1, p2, and perhaps k3 |
 | skew_px | px | s, 0 |
 
 GLSL twin: `shaders/camera/unified.glsl`. Source: Mei & Rives, "Single view point omnidirectional
@@ -48,12 +48,12 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         focal_lengths_px: (γu, γv).
         principal_point_px: (u0, v0).
         xi: ξ, not negative.
-        distortion: k1, k2, p1, p2.
+        distortion: k1, k2, p1, p2, and perhaps k3, which pinhole cameras (ξ = 0) have.
         skew_px: s.
 
     Raises:
         OpticsError: a size or focal length that is not positive, numbers that are not finite,
-            ξ < 0, or not four coefficients.
+            ξ < 0, or not four or five coefficients.
     """
 
     xi: float
@@ -66,8 +66,15 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         check_finite(self, "xi", "distortion", "skew_px")
         if self.xi < 0.0:
             raise OpticsError(f"camera: xi = {self.xi:g}: want ≥ 0")
-        if len(self.distortion) != 4:
-            raise OpticsError(f"camera: distortion = {self.distortion}: want k1, k2, p1, p2")
+        if len(self.distortion) not in (4, 5):
+            raise OpticsError(
+                f"camera: distortion = {self.distortion}: want k1, k2, p1, p2, and perhaps k3"
+            )
+
+    @property
+    def k3(self) -> float:
+        """The fifth coefficient, 0 where there are four."""
+        return (*self.distortion, 0.0)[4]
 
     @cached_property
     def radius_limit(self) -> float:
@@ -111,7 +118,8 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         return {
             **super().uniforms(),
             "u_xi": self.xi,
-            "u_distortion": self.distortion,
+            "u_distortion": self.distortion[:4],
+            "u_k3": self.k3,
             "u_skew_px": self.skew_px,
             "u_radius_max": self.radius_limit,
         }

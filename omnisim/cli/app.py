@@ -24,6 +24,7 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
+from omnisim.cli.calibration import MirroredOption, NameOption, calibration_app
 from omnisim.cli.choices import RangeMode, ViewKind
 from omnisim.cli.consoles import err, out
 from omnisim.cli.landmarks import CameraOption, SceneOption, landmarks_app
@@ -44,6 +45,7 @@ app = typer.Typer(
 
 app.add_typer(robot_app)
 app.add_typer(landmarks_app)
+app.add_typer(calibration_app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -77,6 +79,17 @@ def render(
     sensor: Annotated[
         Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
     ] = None,
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Calibration file instead: Kalibr, OpenCV, COLMAP, … "
+            "(`omnisim calibration formats`).",
+        ),
+    ] = None,
+    camera_name: NameOption = None,
+    mirrored: MirroredOption = None,
     at: AtOption = None,
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
@@ -110,6 +123,14 @@ def render(
     turn_rate: Annotated[
         float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
     ] = 0.0,
+    rays: Annotated[
+        Path | None,
+        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json"),
+    ] = None,
     up: UpOption = None,
     device: DeviceOption = None,
 ) -> None:
@@ -117,8 +138,9 @@ def render(
     from omnisim.cli.render import RenderRequest, run
 
     request = RenderRequest(
-        scene, output, sensor, at, yaw, polygons, size, unlit, faces, up, device,
-        also, labels, next_at, next_yaw, preview, preset, seed, speed, turn_rate,
+        scene, output, sensor, camera, camera_name, mirrored, at, yaw, polygons, size, unlit,
+        faces, up, device, also, labels, next_at, next_yaw, preview, preset, seed, speed,
+        turn_rate, rays, calibration,
     )  # fmt: skip
     run(request, out, err)
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import track
 
+from omnisim.cli.progress import count_along
 from omnisim.experiments.page import check_folder
 from omnisim.experiments.paper import run_experiments
 
@@ -47,9 +47,7 @@ def _progress(err: Console) -> Callable[[str, int], Callable[[Iterable[int]], It
         def along(steps: Iterable[int]) -> Iterator[int]:
             if not err.is_terminal:
                 err.print(what, markup=False)
-            yield from track(
-                steps, what, total=total, console=err, transient=True, disable=not err.is_terminal
-            )
+            yield from count_along(steps, what, total, err)
 
         return along
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 
 from omnisim.cli.options import counted
+from omnisim.cli.progress import count_along
 from omnisim.errors import LocalizationError
 from omnisim.experiments.localizing import localize, sighting_of
 from omnisim.experiments.localizing_report import write_localized
@@ -50,9 +50,7 @@ def run(
     )
     at = set(np.linspace(0, data.steps - 1, min(SHOWN, data.steps)).round().astype(int).tolist())
     detections, shown = [], []
-    for step in track(
-        range(data.steps), "looking", console=err, transient=True, disable=not err.is_terminal
-    ):
+    for step in count_along(range(data.steps), "looking", data.steps, err):
         panorama = detector.panorama(data.picture(step))
         detections.append(detector.find(panorama))
         if step in at:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from omnisim.errors import OpticsError
+from omnisim.cli.calibration_source import first_camera, read_calibration
+from omnisim.errors import CalibrationError, OpticsError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
@@ -21,6 +22,41 @@ def read_sensor(path: Path | None) -> OmniCamera:
         SensorFileError: naming file, key, value and what was wanted.
     """
     return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def read_camera(
+    sensor: Path | None,
+    calibration: Path | None,
+    camera_name: str | None,
+    mirrored: bool | None,
+    err: Console,
+) -> OmniCamera:
+    """The sensor of a file, or a camera of a calibration file as a sensor, or the paper's.
+
+    Args:
+        sensor: a sensor file.
+        calibration: a calibration file.
+        camera_name: a camera of the calibration file; by default the first.
+        mirrored: whether it looks into a mirror; by default what the file's remarks say.
+        err: for notices.
+
+    Raises:
+        OmnisimError: both, or what is wrong with either.
+    """
+    if calibration is None:
+        if camera_name is not None:
+            raise CalibrationError(f"--camera-name {camera_name}: is for --camera: want that too")
+        if mirrored is not None:
+            raise CalibrationError("--mirrored: is for --camera: want that too")
+        return read_sensor(sensor)
+    if sensor is not None:
+        raise CalibrationError("--sensor and --camera both say what camera it is: want one")
+    if calibration.suffix.lower() == ".toml":
+        raise CalibrationError(f"--camera {calibration}: is a sensor file: pass it as --sensor")
+    found = first_camera(
+        read_calibration(calibration, camera_name, None, mirrored, err), camera_name, err
+    )
+    return OmniCamera(found.cameras[0].camera, polygons=None)
 
 
 def load_labelled_scene(

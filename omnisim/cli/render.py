@@ -6,14 +6,18 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from omnisim.atomic_file import check_target
-from omnisim.cli.options import load_labelled_scene, parse_polygons, read_preset, read_sensor
+from omnisim.calibration import CalibratedCamera, Calibration, Pose
+from omnisim.calibration.ray_table import write_ray_table
+from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.image_files import is_float_format, write_image
-from omnisim.sensors import Renderer
+from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import Twist
 from omnisim.sensors.renderer import unfolded_cube
 
@@ -25,6 +29,9 @@ class RenderRequest:
     scene: str
     output: Path
     sensor: Path | None
+    calibration: Path | None
+    camera_name: str | None
+    mirrored: bool | None
     at: tuple[float, float, float] | None
     yaw_deg: float | None
     polygons: str | None
@@ -42,6 +49,8 @@ class RenderRequest:
     seed: int = 0
     speed_mps: float = 0.0
     turn_rate_degps: float = 0.0
+    rays: Path | None = None
+    calibration_beside: Path | None = None
 
 
 DEFAULT_AHEAD_M = 0.1  # from a picture to the next, where flow is asked for and nobody says
@@ -53,11 +62,21 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
+    for option, value in (("--speed", request.speed_mps), ("--turn-rate", request.turn_rate_degps)):
+        if not math.isfinite(value):
+            raise OutputError(f"{option} {value:g}: want a finite number")
     is_float = is_float_format(request.output)
     check_target(request.output)
+    for beside in (request.rays, request.calibration_beside):
+        if beside is not None:
+            check_target(beside)
+    if request.rays is not None and request.rays.suffix.lower() != ".exr":
+        raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_sensor(request.sensor)
+    camera = read_camera(
+        request.sensor, request.calibration, request.camera_name, request.mirrored, err
+    )
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
@@ -88,6 +107,10 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         )
         faces = renderer.faces() if request.faces is not None else {}
     frame.save(request.output, previews=request.preview)
+    if request.rays is not None:
+        write_ray_table(request.rays, camera.camera, frame.metadata)
+    if request.calibration_beside is not None:
+        _calibration(camera, pose).save(request.calibration_beside, "omnisim")
     x, y, z = position
     out.print(
         f"{request.output}: {camera.camera.width_px} × {camera.camera.height_px} px, "
@@ -95,6 +118,12 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
         markup=False,
     )
+    for beside, what in (
+        (request.rays, "a ray of each pixel"),
+        (request.calibration_beside, "camera and pose"),
+    ):
+        if beside is not None:
+            out.print(f"{beside}: {what}", markup=False)
     if also:
         told = f"{request.output}: also {', '.join(also)}"
         if next_pose is not None:
@@ -109,6 +138,15 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
             write_image(request.faces / f"{name}.png", pixels)
         write_image(request.faces / "unfolded.png", unfolded_cube(faces))
         out.print(f"{request.faces}: {', '.join(faces)}, unfolded", markup=False)
+
+
+def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
+    """The camera, where it is on its vehicle, and where the vehicle is."""
+    poses = (
+        Pose("base", "camera", sensor.base_from_optical),
+        Pose("world", "base", world_from_base),
+    )
+    return Calibration((CalibratedCamera("camera", sensor.camera, poses),))
 
 
 def _check_also(request: RenderRequest, also: tuple[str, ...]) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import track
 
 from omnisim.cli.options import counted
+from omnisim.cli.progress import count_along
 from omnisim.errors import OutputError, RunError, SceneError
 from omnisim.image_files import read_image
 from omnisim.plots.film import check_film_target, write_film
@@ -80,9 +80,7 @@ def video(
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
 
     def pictures() -> Iterator[NDArray[Any]]:
-        for step in track(
-            range(done), "film", console=err, transient=True, disable=not err.is_terminal
-        ):
+        for step in count_along(range(done), "film", done, err):
             yield _picture(run.file(name, step, ".png"))
 
     count = write_film(output, pictures(), rate_hz)

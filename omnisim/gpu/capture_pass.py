@@ -8,12 +8,15 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.gpu.face_plan import FacePlan
-from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.shader_files import build_program, included_files
 from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
+
+SEARCH = "camera/parts/theta_from_radius.glsl"
+STORED_RAYS_BINDING = 7  # as in `capture/stored_rays.frag`
 
 
 class Emit(Enum):
@@ -22,7 +25,8 @@ class Emit(Enum):
     COLOR = ()
     RAY = ("EMIT_RAY",)
     SURFACE = ("EMIT_SURFACE",)
-    SURFACE_WITH_ALBEDO = ("EMIT_SURFACE", "ALBEDO")
+    SURFACE_AND_NORMAL = ("EMIT_SURFACE", "NORMALS")
+    SURFACE_NORMAL_ALBEDO = ("EMIT_SURFACE", "NORMALS", "ALBEDO")
 
     @property
     def defines(self) -> tuple[str, ...]:
@@ -31,23 +35,74 @@ class Emit(Enum):
 
 
 class LensCapture:
-    """The exact capture: every pixel's ray by the camera model's GLSL file."""
+    """The exact capture: every pixel's ray by the camera model's GLSL file.
+
+    Rays do not depend on the camera's pose. Where the model's file searches for them, step by
+    step, they are kept, so that one lens costs about as much as another; where a formula gives
+    them, that is quicker than to fetch them.
+    """
 
     def __init__(self, context: moderngl.Context, camera: CentralCamera, emit: Emit = Emit.COLOR):
-        self.program = build_program(
-            context,
-            "common/full_screen.vert",
-            "capture/lens.frag",
-            defines=emit.defines,
-            includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
-        )
-        for name, value in camera.uniforms().items():
-            self.program[name] = value
+        self._stored_rays = None
+        if emit is not Emit.RAY and searches_for_rays(camera.model):
+            self._stored_rays = _stored_rays(context, camera)
+        if self._stored_rays is None:
+            self.program = _model_program(context, camera, emit)
+        else:
+            self.program = build_program(
+                context, "common/full_screen.vert", "capture/stored_rays.frag", emit.defines
+            )
+            self.program["u_width_px"] = camera.width_px
         self._vertex_array = context.vertex_array(self.program, [])
 
     def draw(self) -> None:
         """Draw into the framebuffer in use."""
+        if self._stored_rays is not None:
+            self._stored_rays.bind_to_storage_buffer(STORED_RAYS_BINDING)
         self._vertex_array.render(moderngl.TRIANGLES, vertices=3)
+
+
+def searches_for_rays(model: str) -> bool:
+    """Whether a model's GLSL file finds a ray step by step."""
+    return SEARCH in included_files(f"camera/{model}.glsl")
+
+
+def _model_program(
+    context: moderngl.Context, camera: CentralCamera, emit: Emit
+) -> moderngl.Program:
+    mirrored = ("MIRRORED",) if isinstance(camera, MirroredCamera) else ()
+    program = build_program(
+        context,
+        "common/full_screen.vert",
+        "capture/lens.frag",
+        defines=emit.defines + mirrored,
+        includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
+    )
+    for name, value in camera.uniforms().items():
+        program[name] = value
+    return program
+
+
+def _stored_rays(context: moderngl.Context, camera: CentralCamera) -> moderngl.Buffer | None:
+    """Rays and validity of all pixels, four floats each, row by row; None: they do not fit."""
+    size = (camera.width_px, camera.height_px)
+    count = 16 * size[0] * size[1]
+    if count > context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]:
+        return None
+    if max(size) > context.info["GL_MAX_TEXTURE_SIZE"]:
+        return None  # whoever draws the picture says so
+    try:
+        stored = context.buffer(reserve=count)
+        drawn = context.renderbuffer(size, 4, dtype="f4")
+    except moderngl.Error:
+        return None
+    target = context.framebuffer([drawn])
+    context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+    target.use()
+    program = _model_program(context, camera, Emit.RAY)
+    context.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+    target.read_into(stored, components=4, dtype="f4")
+    return stored
 
 
 class MirrorMeshCapture:
@@ -90,14 +145,14 @@ def connect_cube(
 ) -> None:
     """Tell a capture's program where in the atlas each face stands (`cube_lookup.glsl`)."""
     tiles = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
-    reach = np.zeros((len(FACE_NAMES), 2), dtype=np.float32)
+    windows = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
     texels = np.zeros(len(FACE_NAMES), dtype=np.float32)
     atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
     for face in plan.faces:
         half_px = 0.5 * face.size_px
-        middle_px = np.array([face.left_px, face.top_px]) + face.margin_px + half_px
+        middle_px = np.array(face.corner_px) + half_px
         tiles[face.index] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
-        reach[face.index] = -face.tangents[0], face.tangents[1]
+        windows[face.index] = face.tangents.ravel()
         texels[face.index] = half_px
     program["u_atlas"] = 0
     if "u_max_level" in program:  # what is no colour has no mip levels
@@ -106,7 +161,7 @@ def connect_cube(
     for name, values in (
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
         ("u_face_tile", tiles),
-        ("u_face_reach", reach),
+        ("u_face_window", windows),
         ("u_face_texels", texels),
     ):
         if name in program:

@@ -61,7 +61,7 @@ class CubePass:
             raise GraphicsError(
                 f"virtual cameras of {max(face.size_px for face in plan.faces)} px need an atlas "
                 f"of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
-                "make the picture, camera.supersampling or virtual_cameras.size_px smaller"
+                "make the picture, virtual_cameras.texels_per_pixel or size_px smaller"
             )
         self.atlas = _texture(context, size)
         self.atlas.repeat_x = self.atlas.repeat_y = False
@@ -128,21 +128,25 @@ class CubePass:
         return self.atlas
 
     def read_face(self, face: Face) -> NDArray[np.float32]:
-        """The 90° of a face as last drawn, linear RGB (size, size, 3), first row at the top."""
+        """The 90° of a face as last drawn, linear RGB (size, size, 3), first row at the top.
+
+        The plan must have the whole face.
+        """
         framebuffer = self._resolved or self._target
-        corner = (face.left_px + face.margin_px, face.top_px + face.margin_px)
         pixels = np.empty((face.size_px, face.size_px, 3), dtype=np.float32)
-        region = (*corner, face.size_px, face.size_px)
+        region = (*face.corner_px, face.size_px, face.size_px)
         framebuffer.read_into(pixels, region, components=3, dtype="f4")
         return pixels
 
     def _order(self, placement: Placement) -> NDArray[np.intp]:
-        """Draws in the order to draw them: opaque ones as they stand, blended from far to near."""
-        distances = np.linalg.norm(placement.centres_m[self._blended], axis=1)
-        blended = self._blended[np.argsort(-distances, kind="stable")]
+        """Draws in the order to draw them: opaque ones from near to far, so that most of what is
+        hidden is never shaded; then blended ones from far to near."""
+        distances = np.linalg.norm(placement.centres_m, axis=1)
+        opaque = self._opaque[np.argsort(distances[self._opaque], kind="stable")]
+        blended = self._blended[np.argsort(-distances[self._blended], kind="stable")]
         for index in blended:
             self._buffers.sort_blended(self._buffers.draws[index], placement.here_from_mesh[index])
-        return np.concatenate((self._opaque, blended))
+        return np.concatenate((opaque, blended))
 
 
 def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:

@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.errors import GraphicsError
 from omnisim.gpu.shader_files import build_program
 
 METER_BLOCK_PX = 16  # pixels to a side of what one fragment of the light meter adds up
@@ -83,8 +84,14 @@ class _Target:
     """A float32 picture to write to and to read from."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        self.texture = context.texture(size, 4, dtype="f4")
-        self.framebuffer = context.framebuffer([self.texture])
+        try:
+            self.texture = context.texture(size, 4, dtype="f4")
+            self.framebuffer = context.framebuffer([self.texture])
+        except moderngl.Error as reason:
+            raise GraphicsError(
+                f"a degraded picture of {size[0]} × {size[1]} px does not fit on this GPU "
+                f"({reason}): make the picture smaller"
+            ) from None
 
 
 class DegradationPass:
@@ -99,6 +106,9 @@ class DegradationPass:
         optics: what happens to light before the shutter, in its order.
         sensor: what happens after it.
         encoding: from linear to the values of the file, or None: as an ideal camera does.
+
+    Raises:
+        GraphicsError: a shader that does not compile, or a picture that does not fit.
     """
 
     def __init__(

@@ -91,7 +91,7 @@ class FaceDrawing:
         clip_matrices = columns_first(clip_from_mesh)
         centres = placement.centres_m @ face_from_here[:3, :3].T
         seen = reaches(face, centres, self._buffers.radii_m, self._near_m, self._far_m)
-        tile = (face.left_px, face.top_px, face.tile_px, face.tile_px)
+        tile = (face.left_px, face.top_px, *face.tile_px)
         target.viewport = target.scissor = tile
         for index in order[seen[order]]:
             context.front_face = "ccw" if draws[index].mirrored else "cw"
@@ -106,14 +106,19 @@ def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
     Its depth runs from 1 at the near plane to 0 at the far one, which may be infinite.
     """
     first, last = face.tangents
-    scale, shift = 2.0 / (last - first), -(last + first) / (last - first)
+    (x_scale, y_scale), (x_shift, y_shift) = 2.0 / (last - first), -(last + first) / (last - first)
     if math.isinf(far_m):
         z_scale, z_shift = 0.0, near_m
     else:
         z_scale = -near_m / (far_m - near_m)
         z_shift = far_m * near_m / (far_m - near_m)
     return np.array(
-        [[scale, 0, shift, 0], [0, scale, shift, 0], [0, 0, z_scale, z_shift], [0, 0, 1, 0]]
+        [
+            [x_scale, 0.0, x_shift, 0.0],
+            [0.0, y_scale, y_shift, 0.0],
+            [0.0, 0.0, z_scale, z_shift],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
     )
 
 
@@ -125,10 +130,9 @@ def reaches(
     far_m: float,
 ) -> NDArray[np.bool_]:
     """Which spheres (n,), centres (n, 3) in the face's frame, may touch what a tile shows."""
-    first, last = face.tangents
     x, y, z = centres.T
     seen = (z + radii >= near_m) & (z - radii <= far_m)
-    for across in (x, y):
+    for across, first, last in zip((x, y), *face.tangents, strict=True):
         # signed distances to the planes through the viewpoint and the tile's edges
         seen &= (across - first * z) / math.hypot(1.0, first) >= -radii
         seen &= (last * z - across) / math.hypot(1.0, last) >= -radii

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError, SceneError
+from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
 
@@ -154,6 +156,21 @@ class SceneBuffers:
                 there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
                 raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
         return np.array([draw.mover is None or draw.name not in hidden for draw in self.draws])
+
+    @cached_property
+    def neighbours(self) -> moderngl.Buffer:
+        """Three numbers for each triangle of the index buffer: those beside it in its draw, see
+        `omnisim.gpu.adjacency`. Blended draws, whose order changes, have none."""  # fmt: skip
+        found = np.full((self.indices.size // 12, 3), NO_NEIGHBOUR)
+        of_mesh: dict[int, NDArray[np.uint32]] = {}
+        for draw in self.draws:
+            if is_blended(draw.material):
+                continue
+            if id(draw.mesh) not in of_mesh:
+                of_mesh[id(draw.mesh)] = neighbours(draw.mesh.positions, draw.mesh.triangles)
+            first = draw.first // 3
+            found[first : first + draw.count // 3] = of_mesh[id(draw.mesh)]
+        return self._context.buffer(found)
 
     def check_readable(self, purpose: str) -> None:
         """Refuse a scene whose triangles shaders cannot read.

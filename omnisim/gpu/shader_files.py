@@ -60,6 +60,17 @@ def build_compute_shader(
         raise GraphicsError(_with_file_names(str(reason), files)) from None
 
 
+def included_files(name: str) -> frozenset[str]:
+    """A file of the shader folder and all that it includes by name.
+
+    Raises:
+        GraphicsError: one of them is missing.
+    """
+    files: list[str] = []
+    _expand(name, files, (), {})
+    return frozenset(files)
+
+
 def _expand(
     name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
 ) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture_pass import Capture, Emit, connect_cube
-from omnisim.gpu.scene_buffers import Placement
+from omnisim.gpu.scene_buffers import Draw, Placement
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first
 from omnisim.gpu.visibility_pass import VisibilityPass, alpha_cutoff, clear_integers
@@ -21,11 +21,13 @@ _RECORD = np.dtype(  # DrawRecord in shaders/ground_truth/surface_lookup.glsl
         ("here_from_mesh", "<f4", (3, 4)),
         ("normal_from_mesh", "<f4", (3, 4)),
         ("first", "<u4"),
-        ("holed", "<u4"),
+        ("kind", "<u4"),
         ("unused", "<u4", 2),
     ]
 )
-_VERTICES, _INDICES, _DRAWS = range(3)  # bindings
+_VERTICES, _INDICES, _DRAWS, _NEIGHBOURS = range(4)  # bindings
+# What a record says of a draw's material, in the bits of one number.
+_HOLED, _DOUBLE_SIDED, _MIRRORED = 1, 2, 4
 _HITS, _SURFACES, _NORMALS, _ALBEDOS = range(4)  # attachments
 
 
@@ -63,11 +65,9 @@ class GivenRays:
         self._rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._vertex_array = context.vertex_array(self.program, [])
 
-    def write(self, directions_rig: NDArray[np.float64], given: NDArray[np.bool_]) -> None:
-        """Give the rays (height, width, 3), of any length, where there are any."""
-        rays = np.empty((*given.shape, 4), dtype=np.float32)
-        rays[..., :3], rays[..., 3] = directions_rig, given
-        self._rays.write(rays)
+    def write(self, rays_rig: NDArray[np.float32]) -> None:
+        """Give the rays (height, width, 4): directions of any length, and 1 where there is one."""
+        self._rays.write(rays_rig)
 
     def draw(self) -> None:
         """Draw into the framebuffer in use."""
@@ -81,9 +81,10 @@ class SurfacePass:
     Args:
         context: where.
         visibility: which triangles are visible.
-        capture: of the rays, made with `Emit.SURFACE`.
+        capture: of the rays.
         size: width and height of the picture.
         rig_from_optical: (3, 3).
+        emit: what the capture was made to emit: a surface alone, or more.
 
     Raises:
         GraphicsError: a picture or a scene that does not fit on the GPU.
@@ -96,6 +97,7 @@ class SurfacePass:
         capture: Capture | GivenRays,
         size: tuple[int, int],
         rig_from_optical: NDArray[np.float64],
+        emit: Emit = Emit.SURFACE,
     ):
         self._context, self._visibility, self._capture = context, visibility, capture
         self._size, self._rig_from_optical = size, rig_from_optical
@@ -103,15 +105,16 @@ class SurfacePass:
         buffers.check_readable("to look up what its pixels show")
         connect_cube(capture.program, visibility.plan, rig_from_optical)
         capture.program["u_depth_limits_m"] = (visibility.near_m, min(visibility.far_m, 3e38))
-        self._has_albedo = "u_albedos" in capture.program
+        self._has_albedo = emit is Emit.SURFACE_NORMAL_ALBEDO
         if self._has_albedo:
             capture.program["u_albedos"] = 1
         try:
             attachments = [
                 context.renderbuffer(size, 4, dtype="f4"),
                 context.renderbuffer(size, 2, dtype="u4"),
-                context.renderbuffer(size, 4, dtype="f4"),
             ]
+            if emit is not Emit.SURFACE:
+                attachments.append(context.renderbuffer(size, 4, dtype="f4"))
             if self._has_albedo:
                 attachments.append(context.renderbuffer(size, 4, dtype="f2"))
             self._target = context.framebuffer(attachments)
@@ -122,7 +125,7 @@ class SurfacePass:
             ) from None
         self._records = np.zeros(len(buffers.draws), dtype=_RECORD)
         self._records["first"] = [draw.first for draw in buffers.draws]
-        self._records["holed"] = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draws]
+        self._records["kind"] = [_kind(draw) for draw in buffers.draws]
         self._record_buffer = context.buffer(reserve=self._records.nbytes)
 
     def render(
@@ -132,7 +135,10 @@ class SurfacePass:
         normals: bool = False,
         albedos: bool = False,
     ) -> Surfaces:
-        """Look all rays up from a pose (4, 4), movers at theirs; the last two where asked for."""
+        """Look all rays up from a pose (4, 4), movers at theirs.
+
+        The last two are read back where they are asked for, if the capture emits them.
+        """
         visibility, buffers = self._visibility, self._visibility.buffers
         placement = buffers.place(world_from_rig[:3, 3], world_from_movers)
         visibility.render(world_from_rig, placement)
@@ -149,6 +155,7 @@ class SurfacePass:
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.indices.bind_to_storage_buffer(_INDICES)
         self._record_buffer.bind_to_storage_buffer(_DRAWS)
+        buffers.neighbours.bind_to_storage_buffer(_NEIGHBOURS)
         self._capture.draw()
         return self._read(normals, albedos)
 
@@ -161,12 +168,13 @@ class SurfacePass:
         width, height = self._size
         hits = np.empty((height, width, 4), dtype=np.float32)
         surfaces = np.empty((height, width, 2), dtype=np.uint32)
-        turned = np.empty((height, width, 4), dtype=np.float32)
         self._target.read_into(hits, components=4, attachment=_HITS, dtype="f4")
         self._target.read_into(surfaces, components=2, attachment=_SURFACES, dtype="u4")
-        self._target.read_into(turned, components=4, attachment=_NORMALS, dtype="f4")
-        colors = None
-        if albedos and self._has_albedo:
+        turned = colors = None
+        if normals:
+            turned = np.empty((height, width, 3), dtype=np.float32)
+            self._target.read_into(turned, components=3, attachment=_NORMALS, dtype="f4")
+        if albedos:
             colors = np.empty((height, width, 3), dtype=np.float32)
             self._target.read_into(colors, components=3, attachment=_ALBEDOS, dtype="f4")
         draws = surfaces[..., 0].astype(np.int32) - 1
@@ -178,7 +186,15 @@ class SurfacePass:
             ranges_m=ranges_m,
             draws=draws,
             triangles=surfaces[..., 1],
-            valid=turned[..., 3] > 0.5,
-            normals=turned[..., :3] if normals else None,
+            valid=(surfaces != 0).any(axis=-1),
+            normals=turned,
             albedos=colors,
         )
+
+
+def _kind(draw: Draw) -> int:
+    return (
+        _HOLED * (alpha_cutoff(draw.material) > 0.0)
+        + _DOUBLE_SIDED * draw.material.double_sided
+        + _MIRRORED * draw.mirrored
+    )

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene_buffers import Draw, SceneBuffers
 from omnisim.gpu.shader_files import build_program
-from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind, Material
+from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Light, Lighting, LightKind, Material
 
-_KINDS = {LightKind.DIRECTIONAL: 0, LightKind.POINT: 1, LightKind.SPOT: 2}
+_ALL_AROUND = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
 _NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
 
 
@@ -23,10 +23,12 @@ class SurfaceVariant(NamedTuple):
     lit: bool
     alpha_mode: AlphaMode
 
-    @property
-    def files(self) -> tuple[str, str, tuple[str, ...]]:
+    def files(self, lighting: Lighting) -> tuple[str, str, tuple[str, ...]]:
         """Vertex file, fragment file and defines."""
-        defines = ["LIT"] if self.lit else []
+        defines = []
+        if self.lit:
+            suns, lamps = _by_kind(lighting)
+            defines += ["LIT", f"SUNS {len(suns)}", f"LAMPS {len(lamps)}"]
         if self.alpha_mode is not AlphaMode.OPAQUE:
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         return "scene/surface.vert", "scene/surface.frag", tuple(defines)
@@ -38,11 +40,7 @@ def variant_of(material: Material, unlit: bool) -> SurfaceVariant:
 
 
 class SurfaceProgram:
-    """One compiled variant with its vertex array.
-
-    Raises:
-        GraphicsError: more lamps than the shader has room for.
-    """
+    """One compiled variant with its vertex array."""
 
     def __init__(
         self,
@@ -58,6 +56,8 @@ class SurfaceProgram:
         program["u_texture"] = 0
         if variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff = program["u_alpha_cutoff"]
+        self._lamps: list[Light] = []
+        self._lamp_positions: moderngl.Uniform | None = None
         if variant.lit:
             self._here_from_mesh = program["u_here_from_mesh"]
             self._normal_from_mesh = program["u_normal_from_mesh"]
@@ -65,11 +65,9 @@ class SurfaceProgram:
 
     def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
         """Say where the effective viewpoint (3,) is; positions of lamps are counted from it."""
-        if self._variant.lit:
-            positions = np.zeros((MAX_LIGHTS, 3), dtype=np.float32)
-            for index, light in enumerate(self._lighting.lights):
-                positions[index] = light.position_m - viewpoint_m
-            self._program["u_light_position"].write(positions)
+        if self._lamp_positions is not None:
+            positions = [lamp.position_m - viewpoint_m for lamp in self._lamps]
+            self._lamp_positions.write(np.array(positions, dtype=np.float32))
 
     def draw(
         self,
@@ -90,25 +88,32 @@ class SurfaceProgram:
         self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
 
     def _set_lights(self) -> None:
-        lights = self._lighting.lights
-        if len(lights) > MAX_LIGHTS:
-            raise GraphicsError(f"the scene has {len(lights)} lamps: want at most {MAX_LIGHTS}")
-        kinds = np.zeros(MAX_LIGHTS, dtype=np.int32)
-        colors, directions, limits = np.zeros((3, MAX_LIGHTS, 3), dtype=np.float32)
-        for index, light in enumerate(lights):
-            kinds[index] = _KINDS[light.kind]
-            colors[index] = np.array(light.color) * (light.intensity * self._lighting.exposure)
-            directions[index] = light.direction
-            limits[index] = (min(light.range_m, _NO_RANGE_M), *light.cone_cosines)
+        suns, lamps = _by_kind(self._lighting)
         self._program["u_ambient"] = self._lighting.ambient
-        self._program["u_light_count"] = len(lights)
-        for name, values in (
-            ("u_light_kind", kinds),
-            ("u_light_color", colors),
-            ("u_light_direction", directions),
-            ("u_light_limits", limits),
-        ):
-            self._program[name].write(values)
+        for name, lights in (("sun", suns), ("lamp", lamps)):
+            if not lights:
+                continue
+            colors = [np.array(one.color) * one.intensity for one in lights]
+            self._write(f"u_{name}_color", np.array(colors) * self._lighting.exposure)
+            self._write(f"u_{name}_direction", [one.direction for one in lights])
+        if lamps:
+            self._lamps = lamps
+            self._lamp_positions = self._program["u_lamp_position"]
+            cones = [
+                one.cone_cosines if one.kind is LightKind.SPOT else _ALL_AROUND for one in lamps
+            ]
+            ranges_m = [min(one.range_m, _NO_RANGE_M) for one in lamps]
+            self._write("u_lamp_limits", np.column_stack((ranges_m, cones)))
+
+    def _write(self, name: str, values: ArrayLike) -> None:
+        self._program[name].write(np.asarray(values, dtype=np.float32))
+
+
+def _by_kind(lighting: Lighting) -> tuple[list[Light], list[Light]]:
+    """Lights from afar, and lights that have a place."""
+    suns = [light for light in lighting.lights if light.kind is LightKind.DIRECTIONAL]
+    lamps = [light for light in lighting.lights if light.kind is not LightKind.DIRECTIONAL]
+    return suns, lamps
 
 
 class SurfacePrograms:
@@ -116,15 +121,22 @@ class SurfacePrograms:
 
     All cameras that look at the same buffers share them: what differs from one to the next is set
     in every frame.
+
+    Raises:
+        GraphicsError: more lamps than one would want in a shader.
     """
 
     def __init__(self, buffers: SceneBuffers, lighting: Lighting):
+        if len(lighting.lights) > MAX_LIGHTS:
+            raise GraphicsError(
+                f"the scene has {len(lighting.lights)} lamps: want at most {MAX_LIGHTS}"
+            )
         self._buffers, self._lighting = buffers, lighting
         self._programs: dict[SurfaceVariant, SurfaceProgram] = {}
 
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
         if variant not in self._programs:
-            program = build_program(self._buffers.context, *variant.files)
+            program = build_program(self._buffers.context, *variant.files(self._lighting))
             self._programs[variant] = SurfaceProgram(
                 program, self._buffers, self._lighting, variant
             )

@@ -59,7 +59,7 @@ class VisibilityPass:
         plan, near_m, far_m, buffers: as given.
         surfaces: texture of two integers: 1 + number of the draw (0: nothing is seen), and number
             of its triangle.
-        albedos: texture of linear RGB, or None.
+        albedos: texture of the square root of linear RGB, or None.
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
@@ -82,7 +82,7 @@ class VisibilityPass:
         size = (plan.width_px, plan.height_px)
         try:
             self.surfaces = context.texture(size, 2, dtype="u4")
-            self.albedos = context.texture(size, 4, dtype="f2") if albedo else None
+            self.albedos = context.texture(size, 4) if albedo else None
             textures = [self.surfaces] if self.albedos is None else [self.surfaces, self.albedos]
             self._target = context.framebuffer(textures, float_depth(context, size, 0))
         except moderngl.Error as reason:

@@ -29,6 +29,12 @@ class MirrorMesh:
     sectors: int
     rings: int
 
+    @property
+    def edge_middles_m(self) -> NDArray[np.float64]:
+        """Middles (n, 3) of all edges: seen from the viewpoint they reach past the mirror's rim."""
+        corners = self.vertices_m[self.triangles]
+        return (0.5 * (corners + np.roll(corners, 1, axis=1))).reshape(-1, 3)
+
 
 @dataclass(frozen=True)
 class UnfoldedMirrorMesh:

@@ -133,7 +133,7 @@ class Light:
     cone_cosines: tuple[float, float] = (1.0, 0.0)
 
 
-MAX_LIGHTS = 32  # that the shader has room for, shaders/scene/lighting.glsl
+MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,20 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.capture_pass import Emit, LensCapture, MirrorMeshCapture
-from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.capture_pass import Emit
 from omnisim.gpu.surface_pass import SurfacePass, Surfaces
 from omnisim.gpu.visibility_pass import VisibilityPass
-from omnisim.mirrors import tessellate
 from omnisim.scene.labels import find_labels
+from omnisim.sensors.capturing import capture_of, faces_of
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.optical_flow import OpticalFlow, View
+from omnisim.sensors.optical_flow import FINENESS, OpticalFlow, View
 from omnisim.sensors.stage import Stage
-
-# Texels to a pixel along a side. A triangle is found where a texel near the ray shows it; measured
-# in the warehouse, 0.6 % of the rays meet one too thin for texels of a pixel, 0.4 % for these.
-FINENESS = 1.5
 
 
 class GroundTruth:
@@ -45,8 +39,8 @@ class GroundTruth:
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
         camera = sensor.camera
-        self._size = (camera.width_px, camera.height_px)
-        plan = plan_faces(camera.scaled(FINENESS), camera.rig_from_optical)
+        emit = Emit.SURFACE_NORMAL_ALBEDO if albedo else Emit.SURFACE_AND_NORMAL
+        plan = faces_of(sensor, FINENESS)
         self._visibility = VisibilityPass(
             stage.context, stage.buffers, plan, sensor.near_m, sensor.far_m, hidden, albedo
         )
@@ -54,9 +48,10 @@ class GroundTruth:
         self._surfaces = SurfacePass(
             stage.context,
             self._visibility,
-            _capture(stage.buffers, sensor, albedo),
-            self._size,
+            capture_of(stage, sensor, camera, emit),
+            (camera.width_px, camera.height_px),
             camera.rig_from_optical,
+            emit,
         )
         self._flow: OpticalFlow | None = None
         movers = [None, *stage.moving]
@@ -108,17 +103,6 @@ class GroundTruth:
 
     def _instances(self, surfaces: Surfaces) -> NDArray[np.uint32]:
         return self._instance_of_draw[surfaces.draws + 1]
-
-
-def _capture(
-    buffers: SceneBuffers, sensor: OmniCamera, albedo: bool
-) -> LensCapture | MirrorMeshCapture:
-    """The rays of the sensor's pixels: one each, whatever its supersampling."""
-    emit = Emit.SURFACE_WITH_ALBEDO if albedo else Emit.SURFACE
-    if sensor.polygons is None:
-        return LensCapture(buffers.context, sensor.camera, emit)
-    mesh = tessellate(sensor.camera.mirror, sensor.polygons)
-    return MirrorMeshCapture(buffers.context, sensor.camera, mesh, emit)
 
 
 def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]:

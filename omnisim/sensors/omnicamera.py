@@ -17,7 +17,9 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.sensor_file import (
+    MAX_DENSITY,
     MAX_SUPERSAMPLING,
+    MIN_DENSITY,
     SensorFile,
     parse_sensor,
     read_sensor_file,
@@ -47,7 +49,9 @@ class OmniCamera:
         near_m, far_m: what the virtual cameras see; far may be infinite.
         samples: samples a texel of the virtual cameras, against jagged edges.
         supersampling: captured pixels to a side of a pixel of the picture, averaged in linear
-            light; the virtual cameras become as much finer.
+            light.
+        texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels,
+            where no size is given.
         degradation: what the camera lacks to be ideal; by default nothing.
 
     Raises:
@@ -62,7 +66,8 @@ class OmniCamera:
     near_m: float = 0.05
     far_m: float = np.inf
     samples: int = 1
-    supersampling: int = 2
+    supersampling: int = 3
+    texels_per_pixel: float = 2.5
     degradation: Degradation = field(default_factory=Degradation)
 
     def __post_init__(self) -> None:
@@ -86,6 +91,11 @@ class OmniCamera:
         if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
             raise OpticsError(
                 f"supersampling = {self.supersampling}: want 1 to {MAX_SUPERSAMPLING}"
+            )
+        if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # false for NaN, too
+            raise OpticsError(
+                f"texels_per_pixel = {self.texels_per_pixel}: want {MIN_DENSITY:g} to "
+                f"{MAX_DENSITY:g}"
             )
         frames.check_pose(self.base_from_rig)
 
@@ -121,6 +131,7 @@ class OmniCamera:
             far_m=virtual.far_m,
             samples=virtual.samples,
             supersampling=settings.camera.supersampling,
+            texels_per_pixel=virtual.texels_per_pixel,
             degradation=settings.make_degradation(),
         )
 

@@ -22,6 +22,10 @@ from omnisim.gpu.surface_pass import GivenRays, SurfacePass, Surfaces
 from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.sensors.omnicamera import OmniCamera
 
+# Texels to a pixel along a side. A triangle is found where a texel near the ray shows it, or one
+# beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at
+# 1.5, and most of those are at silhouettes, where things get hidden.
+FINENESS = 1.5
 VISIBLE, HIDDEN, OUTSIDE, NOTHING_SEEN = 0, 1, 2, 255
 # What is nearer than the point by more than this share hides it. Ranges of the same point are equal
 # to 1e-6; the rest is for rays that meet a triangle too small to show in any texel.
@@ -63,20 +67,20 @@ class OpticalFlow:
         sensor: OmniCamera,
         hidden: Collection[str] = (),
     ):
-        self._sensor, context = sensor, buffers.context
-        camera = sensor.camera
+        context, camera = buffers.context, sensor.camera
+        self._camera, self._is_mesh = camera, sensor.polygons is not None
         size = (camera.width_px, camera.height_px)
         visibility = VisibilityPass(
             context,
             buffers,
-            plan_faces(camera, camera.rig_from_optical),
+            plan_faces(camera.scaled(FINENESS), camera.rig_from_optical),
             sensor.near_m,
             sensor.far_m,
             hidden,
         )
         self._rays = GivenRays(context, size)
         self._surfaces = SurfacePass(context, visibility, self._rays, size, np.eye(3))
-        self._pixels = pixel_grid(*size)
+        self._size, self._now_px = size, None
         self._mover_of_draw = np.array(
             [-1 if draw.mover is None else draw.mover for draw in buffers.draws]
         )
@@ -87,40 +91,50 @@ class OpticalFlow:
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Flow (height, width, 2) in pixels, NaN where the lens cannot see the point next; and what
         becomes of the point: `VISIBLE`, `HIDDEN`, `OUTSIDE`, `NOTHING_SEEN`."""  # fmt: skip
-        camera = self._sensor.camera
+        seen = surfaces.valid
         points_rig = self._points_after(surfaces, now, after)
-        there = camera.pixel_from_ray(points_rig @ camera.rig_from_optical)
-        flow = there.positions_px - self._pixels_now(surfaces, now)
+        there = self._camera.pixel_from_ray(points_rig @ self._camera.rig_from_optical)
+        motion = there.positions_px - self._pixels_now(surfaces, now)
         if self._period_px is not None:
-            flow[..., 0] -= self._period_px * np.round(flow[..., 0] / self._period_px)
-        flow[~(there.valid & surfaces.valid)] = np.nan
-        return flow.astype(np.float32), self._fate(surfaces, after, points_rig, there)
+            motion[:, 0] -= self._period_px * np.round(motion[:, 0] / self._period_px)
+        motion[~there.valid] = np.nan
+        flow = np.full((*seen.shape, 2), np.nan, dtype=np.float32)
+        flow[seen] = motion
+        fate = np.full(seen.shape, NOTHING_SEEN, dtype=np.uint8)
+        fate[seen] = self._fate(surfaces, after, points_rig, there)
+        return flow, fate
 
     def _points_after(self, surfaces: Surfaces, now: View, after: View) -> NDArray[np.float64]:
-        """Points (height, width, 3) in the next rig's frame; directions where nothing is hit."""
-        points_m = surfaces.points_m.astype(np.float64)
-        is_hit = surfaces.draws >= 0
-        moved_m = now.world_from_rig[:3, 3] - after.world_from_rig[:3, 3]
-        movers = np.where(is_hit, self._mover_of_draw[surfaces.draws], -1)
-        for mover in np.unique(movers[movers >= 0]):
-            world_then = after.world_from_movers[mover] @ np.linalg.inv(
-                now.world_from_movers[mover]
+        """Points (n, 3) of the valid pixels in the next rig's frame; directions where nothing is
+        hit."""  # fmt: skip
+        viewpoint_m = now.world_from_rig[:3, 3]
+        points_m = surfaces.points_m[surfaces.valid].astype(np.float64)
+        draws = surfaces.draws[surfaces.valid]
+        mover = np.where(draws >= 0, self._mover_of_draw[draws], -1)
+        for number in np.unique(mover[mover >= 0]):
+            world_then = after.world_from_movers[number] @ np.linalg.inv(
+                now.world_from_movers[number]
             )
-            on_it = movers == mover
-            world_m = points_m[on_it] + now.world_from_rig[:3, 3]
-            points_m[on_it] = world_m @ world_then[:3, :3].T + (
-                world_then[:3, 3] - now.world_from_rig[:3, 3]
-            )
-        points_m[is_hit] += moved_m
+            on_it = mover == number
+            moved_m = (points_m[on_it] + viewpoint_m) @ world_then[:3, :3].T
+            points_m[on_it] = moved_m + (world_then[:3, 3] - viewpoint_m)
+        steps_m = viewpoint_m - after.world_from_rig[:3, 3]
+        points_m += np.where(draws[:, None] >= 0, steps_m, 0.0)
         return points_m @ after.world_from_rig[:3, :3]
 
     def _pixels_now(self, surfaces: Surfaces, now: View) -> NDArray[np.float64]:
-        """Where the exact camera sees the points: at their pixels, but for a mirror's mesh."""
-        if self._sensor.polygons is None:
-            return self._pixels
-        camera = self._sensor.camera
-        optical_from_here = (now.world_from_rig[:3, :3] @ camera.rig_from_optical).T
-        return camera.pixel_from_ray(surfaces.points_m @ optical_from_here.T).positions_px
+        """Where the exact camera sees the valid pixels' points (n, 2).
+
+        At the pixels themselves, but for a mesh; there, too, a pixel's ray never changes.
+        """
+        if self._now_px is None:
+            if self._is_mesh:
+                here_from_optical = now.world_from_rig[:3, :3] @ self._camera.rig_from_optical
+                rays = surfaces.points_m[surfaces.valid] @ here_from_optical
+                self._now_px = self._camera.pixel_from_ray(rays).positions_px
+            else:
+                self._now_px = pixel_grid(*self._size)[surfaces.valid]
+        return self._now_px
 
     def _fate(
         self,
@@ -129,24 +143,21 @@ class OpticalFlow:
         points_rig: NDArray[np.float64],
         there: Pixels,
     ) -> NDArray[np.uint8]:
-        """What becomes of each point (height, width), from the next viewpoint."""
-        camera = self._sensor.camera
-        size_px = np.array([camera.width_px, camera.height_px])
-        inside = np.all(
-            (there.positions_px >= -0.5) & (there.positions_px < size_px - 0.5), axis=-1
-        )
-        given = surfaces.valid & there.valid & inside
-        self._rays.write(points_rig, given)
+        """What becomes of each point (n,), from the next viewpoint."""
+        camera, valid = self._camera, surfaces.valid
+        u, v = there.positions_px.T
+        inside = there.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
+        inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
+        rays = np.zeros((*valid.shape, 4), dtype=np.float32)
+        rays[valid, :3], rays[valid, 3] = points_rig, inside
+        self._rays.write(rays)
         seen = self._surfaces.render(after.world_from_rig, after.world_from_movers)
-        distances_m = np.where(
-            surfaces.draws < 0, np.inf, np.sqrt(np.einsum("...i,...i", points_rig, points_rig))
-        )
+        draws = surfaces.draws[valid]
+        squared_m2 = np.where(draws < 0, np.inf, np.einsum("ni,ni->n", points_rig, points_rig))
         same = (seen.draws == surfaces.draws) & (seen.triangles == surfaces.triangles)
-        hidden = given & ~same & (seen.ranges_m < (1.0 - _NEARER) * distances_m)
-        fate = np.full(given.shape, NOTHING_SEEN, dtype=np.uint8)
-        fate[surfaces.valid] = OUTSIDE
-        fate[given] = VISIBLE
-        fate[hidden] = HIDDEN
+        nearer = seen.ranges_m[valid] < (1.0 - _NEARER) * np.sqrt(squared_m2)
+        fate = np.where(inside, VISIBLE, OUTSIDE)
+        fate[inside & nearer & ~same[valid]] = HIDDEN
         return fate
 
 

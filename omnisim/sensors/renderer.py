@@ -14,18 +14,15 @@ from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS,
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.frames import check_pose
-from omnisim.gpu.capture_pass import Capture, LensCapture, MirrorMeshCapture
 from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.degradation_pass import DegradationPass
-from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.pipeline import Picture, Pipeline, SubFrame, check_picture_size
+from omnisim.gpu.face_plan import FacePlan, whole_faces
+from omnisim.gpu.pipeline import Pipeline, check_picture_size
 from omnisim.ground_truth import check_channels
-from omnisim.mirrors import tessellate
 from omnisim.scene import Scene
-from omnisim.sensors.degradations.picture_geometry import PictureGeometry
-from omnisim.sensors.degradations.random_numbers import key_of
+from omnisim.sensors.capturing import capture_of, faces_of
 from omnisim.sensors.ground_truth import GroundTruth
-from omnisim.sensors.motion import Motion, moved_px
+from omnisim.sensors.imperfect_camera import ImperfectCamera
+from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import OnStage, Stage
@@ -64,9 +61,10 @@ class Renderer(OnStage):
         seed: int | str = 0,
     ):
         self.camera = OmniCamera() if camera is None else camera
-        self.seed = seed
+        self._imperfect = ImperfectCamera(self.camera, seed)
         self._unlit = unlit
-        self._rendered = False
+        self._whole_cube: CubePass | None = None
+        self._last_view: View | None = None
         self._ground_truth: GroundTruth | None = None
         super().__init__(scene, body, hidden, device)
 
@@ -74,11 +72,25 @@ class Renderer(OnStage):
         sensor, context = self.camera, stage.context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
-        self._cube = CubePass(
+        plan = faces_of(sensor, sensor.texels_per_pixel, sensor.face_size_px)
+        self._cube = self._cube_pass(stage, plan)
+        self._pipeline = Pipeline(
             context,
+            camera,
+            camera.rig_from_optical,
+            self._cube,
+            capture_of(stage, sensor, camera),
+            sensor.supersampling,
+            self._imperfect.make_pass(stage),
+        )
+
+    def _cube_pass(self, stage: Stage, plan: FacePlan) -> CubePass:
+        sensor = self.camera
+        return CubePass(
+            stage.context,
             stage.buffers,
             stage.surfaces,
-            plan_faces(camera, camera.rig_from_optical, sensor.face_size_px),
+            plan,
             sensor.near_m,
             sensor.far_m,
             sensor.samples,
@@ -86,38 +98,11 @@ class Renderer(OnStage):
             self.scene.background,
             self.hidden,
         )
-        capture: Capture
-        if sensor.polygons is None:
-            capture = LensCapture(context, camera)
-        else:
-            mesh = tessellate(camera.mirror, sensor.polygons)
-            capture = MirrorMeshCapture(context, camera, mesh)
-        self._pipeline = Pipeline(
-            context,
-            camera,
-            camera.rig_from_optical,
-            self._cube,
-            capture,
-            sensor.supersampling,
-            self._degradation_pass(stage),
-        )
 
     def _forget(self) -> None:
+        self._whole_cube = None
         del self._cube, self._pipeline
         self._ground_truth = None
-
-    def _degradation_pass(self, stage: Stage) -> DegradationPass | None:
-        degradation, camera = self.camera.degradation, self.camera.camera
-        if degradation.is_ideal:
-            return None
-        geometry = PictureGeometry.of_camera(camera)
-        return DegradationPass(
-            stage.context,
-            (geometry.width_px, geometry.height_px),
-            degradation.optics_steps(geometry),
-            degradation.sensor_steps(geometry, key_of("noise", self.seed)),
-            degradation.encoding_step(geometry),
-        )
 
     def render(
         self,
@@ -163,10 +148,9 @@ class Renderer(OnStage):
             if self.camera.degradation.is_ideal:
                 picture = self._pipeline.render(world_from_rig, linear, moving)
             else:
-                picture, told = self._degraded(
-                    self._sub_frames(base, motion, stage), linear, frame_number, exposure_ev
+                picture, metadata["degradation"] = self._imperfect.take(
+                    self._pipeline, stage, base, movers, linear, motion, frame_number, exposure_ev
                 )
-                metadata["degradation"] = told
             channels, labels = {}, None
             if names:
                 truth = self._truth(stage, names)
@@ -178,7 +162,7 @@ class Renderer(OnStage):
                     )
                 channels = truth.channels(names, View(world_from_rig, moving), after)
                 labels = truth.labels
-        self._rendered = True
+        self._last_view = View(world_from_rig, moving)
         if "flow" in names:
             metadata["next_world_from_base"] = after_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels)
@@ -191,68 +175,22 @@ class Renderer(OnStage):
             stage.context.gc()
         return self._ground_truth
 
-    def _sub_frames(
-        self, world_from_base: NDArray[np.float64], motion: Motion | None, stage: Stage
-    ) -> list[SubFrame]:
-        """Where the camera is while the picture is taken."""
-        shutter, rig = self.camera.degradation.shutter, self.camera.base_from_rig
-        if shutter is None or motion is None or shutter.duration_s == 0.0:
-            base = world_from_base
-            return [SubFrame(base @ rig, stage.movers_at(base), None)]
-        camera = self.camera.camera
-        half_s = 0.5 * shutter.duration_s
-        ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
-        optical = [base @ self.camera.base_from_optical for base in ends]
-        count = shutter.sub_frame_count(moved_px(camera, optical))
-        weights = shutter.row_weights(count, camera.height_px)
-        poses = [check_pose(motion(float(time_s))) for time_s in shutter.times_s(count)]
-        if count == 1:
-            return [SubFrame(poses[0] @ rig, stage.movers_at(poses[0]), None)]
-        return [
-            SubFrame(base @ rig, stage.movers_at(base), share)
-            for base, share in zip(poses, weights, strict=True)
-        ]
-
-    def _degraded(
-        self,
-        sub_frames: list[SubFrame],
-        linear: bool,
-        frame_number: int,
-        exposure_ev: float | None,
-    ) -> tuple[Picture, dict[str, Any]]:
-        """The picture, and what is to be told of it."""
-        degradation = self.camera.degradation
-        told: dict[str, Any] = {"parameters": degradation.tables(), "sub_frames": len(sub_frames)}
-
-        def expose(luminance: float | None) -> dict[str, Any]:
-            ev = 0.0 if exposure_ev is None else exposure_ev
-            if degradation.exposure is not None:
-                metered_ev = degradation.exposure.metered_ev(luminance or 0.0)
-                ev = metered_ev if exposure_ev is None else exposure_ev
-                told["exposure"] = {"ev": ev, "metered_ev": metered_ev}
-            return {
-                "u_exposure_factors": degradation.exposure_factors(ev),
-                "u_frame": frame_number % 2**32,
-            }
-
-        metered = degradation.is_metered
-        picture = self._pipeline.render_degraded(sub_frames, expose, metered, linear)
-        if degradation.noise is not None:
-            told["noise"] = {"seed": self.seed, "frame_number": frame_number}
-        if degradation.jpeg is not None:
-            picture = picture._replace(rgba=degradation.jpeg.compressed(picture.rgba))
-        return picture, told
-
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
+
+        They are drawn for this: a frame draws of each face only what its picture looks up.
 
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
-        with self._current():
-            if not self._rendered:
+        with self._current() as stage:
+            if self._last_view is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
-            linear = {face.name: self._cube.read_face(face) for face in self._cube.plan.faces}
+            if self._whole_cube is None:
+                self._whole_cube = self._cube_pass(stage, whole_faces(self._cube.plan))
+            cube = self._whole_cube
+            cube.render(self._last_view.world_from_rig, self._last_view.world_from_movers)
+            linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
             for name, pixels in linear.items()

@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
+from omnisim.calibration import load_calibration
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
-from omnisim.errors import OpticsError, SensorFileError
+from omnisim.errors import CalibrationError, OpticsError, SensorFileError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.hyperbolic import (
     DEFAULT_RIM_RAD,
@@ -29,6 +30,7 @@ from omnisim.toml_file import Number, Table, parse_table, read_toml, word_or
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_SUPERSAMPLING = 8
+MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
@@ -93,6 +95,7 @@ class VirtualCameras(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = 2.5
     near_m: Positive = 0.05
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     samples: Literal[1, 2, 4, 8] = 1
@@ -116,23 +119,47 @@ class Camera(Table):
     height_px: Size = 360
     focal_length_px: FocalLength = "fit"
     principal_point_px: PrincipalPoint = "centre"
-    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 2
+    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 3
 
 
 class Lens(Table):
-    """Instead of the first and third group: a camera model by its own parameters."""
+    """Instead of the first and third group: a camera model by its own parameters, or a
+    calibration file, whose path is beside the sensor file's, a camera's name in it, and whether it
+    is mirrored.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    model: str
+    model: str | None = None
+    calibration: str | None = None
+    camera: str | None = None
     mounting: Mounting = Mounting()
 
-    def make_camera(self) -> CentralCamera:
-        """The camera of these parameters.
+    @model_validator(mode="after")
+    def _model_or_calibration(self) -> Lens:
+        if self.model is None and self.calibration is None:
+            raise ValueError("model: missing; want it, or calibration with the name of a file")
+        return self
+
+    def make_camera(self, folder: Path) -> CentralCamera:
+        """The camera of these parameters, or of the calibration file.
 
         Raises:
             OpticsError: naming the key and what was wanted.
+            CalibrationError: the calibration file cannot be read.
         """
+        others = sorted((self.__pydantic_extra__ or {}).keys() - {"mirrored"})
+        if self.calibration is not None:
+            if self.model is not None or others:
+                other = "model" if self.model is not None else others[0]
+                raise OpticsError(f"camera: {other}: calibration says it already: want one")
+            mirrored = (self.__pydantic_extra__ or {}).get("mirrored")
+            if mirrored is not None and type(mirrored) is not bool:
+                raise OpticsError(f"camera: mirrored = {mirrored!r}: want true or false")
+            found = load_calibration(folder / self.calibration, mirrored=mirrored)
+            return found.camera(self.camera).camera
+        if self.camera is not None:
+            raise OpticsError("camera: camera: is a name in a calibration file: want calibration")
         parameters = {"model": self.model, **(self.__pydantic_extra__ or {})}
         camera = camera_from_parameters(parameters)
         known = camera.parameters()
@@ -183,7 +210,9 @@ class SensorFile(Table):
         """
         if self.lens is not None:
             try:
-                return self.lens.make_camera()
+                return self.lens.make_camera(Path(self._source).parent)
+            except CalibrationError as reason:
+                raise SensorFileError(f"{self._source}: lens.calibration: {reason}") from None
             except OpticsError as reason:
                 words = str(reason).removeprefix("camera: ")
                 raise SensorFileError(f"{self._source}: lens.{words}") from None

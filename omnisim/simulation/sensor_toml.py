@@ -35,6 +35,7 @@ yaw_deg = {yaw!r}
 
 [virtual_cameras]
 size_px = {size}
+texels_per_pixel = {sensor.texels_per_pixel!r}
 near_m = {sensor.near_m!r}
 far_m = {float(sensor.far_m)!r}
 samples = {sensor.samples}

@@ -63,9 +63,16 @@ CHAPTERS = (
         "second_rasteriser.check",
         oracles=("pyrender",),
     ),
+    Chapter("quality", "Quality of the picture, and shimmer", "picture_quality.check"),
     Chapter("markers", "Markers through the whole pipeline", "calibration.check_markers"),
     Chapter(
         "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)
+    ),
+    Chapter(
+        "boards",
+        "Calibration files in the hands of others",
+        "boards.check",
+        oracles=("cv2.omnidir",),
     ),
     Chapter("orientation", "Orientation", "orientation.check"),
     Chapter("unwarping", "Unwarped views", "unwarping.check"),

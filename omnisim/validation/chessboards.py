@@ -48,6 +48,29 @@ def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
     return poses
 
 
+def board_poses_in_front(
+    count: int, largest_rad: float, seed: int = 7
+) -> list[NDArray[np.float64]]:
+    """Poses (4, 4) optical_from_board in front of a lens: centres evenly up to an angle, tilted."""
+    random = np.random.default_rng(seed)
+    poses = []
+    for index in range(count):
+        azimuth = 2.0 * math.pi * (index * 0.381966 + 0.03 * random.normal())
+        theta = largest_rad * math.sqrt((index + 0.5) / count)
+        across = math.sin(theta)
+        outward = np.array(
+            [across * math.cos(azimuth), across * math.sin(azimuth), math.cos(theta)]
+        )
+        side = np.cross([0.0, 1.0, 0.0], outward)
+        side /= np.linalg.norm(side)
+        facing = np.stack((side, np.cross(outward, side), outward), axis=1)
+        pose = np.eye(4)
+        pose[:3, :3] = facing @ rotation_from_roll_pitch_yaw(*random.uniform(-0.5, 0.5, 3))
+        pose[:3, 3] = outward * random.uniform(0.9, 1.4)
+        poses.append(pose)
+    return poses
+
+
 def board_scene() -> Scene:
     """One board with a white border in its own frame, unlit, on black."""
     columns, rows = PATTERN[0] + 1, PATTERN[1] + 1

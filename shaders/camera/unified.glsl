@@ -6,20 +6,26 @@ uniform vec2 u_focal_lengths_px;
 uniform vec2 u_principal_point_px;
 uniform float u_xi;
 uniform vec4 u_distortion;  // k1, k2, p1, p2
+uniform float u_k3;
 uniform float u_skew_px;
 uniform float u_radius_max;  // on the plane before distortion
 
 const int PLANE_STEPS = 8;
 
+float growth(float squared) {
+    return 1.0 + squared * (u_distortion.x + squared * (u_distortion.y + squared * u_k3));
+}
+
 // the radial part of the distortion, as a function of the radius before it
 float radius_from_theta(float radius) {
     float squared = radius * radius;
-    return radius * (1.0 + squared * (u_distortion.x + squared * u_distortion.y));
+    return radius * growth(squared);
 }
 
 float slope_from_theta(float radius) {
     float squared = radius * radius;
-    return 1.0 + squared * (3.0 * u_distortion.x + squared * 5.0 * u_distortion.y);
+    float above = 5.0 * u_distortion.y + squared * 7.0 * u_k3;
+    return 1.0 + squared * (3.0 * u_distortion.x + squared * above);
 }
 
 #include "camera/parts/theta_from_radius.glsl"
@@ -27,16 +33,14 @@ float slope_from_theta(float radius) {
 vec2 distort(vec2 plane) {
     float squared = dot(plane, plane);
     vec2 tangential = u_distortion.wz;
-    float growth = 1.0 + squared * (u_distortion.x + squared * u_distortion.y);
-    return plane * (growth + 2.0 * dot(tangential, plane)) + squared * tangential;
+    return plane * (growth(squared) + 2.0 * dot(tangential, plane)) + squared * tangential;
 }
 
 vec2 newton_step(vec2 plane, vec2 error) {
     float squared = dot(plane, plane);
     vec2 tangential = u_distortion.wz;
-    float growth = 1.0 + squared * (u_distortion.x + squared * u_distortion.y);
-    float bend = 2.0 * u_distortion.x + 4.0 * u_distortion.y * squared;
-    vec2 diagonal = growth + bend * plane * plane + 2.0 * dot(tangential, plane)
+    float bend = 2.0 * u_distortion.x + squared * (4.0 * u_distortion.y + 6.0 * u_k3 * squared);
+    vec2 diagonal = growth(squared) + bend * plane * plane + 2.0 * dot(tangential, plane)
         + 4.0 * tangential * plane;
     float mixed = bend * plane.x * plane.y + 2.0 * dot(tangential, plane.yx);
     float determinant = max(diagonal.x * diagonal.y - mixed * mixed, 1e-6);

@@ -1,6 +1,6 @@
 // vec3 color_from_ray(vec3 ray): what the virtual cameras saw in a direction, linear RGB.
 // The ray is in the optical frame, of any length. The faces stand beside each other in one atlas;
-// each was drawn a little wider than 90 degrees, so that no lookup crosses into its neighbour.
+// each was drawn a little wider than it is looked up, so that no lookup crosses into its neighbour.
 
 #include "capture/cube_faces.glsl"
 
@@ -23,6 +23,6 @@ vec3 color_from_ray(vec3 ray) {
     float texels = u_face_texels[face] * sqrt(max(squared, 1e-20));
     float level = clamp(log2(texels), 0.0, u_max_level);
 
-    tangent = clamp(tangent, -u_face_reach[face].x, u_face_reach[face].y);
+    tangent = clamp(tangent, u_face_window[face].xy, u_face_window[face].zw);
     return textureLod(u_atlas, u_face_tile[face].xy + tangent * u_face_tile[face].zw, level).rgb;
 }

@@ -42,7 +42,7 @@ float poisson(float mean, uint first, uint second) {
 void main() {
     uvec2 pixel = uvec2(gl_FragCoord.xy);
     vec4 value = texelFetch(u_picture, ivec2(pixel), 0);
-    for (int channel = 0; channel < 3; ++channel) {
+    for (int channel = 0; channel < 3 && value.a > 0.5; ++channel) {
         uvec4 hash = pcg4d(uvec4(pixel, u_frame, u_key + uint(channel)));
         float mean_e = max(value[channel], 0.0) * u_white_e + u_dark_e;
         float electrons = min(poisson(mean_e, hash.x, hash.y), u_full_well_e);

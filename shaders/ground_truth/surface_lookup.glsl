@@ -1,9 +1,9 @@
 // void emit(bool valid, vec3 ray): what the ray of a pixel hits, exactly; the ray in the optical
 // frame, of any length.
 //
-// The atlas says which triangles are seen around the ray. Those are cut with the ray itself, and
-// the nearest one counts: nothing is blended, no texel's edge is seen, and the distance is as
-// exact as floats are. "Here" has the world's axes and its origin in the viewpoint, metres.
+// The atlas says which triangles are seen around the ray. Those, and what lies beside them where the
+// ray just misses, are cut with the ray itself, and the nearest one counts: nothing is blended, no
+// texel's edge is seen, and the distance is as exact as floats are. "Here" has the world's axes and its origin in the viewpoint, metres.
 
 #include "capture/cube_faces.glsl"
 #include "scene/vertex_words.glsl"
@@ -11,17 +11,24 @@
 struct DrawRecord {
     vec4 here_from_mesh[3];    // rows
     vec4 normal_from_mesh[3];  // rows of the cofactors, see scene_buffers.py
-    uvec4 first_holed;         // first index, 1 where the material has holes, unused
+    uvec4 first_kind;          // first index, bits of the constants below, unused
 };
 layout(std430, binding = 2) readonly buffer Draws { DrawRecord draws[]; };
+layout(std430, binding = 3) readonly buffer Neighbours { uint neighbours[]; };
+
+const uint HOLED = 1u, DOUBLE_SIDED = 2u, MIRRORED = 4u;
+const uint NO_NEIGHBOUR = 0xFFFFFFFFu;
+const uint MOST_STEPS = 4u;  // over edges, from a triangle that the ray misses
 
 uniform usampler2D u_atlas;  // as visibility.frag writes it
 uniform mat3 u_here_from_optical;
 uniform vec2 u_depth_limits_m;  // near and far plane of the faces
 
 layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
-layout(location = 1) out uvec2 out_surface;  // as in the atlas
-layout(location = 2) out vec4 out_normal;    // here, unit; 1 where the pixel is valid
+layout(location = 1) out uvec2 out_surface;  // as in the atlas; 0, 1: a ray that hits nothing
+#ifdef NORMALS
+layout(location = 2) out vec4 out_normal;  // here, unit
+#endif
 #ifdef ALBEDO
 uniform sampler2D u_albedos;
 layout(location = 3) out vec4 out_albedo;
@@ -41,12 +48,21 @@ ivec2 step_to(uint place) {
 struct Triangle {
     vec3 a, b, c;  // corners, here
     vec3 normal;   // of its plane, towards the viewpoint, not of unit length
+    bool turned;   // its corners run clockwise, seen from the viewpoint
 };
 
 struct Cut {
     float missed_rad;  // how far outside of the triangle the ray passes; negative: inside
     float range;       // to the triangle's plane
     vec3 weights;      // of the corners, not normalised
+    uint beyond;       // the corner opposite to the edge that it passes
+};
+
+struct Found {
+    uvec2 surface;
+    float range;
+    vec3 weights;  // of the corners, not normalised
+    vec3 normal;   // of the plane, towards the viewpoint, not of unit length
 };
 
 vec3 here_at(uint number, uint index) {
@@ -58,50 +74,56 @@ vec3 here_at(uint number, uint index) {
 }
 
 Triangle triangle_of(uvec2 surface) {
-    uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
+    uint number = surface.x - 1u, first = draws[number].first_kind.x + 3u * surface.y;
     Triangle t;
     t.a = here_at(number, first);
     t.b = here_at(number, first + 1u);
     t.c = here_at(number, first + 2u);
     t.normal = cross(t.b - t.a, t.c - t.a);
-    t.normal *= dot(t.normal, t.a) > 0.0 ? -1.0 : 1.0;
+    t.turned = dot(t.normal, t.a) > 0.0;
+    t.normal *= t.turned ? -1.0 : 1.0;
     return t;
 }
 
+#ifdef NORMALS
 // As scene/surface.frag has it: the interpolated normal, or the plane's, of the side that is seen.
-vec3 normal_of(uvec2 surface, Triangle t, vec3 weights) {
-    uint number = surface.x - 1u, first = draws[number].first_holed.x + 3u * surface.y;
-    vec3 mesh = weights.x * normal_at(vertex_at(first)) +
-                weights.y * normal_at(vertex_at(first + 1u)) +
-                weights.z * normal_at(vertex_at(first + 2u));
+vec3 normal_of(Found hit) {
+    uint number = hit.surface.x - 1u;
+    uint first = draws[number].first_kind.x + 3u * hit.surface.y;
+    // of any length: the weights need not be normalised
+    vec3 mesh = hit.weights.x * normal_at(vertex_at(first)) +
+                hit.weights.y * normal_at(vertex_at(first + 1u)) +
+                hit.weights.z * normal_at(vertex_at(first + 2u));
     vec3 smooth_normal = vec3(
         dot(draws[number].normal_from_mesh[0].xyz, mesh),
         dot(draws[number].normal_from_mesh[1].xyz, mesh),
         dot(draws[number].normal_from_mesh[2].xyz, mesh));
-    vec3 normal = dot(smooth_normal, smooth_normal) > 0.0 ? smooth_normal : t.normal;
-    return normalize(normal * (dot(normal, t.normal) < 0.0 ? -1.0 : 1.0));
+    vec3 normal = dot(smooth_normal, smooth_normal) > 0.0 ? smooth_normal : hit.normal;
+    return normalize(normal * (dot(normal, hit.normal) < 0.0 ? -1.0 : 1.0));
 }
+#endif
 
 // An edge and the viewpoint span a plane; the ray's sine to it tells the side that it passes on.
 // Differences of corners, which are exact enough where the corners themselves are far away.
 Cut cut(Triangle t, vec3 ray) {
     vec3 ab = cross(t.a, t.b - t.a), bc = cross(t.b, t.c - t.b), ca = cross(t.c, t.a - t.c);
     vec3 sides = vec3(dot(ray, bc), dot(ray, ca), dot(ray, ab));
-    // the viewpoint is on the normal's side: a ray that comes in passes all edges on one side
-    float side = dot(cross(t.b - t.a, t.c - t.a), t.a) > 0.0 ? 1.0 : -1.0;
-    sides *= side;
+    sides *= t.turned ? 1.0 : -1.0;  // a ray that hits passes all edges on this side
     vec3 missed = -sides * inversesqrt(max(vec3(dot(bc, bc), dot(ca, ca), dot(ab, ab)), 1e-30));
     Cut result;
     result.missed_rad = max(max(missed.x, missed.y), missed.z);
     result.range = dot(t.normal, t.a) / min(dot(t.normal, ray), -1e-30);
     result.weights = sides;
+    result.beyond = missed.x >= max(missed.y, missed.z) ? 0u : (missed.y >= missed.z ? 1u : 2u);
     return result;
 }
 
 void emit(bool valid, vec3 ray) {
     out_hit = vec4(u_here_from_optical * normalize(ray), INFINITE);
-    out_surface = uvec2(0u);
-    out_normal = vec4(0.0, 0.0, 0.0, valid ? 1.0 : 0.0);
+    out_surface = uvec2(0u, valid ? 1u : 0u);
+#ifdef NORMALS
+    out_normal = vec4(0.0);
+#endif
 #ifdef ALBEDO
     out_albedo = vec4(0.0);
 #endif
@@ -111,7 +133,7 @@ void emit(bool valid, vec3 ray) {
     vec3 rig = u_rig_from_optical * ray;
     int face = face_of(rig);
     vec3 local = u_face_from_rig[face] * rig;
-    vec2 tangent = clamp(local.xy / local.z, -1.0, 1.0);
+    vec2 tangent = clamp(local.xy / local.z, u_face_window[face].xy, u_face_window[face].zw);
     vec4 tile = u_face_tile[face] * vec2(textureSize(u_atlas, 0)).xyxy;
     ivec2 own_texel = ivec2(floor(tile.xy + tangent * tile.zw));
     uvec2 own = texelFetch(u_atlas, own_texel, 0).xy;
@@ -119,12 +141,10 @@ void emit(bool valid, vec3 ray) {
     vec3 here = u_here_from_optical * ray;
     vec2 limits = u_depth_limits_m / local.z;  // along the ray
     bool beside_nothing = own.x == 0u;
-    uvec2 surface = uvec2(0u);  // the nearest that the ray hits
-    Cut hit;
-    Triangle hit_triangle;
-    uvec2 missed = uvec2(0u);  // what it misses by least
-    Cut miss;
-    Triangle missed_triangle;
+    Found hit, miss;  // the nearest that the ray hits; what it misses by least
+    hit.surface = miss.surface = uvec2(0u);
+    hit.range = INFINITE;
+    float least_rad = 1.0;
     // which texels around its own show something else, bit by bit
     uint candidates = own.x == 0u ? 0u : 1u << OWN;
     uvec2 before = own;
@@ -134,56 +154,68 @@ void emit(bool valid, vec3 ray) {
         if (seen.x != 0u && seen != own && seen != before) candidates |= 1u << place;
         before = seen;
     }
-    while (candidates != 0u) {
-        uint place = uint(findLSB(candidates));
-        candidates &= candidates - 1u;
-        uvec2 seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+    uvec2 beside = uvec2(0u);  // what is beyond the edge by which the last one was missed
+    uint steps = 0u;
+    while (candidates != 0u || beside.x != 0u) {
+        uvec2 seen = beside;
+        bool is_neighbour = beside.x != 0u;
+        bool is_own = false;
+        if (!is_neighbour) {
+            uint place = uint(findLSB(candidates));
+            candidates &= candidates - 1u;
+            seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+            is_own = place == OWN;
+            steps = 0u;
+        }
+        beside = uvec2(0u);
+        uvec2 first_kind = draws[seen.x - 1u].first_kind.xy;
         // what has holes shows where its own texel says so
-        if (place != OWN && draws[seen.x - 1u].first_holed.y != 0u) continue;
+        if ((first_kind.y & HOLED) != 0u && !is_own) continue;
         Triangle t = triangle_of(seen);
+        bool is_back = t.turned != ((first_kind.y & MIRRORED) != 0u);
+        if (is_neighbour && is_back && (first_kind.y & DOUBLE_SIDED) == 0u) continue;
         Cut found = cut(t, here);
+        if (found.missed_rad >= EDGE_RAD && steps < MOST_STEPS) {
+            uint next = neighbours[first_kind.x + 3u * seen.y + found.beyond];
+            if (next != NO_NEIGHBOUR) beside = uvec2(seen.x, next);
+            ++steps;
+        }
         if (found.range < limits.x || found.range > limits.y) continue;
         if (found.missed_rad < EDGE_RAD) {
-            if (surface.x == 0u || found.range < hit.range) {
-                surface = seen;
-                hit = found;
-                hit_triangle = t;
-            }
-        } else if (missed.x == 0u || found.missed_rad < miss.missed_rad) {
-            missed = seen;
-            miss = found;
-            missed_triangle = t;
+            if (found.range < hit.range) hit = Found(seen, found.range, found.weights, t.normal);
+        } else if (found.missed_rad < least_rad) {
+            least_rad = found.missed_rad;
+            // the point of the triangle that is nearest to the ray, more or less
+            vec3 weights = max(found.weights, vec3(0.0));
+            weights /= max(weights.x + weights.y + weights.z, 1e-30);
+            float range = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
+            miss = Found(seen, range, weights, t.normal);
         }
     }
     // A triangle too small to show in any texel: the one beside it that the ray misses by least.
-    bool is_missed = surface.x == 0u;
-    if (is_missed) {
-        if (beside_nothing || missed.x == 0u) return;
-        surface = missed;
+    if (hit.surface.x == 0u) {
+        if (beside_nothing || miss.surface.x == 0u) return;
         hit = miss;
-        hit_triangle = missed_triangle;
-    }
-    vec3 weights = max(hit.weights, vec3(0.0));
-    weights /= max(weights.x + weights.y + weights.z, 1e-30);
-    if (is_missed) {
-        hit.range = length(weights.x * hit_triangle.a + weights.y * hit_triangle.b +
-                           weights.z * hit_triangle.c);
     }
     out_hit = vec4(hit.range * here, hit.range);
-    out_surface = surface;
-    out_normal.xyz = normal_of(surface, hit_triangle, weights);
+    out_surface = hit.surface;
+#ifdef NORMALS
+    out_normal = vec4(normal_of(hit), 1.0);
+#endif
 #ifdef ALBEDO
+    // that of the nearest texel that shows it
     ivec2 shown = own_texel;
     float closest = 9.0;
     vec2 at = tile.xy + tangent * tile.zw - vec2(own_texel) - 0.5;
-    for (uint place = 0u; place < PLACES; ++place) {
+    for (uint place = hit.surface == own ? PLACES : 0u; place < PLACES; ++place) {
         ivec2 step = step_to(place);
         vec2 away = vec2(step) - at;
-        if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == surface) {
+        if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == hit.surface) {
             closest = dot(away, away);
             shown = own_texel + step;
         }
     }
-    out_albedo = texelFetch(u_albedos, shown, 0);
+    vec3 root = texelFetch(u_albedos, shown, 0).rgb;
+    out_albedo = vec4(root * root, 1.0);
 #endif
 }

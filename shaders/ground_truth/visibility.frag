@@ -1,6 +1,6 @@
 // Which triangle a texel of the cube shows: 1 + the number of its draw (0: nothing), and its number
 // in the draw. With HOLES only where alpha reaches the cutoff: a blended surface has one, too. With
-// ALBEDO also the plain base colour, linear.
+// ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
 #version 430 core
 
 uniform uint u_draw_plus_one;
@@ -30,6 +30,6 @@ void main() {
 #endif
     out_surface = uvec2(u_draw_plus_one, uint(gl_PrimitiveID));
 #ifdef ALBEDO
-    out_albedo = vec4(min(color.rgb, vec3(65504.0)), 1.0);  // the largest half float
+    out_albedo = vec4(sqrt(color.rgb), 1.0);
 #endif
 }

@@ -54,6 +54,16 @@ def test_perspective_is_opencv():
     _assert_same(camera, points, pixels)
 
 
+def test_a_pinhole_with_five_coefficients_is_opencv():
+    camera = CAMERA_EXAMPLES["unified-pinhole-with-k3"]
+    points = _points(math.radians(45.0))
+    points = points[camera.pixel_from_ray(points).valid]
+    assert len(points) > 1000
+    coefficients = np.array(camera.distortion)
+    pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), coefficients)
+    _assert_same(camera, points, pixels)
+
+
 def test_kannala_brandt_is_opencv_in_front():
     camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
     points = _points(math.radians(80.0))  # past 90° OpenCV is wrong
@@ -95,6 +105,33 @@ def test_unified_is_opencv_omnidir(name):
         points[:, None], NO_TURN, NO_TURN, _matrix(camera), camera.xi, np.array(camera.distortion)
     )
     _assert_same(camera, points, pixels)
+
+
+@pytest.mark.parametrize(
+    ("name", "xi", "gamma"),
+    [
+        ("hyperbolic-paper", lambda c: c.mirror.xi, lambda c: c.unified_focal_length_px),
+        ("parabolic", lambda c: 1.0, lambda c: c.horizon_radius_px),
+        (
+            "elliptic",
+            lambda c: 2.0 * c.eccentricity / (1.0 + c.eccentricity**2),
+            lambda c: c.focal_length_px * (1.0 - c.eccentricity**2) / (1.0 + c.eccentricity**2),
+        ),
+    ],
+)
+def test_mirrors_are_opencv_omnidir_in_a_mirrored_frame(name, xi, gamma):
+    camera = CAMERA_EXAMPLES[name]
+    omnidir = getattr(_cv2(), "omnidir", None)
+    if omnidir is None:
+        pytest.skip("OpenCV without its contributed modules has no omnidir")
+    points = _points(0.99 * camera.theta_max_rad if name == "elliptic" else math.radians(100.0))
+    frame = np.diag([-1.0, -1.0, -1.0] if name == "elliptic" else [1.0, 1.0, -1.0])
+    u, v = camera.principal_point_px
+    matrix = np.array([[gamma(camera), 0.0, u], [0.0, gamma(camera), v], [0.0, 0.0, 1.0]])
+    pixels, _ = omnidir.projectPoints(
+        points[:, None], NO_TURN, NO_TURN, matrix, xi(camera), np.zeros(4)
+    )
+    _assert_same(camera, points @ frame, pixels)
 
 
 @pytest.mark.parametrize("name", ["equirectangular", "equirectangular-odd"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
-from omnisim.gpu.capture_pass import Emit, LensCapture, MirrorMeshCapture
+from omnisim.gpu.capture_pass import Emit, LensCapture, MirrorMeshCapture, searches_for_rays
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import HyperbolicMirror, tessellate
 from omnisim.mirrors.mesh_error import mesh_error
@@ -33,6 +33,24 @@ def _at_the_edge_of_the_domain(camera, within_px=0.01):
     steps = within_px * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     around = camera.ray_from_pixel(pixels[..., None, :] + steps).valid
     return around.any(axis=-1) & ~around.all(axis=-1)
+
+
+def test_rays_that_are_searched_for_are_kept_and_the_same(context):
+    """A picture of what lies in each direction, with kept rays and without."""
+    searched = {name for name, camera in CAMERA_EXAMPLES.items() if searches_for_rays(camera.model)}
+    assert {"kannala-brandt-tum-vi", "unified-kitti-360", "radial-table"} <= searched
+    assert not {"hyperbolic-paper", "perspective", "eucm", "equisolid-full-sphere"} & searched
+    camera = CAMERA_EXAMPLES["kannala-brandt-to-its-fold"]
+    kept = np.frombuffer(_kept(LensCapture(context, camera)).read(), np.float32)
+    kept = kept.reshape(camera.height_px, camera.width_px, 4)
+    rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit=Emit.RAY))
+    np.testing.assert_array_equal(kept[..., :3], rays)
+    np.testing.assert_array_equal(kept[..., 3] > 0.5, valid)
+    assert _kept(LensCapture(context, CAMERA_EXAMPLES["eucm"])) is None
+
+
+def _kept(capture):
+    return capture._stored_rays
 
 
 def _mesh_error_px(context, polygons):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
-from omnisim.cube import face_index
+from omnisim.cube import face_index, face_tangents
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.face_plan import plan_faces, whole_faces
 from omnisim.mirrors import HyperbolicMirror
 
 
@@ -50,10 +50,9 @@ def test_tiles_do_not_overlap_and_keep_to_mip_texels(face_size_px):
     step = 1 << plan.max_level
     used = np.zeros((plan.height_px, plan.width_px), dtype=int)
     for face in plan.faces:
-        assert face.left_px % step == face.top_px % step == face.tile_px % step == 0
-        assert face.margin_px >= step
-        assert face.tile_px - face.size_px - face.margin_px >= step
-        bottom, right = face.top_px + face.tile_px, face.left_px + face.tile_px
+        numbers = (face.left_px, face.top_px, *face.first_px, *face.tile_px)
+        assert all(number % step == 0 for number in numbers)
+        right, bottom = face.left_px + face.tile_px[0], face.top_px + face.tile_px[1]
         used[face.top_px : bottom, face.left_px : right] += 1
     assert used.max() == 1
     if face_size_px:
@@ -76,3 +75,35 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
         seen = face_index(rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T)
         planned = {face.index for face in plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP).faces}
         assert set(seen.tolist()) <= planned
+
+
+@pytest.mark.parametrize("theta_max_deg", [50.0, 105.0, 120.0, 150.0])
+def test_every_ray_of_the_picture_is_inside_of_its_tile_with_a_mip_texel_to_spare(theta_max_deg):
+    mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
+    camera = HyperbolicCamera.framed_on_rim(mirror, 200, 200)
+    plan = plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP)
+    rays = camera.ray_from_pixel(pixel_grid(200, 200))
+    seen = rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T
+    faces = face_index(seen)
+    for face in plan.faces:
+        spare = 2.0 * (1 << plan.max_level) / face.size_px
+        tangents = face_tangents(seen[faces == face.index], face.index)
+        first, last = face.tangents
+        assert np.all((tangents >= first + spare - 1e-9) & (tangents <= last - spare + 1e-9))
+
+
+def test_a_side_face_is_drawn_only_as_high_as_the_rim_reaches():
+    """To √2 tan(θ_max − 90°) at the corners; one sample of the grid and the margin to spare."""
+    plan = _plan(105.0)
+    front = next(face for face in plan.faces if face.name == "front")
+    highest = math.sqrt(2.0) * math.tan(math.radians(15.0))
+    margin = 2.0 * (1 << plan.max_level) * 2.0 / front.size_px
+    top = -front.tangents[0, 1]
+    assert highest <= top <= highest + 2.0 / 32.0 + margin
+
+
+def test_whole_faces_are_drawn_to_their_edges():
+    plan = whole_faces(_plan(105.0))
+    for face in plan.faces:
+        assert np.all(face.tangents[0] < -1.0)
+        assert np.all(face.tangents[1] > 1.0)

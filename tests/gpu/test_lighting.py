@@ -1,14 +1,11 @@
 """The light of the shader against its NumPy twin, at every pixel of a floor."""
 
-import re
-
 import numpy as np
 import pytest
 
 from omnisim.cameras import pixel_grid
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.resources import SHADERS
-from omnisim.scene.model import MAX_LIGHTS, Light, Lighting, LightKind, Material, Mesh
+from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from omnisim.scene.punctual_lights import _illuminance
 from omnisim.sensors import OmniCamera, Renderer
 from tests.scenes import scene_of
@@ -76,8 +73,3 @@ def test_light_on_a_floor(light, pose, normals):
     assert from_front.mean() > 0.5
     # half floats, and a filter over a texel where the light changes fast
     np.testing.assert_allclose(shown[near][:, 0], AMBIENT + EXPOSURE * lit, rtol=0.02, atol=0.004)
-
-
-def test_both_halves_have_room_for_as_many_lamps():
-    text = (SHADERS / "scene" / "lighting.glsl").read_text(encoding="utf-8")
-    assert int(re.search(r"MAX_LIGHTS = (\d+)", text)[1]) == MAX_LIGHTS

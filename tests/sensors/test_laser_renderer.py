@@ -146,15 +146,16 @@ def test_the_last_triangle_counts(count):
     assert scan.hit[right]
 
 
-def test_scenes_past_the_limit_of_the_gpu_are_refused(context):
+def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
     from types import SimpleNamespace
 
     from omnisim.gpu.range_pass import RangePass
 
     small = SimpleNamespace(info={"GL_MAX_SHADER_STORAGE_BLOCK_SIZE": 100})
     buffers = SceneBuffers(context, scene_of([room()]))
+    monkeypatch.setattr(buffers, "_context", small)
     with pytest.raises(GraphicsError, match="320 bytes: to scan them this GPU allows 100"):
-        RangePass(small, buffers, np.zeros(1))
+        RangePass(context, buffers, np.zeros(1))
 
 
 def test_one_beam_is_a_scanner_too():

@@ -292,7 +292,7 @@ def test_picture_is_the_users_to_write_on():
 
 def test_more_than_fits_is_said():
     with pytest.raises(GraphicsError, match=r"smaller$"):
-        Renderer(scene_of([room()]), OmniCamera(face_size_px=5400))
+        Renderer(scene_of([room()]), OmniCamera(face_size_px=7000))
 
 
 def test_closed_renderer_says_so():
@@ -352,7 +352,7 @@ def test_faces_and_their_unfolding():
 
 
 def test_limits_of_the_gpu_are_said():
-    with pytest.raises(GraphicsError, match="a capture of 60000 × 60000 px: this GPU takes at"):
+    with pytest.raises(GraphicsError, match="a capture of 90000 × 90000 px: this GPU takes at"):
         Renderer(scene_of([room()]), OmniCamera().resized(30000))
     with pytest.raises(GraphicsError, match="size_px smaller"):
         Renderer(scene_of([room()]), OmniCamera(face_size_px=20000))
@@ -391,8 +391,8 @@ def test_metadata_describes_camera_and_pose():
 def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
     """Three captures to a side of a pixel, or a picture three times as large: the same light."""
     scene = scene_of([room()])
-    coarse = OmniCamera(polygons=polygons, supersampling=3).resized(120)
-    fine = OmniCamera(polygons=polygons, supersampling=1).resized(360)
+    coarse = OmniCamera(polygons=polygons, supersampling=3, texels_per_pixel=3.0).resized(120)
+    fine = OmniCamera(polygons=polygons, supersampling=1, texels_per_pixel=1.0).resized(360)
     with Renderer(scene, coarse) as one, Renderer(scene, fine) as other:
         mean = one.render(np.eye(4), linear=True)
         blocks = other.render(np.eye(4), linear=True)
@@ -409,3 +409,18 @@ def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
 def test_supersampling_has_bounds(supersampling):
     with pytest.raises(OpticsError, match="want 1 to 8"):
         OmniCamera(supersampling=supersampling)
+
+
+@pytest.mark.parametrize("texels_per_pixel", [0.0, 9.0, float("nan")])
+def test_texels_per_pixel_have_bounds(texels_per_pixel):
+    with pytest.raises(OpticsError, match=r"texels_per_pixel.*want 0.25 to 8"):
+        OmniCamera(texels_per_pixel=texels_per_pixel)
+
+
+def test_faces_are_whole_although_a_frame_draws_only_what_it_looks_up():
+    scene = scene_of([room()])
+    with Renderer(scene, OmniCamera().resized(120)) as renderer:
+        renderer.render(np.eye(4))
+        faces = renderer.faces()
+    for pixels in faces.values():
+        assert (pixels.max(axis=-1) > 0).all()

@@ -12,7 +12,15 @@ def test_documented_default_file_is_the_default():
     documented, default = OmniCamera.from_file(DEFAULT_SENSOR_FILE), OmniCamera()
     assert documented.camera == default.camera
     np.testing.assert_array_equal(documented.base_from_rig, default.base_from_rig)
-    for name in ("polygons", "face_size_px", "near_m", "far_m", "samples", "supersampling"):
+    for name in (
+        "polygons",
+        "face_size_px",
+        "near_m",
+        "far_m",
+        "samples",
+        "supersampling",
+        "texels_per_pixel",
+    ):
         assert getattr(documented, name) == getattr(default, name)
 
 

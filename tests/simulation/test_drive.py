@@ -283,7 +283,15 @@ def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
         sensor.camera.mirror.theta_max_rad, abs=1e-12
     )
     np.testing.assert_allclose(again.base_from_rig, sensor.base_from_rig, atol=1e-12)
-    for name in ("polygons", "face_size_px", "near_m", "far_m", "samples", "supersampling"):
+    for name in (
+        "polygons",
+        "face_size_px",
+        "near_m",
+        "far_m",
+        "samples",
+        "supersampling",
+        "texels_per_pixel",
+    ):
         assert getattr(again, name) == getattr(sensor, name)
     assert again.camera.focal_length_px == sensor.camera.focal_length_px
     assert again.camera.principal_point_px == sensor.camera.principal_point_px
@@ -339,7 +347,7 @@ def test_force_leaves_no_other_run_s_pictures(scene, vehicle, whole, tmp_path):
 
 def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
     drive = Drive(scene, with_cameras(vehicle, 100_000, "same"), ROUTE)
-    with pytest.raises(GraphicsError, match="200000 × 200000 px"):
+    with pytest.raises(GraphicsError, match="300000 × 300000 px"):
         next(drive.plan().record(tmp_path / "run"))
     assert not (tmp_path / "run").exists()
 

@@ -59,7 +59,7 @@ def test_built_in_robots_are_whole():
 def test_the_pioneer():
     pioneer = Vehicle.load("p2at")
     assert pioneer.camera("omnicam").origin_m.tolist() == [-0.08, 0.0, 0.65]
-    assert pioneer.camera().sensor.supersampling == 2
+    assert pioneer.camera().sensor.supersampling == 3
     laser = pioneer.scanner("lms200")
     assert laser.scanner == LaserScanner.lms200()
     np.testing.assert_array_equal(laser.base_from_scanner, pose((0.160, 0.0, 0.361)))

@@ -1,5 +1,7 @@
 """Each chapter of the proof holds; and does not when the geometry is bent on purpose."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,19 @@ def test_a_wrong_mirror_is_found_out(key, bench, monkeypatch):
         HyperbolicMirror, "half_angle_ratio", property(lambda self: 1.02 * true(self))
     )
     assert _missed(key, bench)
+
+
+def test_a_wrong_calibration_file_is_found_out(bench, monkeypatch):
+    """The file's focal length is half a percent off the picture's."""
+    from omnisim.calibration import calibration_of
+    from omnisim.validation.checks import boards
+
+    pinhole = boards.lenses()[0]
+    focal_px = 1.005 * pinhole.camera.focal_length_px
+    wrong = dataclasses.replace(pinhole.camera, focal_length_px=focal_px)
+    monkeypatch.setattr(boards, "lenses", lambda: (pinhole,))
+    monkeypatch.setattr(boards, "calibration_of", lambda camera: calibration_of(wrong))
+    assert _missed("boards", bench)
 
 
 def test_a_mirrored_picture_is_found_out(bench, monkeypatch):

@@ -12,6 +12,8 @@
 The light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
 Auto-exposure works as an iris does: motion blur keeps the shutter's time. It follows what the
 picture before asked for, as a filter of first order: the typical values are assumptions.
+
+Source: ISO 12232 and APEX, for stops; the 18 % of a grey card is photography's convention.
 """
 
 from __future__ import annotations

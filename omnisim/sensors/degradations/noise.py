@@ -48,7 +48,7 @@ class Noise(Parameters):
     """Every pixel and colour: electrons, Poisson; read noise, normal; whole numbers, clipped.
 
     The result is brought back to linear values in which white is 1. It may be below 0 where there
-    is a black level: clipping there would brighten the dark.
+    is a black level: clipping there would brighten the dark. Outside of the mask there is no noise.
     """
 
     full_well_e: Annotated[Positive, Field(ge=10.0, le=1e7)] = 20_000.0
@@ -122,7 +122,8 @@ class Noise(Parameters):
         numbers = np.floor(electrons / gain + black + np.float32(0.5))
         numbers = np.clip(numbers, np.float32(0.0), np.float32(self.largest_dn))
         result = picture.copy()
-        result[..., :3] = ((numbers - black) * gain - dark_e) / white_e
+        seen = picture[..., 3] > 0.5
+        result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
         return result
 
 

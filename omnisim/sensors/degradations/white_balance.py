@@ -4,6 +4,8 @@
 | --- | --- | --- |
 | response | relative signals of R, G and B pixels in the scene's light | 0.6, 1, 0.7 (assumed) |
 | gains | factors of R, G, B after demosaicking; "grey": undo `response` | "grey" |
+
+Source: von Kries' diagonal model of adaptation, 1902, which cameras' channel gains are.
 """
 
 from __future__ import annotations

@@ -52,7 +52,12 @@ def check(bench: Bench) -> Findings:
     pair = _trace(scene, sensor, pose, samples)
     exact = _linear(bench, scene, sensor, pose)
     mesh = _linear(bench, scene, sensor.with_polygons(1024), pose)
-    fine = _linear(bench, scene, dataclasses.replace(sensor, supersampling=FINE), pose)
+    fine = _linear(
+        bench,
+        scene,
+        dataclasses.replace(sensor, supersampling=FINE, texels_per_pixel=float(FINE)),
+        pose,
+    )
     shifts = displacements(_grey(pair.traced), _grey(fine), pair.inside)
     lengths = np.linalg.norm(shifts.shifts_px, axis=1)
     markers = _marker_distances(bench, sensor.resized(SIZE_PX), pose)

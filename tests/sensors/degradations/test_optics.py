@@ -142,3 +142,18 @@ def test_jpeg_loses_more_at_low_quality_and_keeps_the_mask():
         errors.append(np.abs(out.astype(int) - rgba).mean())
     assert errors == sorted(errors)
     assert errors[0] < 1.0 < errors[-1]
+
+
+@pytest.mark.parametrize("pattern", ["RGGB", "BGGR", "GRBG", "GBRG"])
+def test_bilinear_demosaicking_is_opencv_s(context, pattern):
+    """OpenCV names a pattern by its second row's second and third pixel."""
+    cv2 = pytest.importorskip("cv2")
+    code = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}[pattern]
+    raw = np.random.default_rng(5).integers(0, 65536, (64, 64), dtype=np.uint16)
+    expected = cv2.cvtColor(raw, getattr(cv2, f"COLOR_Bayer{code}2RGB"))
+    picture = _dark()
+    picture[..., :3] = raw[..., None] / np.float32(65536.0)
+    drawn = on_gpu(context, [picture], sensor=Bayer(pattern, "bilinear").steps(SQUARE))
+    # OpenCV rounds to whole steps of 2⁻¹⁶, and repeats its outermost pixels
+    inner = np.s_[1:-1, 1:-1]
+    assert np.abs(drawn[inner][..., :3] * 65536.0 - expected[inner]).max() <= 1.0

@@ -1,0 +1,153 @@
+"""One scene through every camera model, as a page: make gallery.
+
+The page says what the modules of the models say, so that nothing is written twice; the camera of a
+picture is the first example of its model in `tests/camera_examples.py`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import io
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from omnisim import OmniCamera, Renderer  # noqa: E402
+from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
+from omnisim.cameras.domain import Domain, domain  # noqa: E402
+from omnisim.scene import load_scene  # noqa: E402
+from tests.camera_examples import CAMERA_EXAMPLES  # noqa: E402
+
+FOLDER = ROOT / "omnisim" / "cameras" / "gallery"
+SCENE = "courtyard"
+VIEWPOINT_M = (0.6, -0.5, 1.2)  # off the middle: a picture that is turned or mirrored shows it
+YAW_DEG = 40.0
+LONGER_SIDE_PX = 400
+SUPERSAMPLING = 4
+LARGEST_BYTES = 40_000
+SHEET = "all.jpg"
+COLUMNS, CELL_PX, LABEL_PX = 5, 190, 20
+OUTSIDE = (24, 24, 28)  # where a camera sees nothing
+
+
+def gallery_cameras() -> dict[str, CentralCamera]:
+    """A camera of each model, in the order of `CAMERA_MODELS`."""
+    first: dict[str, CentralCamera] = {}
+    for camera in CAMERA_EXAMPLES.values():
+        first.setdefault(camera.model, camera)
+    return {
+        model: first[model].scaled(
+            LONGER_SIDE_PX / max(first[model].width_px, first[model].height_px)
+        )
+        for model in CAMERA_MODELS
+    }
+
+
+def page(cameras: dict[str, CentralCamera]) -> str:
+    """The gallery's README."""
+    parts = [
+        "# Gallery\n\n"
+        f"The scene `{SCENE}` from one place, through every camera model. Made by `make gallery`: "
+        "what is written here is written in the models' own files. Lenses look ahead, mirrors are "
+        "looked up at; letters can be read in the one and are mirrored in the other.\n\n"
+        f"![all models]({SHEET})\n"
+    ]
+    for model, camera in cameras.items():
+        module = inspect.getmodule(type(camera))
+        title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
+        seen = domain(camera)
+        parts.append(
+            f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_in_words(seen)} "
+            f"{_as_here(camera)}\n\n{text}\n"
+        )
+    return "\n".join(parts)
+
+
+def _in_words(seen: Domain) -> str:
+    degrees = [
+        math.degrees(angle)
+        for angle in (
+            seen.horizontal_rad, seen.vertical_rad, seen.theta_max_rad, seen.theta_limit_rad
+        )
+    ]  # fmt: skip
+    wide, high, largest, limit = (f"{angle + 0.0:.1f}°" for angle in degrees)
+    return (
+        f"In this picture: {wide} × {high}, up to θ = {largest}, on {100.0 * seen.covered:.1f} % "
+        f"of the pixels; the model ends at {limit}."
+    )
+
+
+def _as_here(camera: CentralCamera) -> str:
+    told = ", ".join(
+        f"{key} = {_short(value)}" for key, value in camera.parameters().items() if key != "model"
+    )
+    return f"Its camera: `{told}`."
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_short, value)) + "]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def picture_of(camera: CentralCamera) -> Image.Image:
+    """The scene through a camera."""
+    sensor = OmniCamera(camera, polygons=None, supersampling=SUPERSAMPLING)
+    with Renderer(load_scene(SCENE), sensor) as renderer:
+        frame = renderer.render(sensor.base_pose(VIEWPOINT_M, YAW_DEG))
+    pixels = np.where(frame.valid[..., None], frame.rgb, np.uint8(OUTSIDE))
+    return Image.fromarray(pixels)
+
+
+def _save(picture: Image.Image, path: Path, largest_bytes: int) -> None:
+    """As good a JPEG as fits."""
+    for quality in range(90, 20, -4):
+        data = io.BytesIO()
+        picture.save(data, "JPEG", quality=quality, optimize=True)
+        if data.tell() <= largest_bytes:
+            break
+    path.write_bytes(data.getvalue())
+
+
+def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
+    rows = math.ceil(len(pictures) / COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * CELL_PX, rows * (CELL_PX + LABEL_PX)), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    for at, (model, picture) in enumerate(pictures.items()):
+        left, top = at % COLUMNS * CELL_PX, at // COLUMNS * (CELL_PX + LABEL_PX)
+        small = picture.copy()
+        small.thumbnail((CELL_PX - 8, CELL_PX - 8), Image.Resampling.LANCZOS)
+        place = (
+            left + (CELL_PX - small.width) // 2,
+            top + LABEL_PX + (CELL_PX - small.height) // 2,
+        )
+        sheet.paste(small, place)
+        draw.text((left + CELL_PX // 2, top + LABEL_PX // 2), model, "black", font, anchor="mm")
+    return sheet
+
+
+def main() -> None:
+    """Render all pictures and write the page; with --page only that."""
+    FOLDER.mkdir(exist_ok=True)
+    cameras = gallery_cameras()
+    (FOLDER / "README.md").write_text(page(cameras), encoding="utf-8")
+    if sys.argv[1:] == ["--page"]:
+        return
+    pictures = {}
+    for model, camera in cameras.items():
+        pictures[model] = picture_of(camera)
+        _save(pictures[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
+        print(f"{model}: {camera.width_px} × {camera.height_px} px")
+    _save(_sheet(pictures), FOLDER / SHEET, 4 * LARGEST_BYTES)
+    print(f"{FOLDER.relative_to(ROOT)}: {len(pictures)} models")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""The ray table: where each pixel looks from and to, as numbers that need no camera model.
+
+An EXR file of 32-bit floats, one value for each pixel's centre, first row at the top:
+
+| channel | unit | what |
+| --- | --- | --- |
+| direction.X, .Y, .Z | – | unit vector, optical frame: x right, y down, z forward |
+| origin.X, .Y, .Z | m | a point that the ray passes through, same frame; 0 for central cameras |
+| valid | 0 or 1 | the pixel sees something; where it is 0 the direction means nothing |
+
+The file's attributes say the same: `omnisim:frame`, `omnisim:unit`, `omnisim:pixel`. The camera
+that it was made of, and where it was, are in ImageDescription as JSON, as in omnisim's pictures. A
+mirror that is drawn as a mesh has the exact mirror's rays here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim import __version__
+from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.errors import OutputError
+from omnisim.image_files import read_channels, write_channels
+
+AXES = "XYZ"
+ATTRIBUTES = {
+    "omnisim:frame": "optical: x right, y down, z forward, or into the mirror",
+    "omnisim:unit": "metres; directions are unit vectors",
+    "omnisim:pixel": "a value is that of the pixel's centre; the first row is the top one",
+}
+BAND_PIXELS = 1 << 20  # rows are looked at in bands, so that what is in between stays small
+UNIT_WITHIN = 1e-5  # a hundred times a float's rounding
+
+
+@dataclass(frozen=True, eq=False)
+class RayTable:
+    """The rays of a picture's pixels.
+
+    Attributes:
+        directions: (height, width, 3) float32, unit vectors where valid, optical frame.
+        origins_m: (height, width, 3) float32, points on the rays, optical frame.
+        valid: (height, width) the pixel sees something.
+        metadata: what the file says of its camera; empty where it says nothing.
+    """
+
+    directions: NDArray[np.float32]
+    origins_m: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    metadata: dict[str, Any]
+
+
+def ray_table(camera: CentralCamera) -> RayTable:
+    """The rays of all pixels of a camera."""
+    size = (camera.height_px, camera.width_px)
+    directions = np.empty((*size, 3), dtype=np.float32)
+    valid = np.empty(size, dtype=bool)
+    step = max(1, BAND_PIXELS // camera.width_px)
+    for first in range(0, camera.height_px, step):
+        rows = slice(first, first + step)
+        pixels = pixel_grid(camera.width_px, len(valid[rows])) + (0.0, first)
+        directions[rows], valid[rows] = camera.ray_from_pixel(pixels)
+    metadata = {"omnisim": __version__, "camera": camera.parameters()}
+    return RayTable(directions, np.zeros_like(directions), valid, metadata)
+
+
+def write_ray_table(
+    path: str | Path, camera: CentralCamera, metadata: dict[str, Any] | None = None
+) -> None:
+    """Write the rays of a camera.
+
+    Args:
+        path: of the EXR file.
+        camera: the camera.
+        metadata: what else there is to say, where the camera was, say.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written; nothing is left of it then.
+    """
+    table = ray_table(camera)
+    channels: dict[str, NDArray[Any]] = {}
+    for at, axis in enumerate(AXES):
+        channels[f"direction.{axis}"] = table.directions[..., at]
+    for at, axis in enumerate(AXES):
+        channels[f"origin.{axis}"] = table.origins_m[..., at]
+    channels["valid"] = table.valid
+    write_channels(Path(path), channels, {**(metadata or {}), **table.metadata}, ATTRIBUTES)
+
+
+def read_ray_table(path: str | Path) -> RayTable:
+    """Read a ray table, ours or somebody else's.
+
+    Raises:
+        OutputError: the file is missing or no EXR, or naming the channel that is missing or makes
+            no sense.
+    """
+    path = Path(path)
+    found = read_channels(path)
+    directions, origins = (
+        np.stack([_channel(path, found.values, f"{name}.{axis}") for axis in AXES], axis=-1)
+        for name in ("direction", "origin")
+    )
+    valid = _channel(path, found.values, "valid") > 0.5
+    rays = np.concatenate((directions, origins), axis=-1)[valid]
+    lengths = np.linalg.norm(rays[:, :3].astype(np.float64), axis=-1)
+    off = np.abs(lengths - 1.0).max(initial=0.0)
+    if not (np.isfinite(rays).all() and off <= UNIT_WITHIN):
+        raise OutputError(
+            f"{path}: direction: want unit vectors where valid is 1"
+            + (f", one is off by {off:.3g}" if math.isfinite(off) else ", and finite numbers")
+        )
+    return RayTable(directions, origins, valid, found.metadata or {})
+
+
+def _channel(path: Path, values: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
+    if name not in values:
+        raise OutputError(f"{path}: no channel {name}: this is no ray table; it has "
+                          + ", ".join(sorted(values)))  # fmt: skip
+    return values[name]

@@ -1,0 +1,97 @@
+"""A mirror that somebody calibrated as if it were a lens: its rays with the depth turned round.
+
+Calibration tools want z > 0 in front of the camera, also where a camera looks up into a mirror and
+sees what is behind it. They are given (x, y, −z) then, a mirrored frame; this camera turns it back.
+The GLSL twin is the lens's own, and `MIRRORED` in `shaders/capture/lens.frag`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import CentralCamera, Pixels, Rays
+from omnisim.errors import OpticsError
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
+
+UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class MirroredCamera:
+    """A camera under a mirror, by the parameters of a lens.
+
+    Attributes:
+        lens: the lens whose rays are (x, y, −z) of this camera's.
+
+    Raises:
+        OpticsError: the lens is a mirror already.
+    """
+
+    lens: CentralCamera
+    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+
+    def __post_init__(self) -> None:
+        if not np.array_equal(self.lens.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD):
+            raise OpticsError(
+                f"camera: mirrored = true: model {self.lens.model!r} is a mirror already"
+            )
+
+    @classmethod
+    def of(cls, lens: CentralCamera, parameters: Mapping[str, Any]) -> CentralCamera:
+        """The lens itself, or mirrored where `parameters` say so.
+
+        Raises:
+            OpticsError: `mirrored` is neither true nor false.
+        """
+        mirrored = parameters.get("mirrored", False)
+        if type(mirrored) is not bool:
+            raise OpticsError(f"camera: mirrored = {mirrored!r}: want true or false")
+        return cls(lens) if mirrored else lens
+
+    @property
+    def width_px(self) -> int:
+        """Width of the picture."""
+        return self.lens.width_px
+
+    @property
+    def height_px(self) -> int:
+        """Height of the picture."""
+        return self.lens.height_px
+
+    @property
+    def model(self) -> str:
+        """Stem of the lens's files."""
+        return self.lens.model
+
+    @property
+    def principal_point_px(self) -> tuple[float, float]:
+        """(u, v) of the axis in the picture; its middle where the lens names none."""
+        middle = 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
+        return getattr(self.lens, "principal_point_px", middle)
+
+    def scaled(self, scale: float) -> MirroredCamera:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        return dataclasses.replace(self, lens=self.lens.scaled(scale))
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2); valid where the lens's are."""
+        rays = self.lens.ray_from_pixel(pixels_px)
+        return Rays(rays.directions * UPSIDE_DOWN, rays.valid)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid where the lens's are."""
+        return self.lens.pixel_from_ray(np.asarray(directions, dtype=np.float64) * UPSIDE_DOWN)
+
+    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+        """Values for the lens's GLSL file."""
+        return self.lens.uniforms()
+
+    def parameters(self) -> dict[str, float | int | str | list[float]]:
+        """The camera for the picture's metadata: the lens's, and `mirrored`."""
+        return {**self.lens.parameters(), "mirrored": True}

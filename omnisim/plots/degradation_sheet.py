@@ -1,0 +1,129 @@
+"""Every degradation and preset on one sheet: `python -m omnisim.plots.degradation_sheet FILE`.
+
+The first rows show each degradation alone, stronger than cameras usually have it, as a whole
+picture or as a part of a finer one with its pixels four times as large; what turns, turns left at
+120°/s. The last row shows the presets on a robot that drives and turns.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera
+from omnisim.errors import OmnisimError
+from omnisim.plots.contact_sheet import magnified, save_contact_sheet
+from omnisim.scene import load_scene
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors.degradations import (
+    Bayer,
+    ChromaticAberration,
+    Defocus,
+    Degradation,
+    Dirt,
+    Encoding,
+    Exposure,
+    Jpeg,
+    Noise,
+    Reflectance,
+    Shutter,
+    Vignetting,
+    WhiteBalance,
+    preset,
+)
+from omnisim.sensors.motion import Twist
+from omnisim.sensors.stage import Stage
+
+SIDE_PX, FINE_PX, TIMES, COLUMNS = 240, 360, 4, 4
+PART = np.s_[22:82, 178:238]  # of the fine picture: a poster, desks, the blue goal, a line
+LEFT_TURN = Twist(angular_radps=(0.0, 0.0, math.radians(120.0)))
+DRIVING = Twist((0.6, 0.0, 0.0), (0.0, 0.0, math.radians(40.0)))
+
+WHOLE = {
+    "ideal": Degradation(),
+    "reflectance 0.7, warm tint": Degradation(reflectance=Reflectance(0.7, (1.0, 0.93, 0.8))),
+    "dust and scratches": Degradation(
+        dirt=Dirt(140, 1.7, 0.7, 18, 0.5, 80.0, 0.5, dust_glow=0.05, scratch_glow=0.8)
+    ),
+    "vignetting, cos⁴ to 30°": Degradation(vignetting=Vignetting.cos4(math.tan(math.pi / 6.0))),
+    "exposure +1.5 EV": Degradation(exposure=Exposure(1.5)),
+    "auto-exposure, target 0.06": Degradation(exposure=Exposure(auto=True, target=0.06)),
+    "white balance of lamplight": Degradation(
+        white_balance=WhiteBalance((1.0, 0.8, 0.5), (1.0, 1.0, 1.0))
+    ),
+    "gamma 1": Degradation(encoding=Encoding(1.0)),
+    "gamma 2.2, 3 bits": Degradation(encoding=Encoding(2.2, 3)),
+    "exposure 50 ms, turning left": Degradation(shutter=Shutter(0.05)),
+}
+PARTS = {
+    "ideal": Degradation(),
+    "defocus 1 to 3 px": Degradation(defocus=Defocus(1.0, 3.0)),
+    "red +1 %, blue −1 %": Degradation(chromatic_aberration=ChromaticAberration(1.01, 0.99)),
+    "noise: full well of 500 e⁻": Degradation(noise=Noise(500.0, None, 3.0, bit_depth=10)),
+    "read noise 60 of 3000 e⁻": Degradation(noise=Noise(3000.0, None, 60.0, 0.0, 60.0, 10)),
+    "Bayer mosaic RGGB": Degradation(bayer=Bayer(demosaic="none")),
+    "demosaicked bilinearly": Degradation(bayer=Bayer(demosaic="bilinear")),
+    "demosaicked by Malvar": Degradation(bayer=Bayer()),
+    "noise, then Malvar": Degradation(noise=Noise(500.0, None, 3.0), bayer=Bayer()),
+    "JPEG, quality 50": Degradation(jpeg=Jpeg(50)),
+    "JPEG, quality 10": Degradation(jpeg=Jpeg(10)),
+    "exposure 50 ms, turning": Degradation(shutter=Shutter(0.05)),
+}
+AHEAD = {
+    "perspective lens": Degradation(),
+    "rolling shutter, turning left": Degradation(shutter=Shutter(readout_s=0.06)),
+}
+PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
+
+
+def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.uint8]]]:
+    """Titles and pictures of every degradation and preset.
+
+    Raises:
+        OmnisimError: there is no such scene, or no OpenGL.
+    """
+    scene = load_scene(scene_name)
+    mirror, fine = OmniCamera().resized(SIDE_PX), OmniCamera().resized(FINE_PX)
+    lens = OmniCamera(
+        PerspectiveCamera.with_field_of_view(SIDE_PX, SIDE_PX, math.radians(80.0)), polygons=None
+    )
+    start, yaw_deg = scene.start.position_m, scene.start.yaw_deg
+    tiles = []
+    with Stage(scene) as stage:
+
+        def taken(camera: OmniCamera, degradation: Degradation, twist: Twist) -> NDArray[np.uint8]:
+            pose = camera.base_pose(start, yaw_deg)
+            with Renderer(stage, camera.with_degradation(degradation)) as renderer:
+                return renderer.render(pose, motion=twist.through(pose)).rgb
+
+        for title, degradation in WHOLE.items():
+            tiles.append((title, taken(mirror, degradation, LEFT_TURN)))
+        for title, degradation in AHEAD.items():
+            tiles.append((title, taken(lens, degradation, LEFT_TURN)))
+        for title, degradation in PARTS.items():
+            part = taken(fine, degradation, LEFT_TURN)[PART]
+            tiles.append((f"{title}, ×{TIMES}", magnified(part, TIMES)))
+        for name in PRESETS:
+            tiles.append((f"preset {name}, driving", taken(mirror, preset(name), DRIVING)))
+    return tiles
+
+
+def main(arguments: list[str]) -> int:
+    """Write the sheet to the file that is named; the exit status."""
+    if len(arguments) != 1:
+        print("usage: python -m omnisim.plots.degradation_sheet FILE", file=sys.stderr)
+        return 2
+    try:
+        save_contact_sheet(Path(arguments[0]), degradation_tiles(), COLUMNS)
+    except OmnisimError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

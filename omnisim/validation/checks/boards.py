@@ -1,0 +1,173 @@
+"""Chessboards in pictures by every model that OpenCV has, and the calibration file beside them."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.calibration import calibration_of
+from omnisim.cameras import (
+    CentralCamera,
+    HyperbolicCamera,
+    KannalaBrandtCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+)
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.plots.style import gallery
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.validation.check import Bench, Findings, Measure, Picture
+from omnisim.validation.chessboards import (
+    PATTERN,
+    board_corners_m,
+    board_poses,
+    board_poses_in_front,
+    board_scene,
+)
+from omnisim.validation.oracles import omnidir, opencv_projection
+
+RMS_BOUND_PX = 0.1
+LARGEST_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a depth of nothing
+LEAST_BOARDS = 3
+# With one sample a texel the boards' edges are jagged, which alone costs a corner 0.1 px.
+SAMPLES = 4
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera and how OpenCV is told of it.
+
+    Attributes:
+        name: in the report.
+        camera: it.
+        format: of its calibration file.
+        boards_up_to_rad: angle from the axis that the boards' middles reach.
+    """
+
+    name: str
+    camera: CentralCamera
+    format: str
+    boards_up_to_rad: float
+
+
+def lenses() -> tuple[Lens, ...]:
+    """One camera of each model that OpenCV has; published numbers where there are any."""
+    mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 800, 800)
+    narrow = math.radians(14.0)
+    return (
+        Lens(
+            "pinhole",
+            PerspectiveCamera.with_field_of_view(800, 600, math.radians(85.0)),
+            "opencv_pinhole",
+            narrow,
+        ),
+        Lens(
+            "pinhole with distortion",
+            UnifiedCamera(
+                800, 600, (540.0, 538.5), (402.25, 297.0), 0.0, (-0.25, 0.07, 1e-3, -5e-4)
+            ),
+            "opencv_pinhole",
+            narrow,
+        ),
+        Lens(  # TUM-VI cam0, at 1.5 times its size
+            "fisheye",
+            KannalaBrandtCamera(
+                512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
+                (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4),
+            ).scaled(1.5),
+            "opencv_fisheye",
+            math.radians(45.0),
+        ),
+        Lens(  # KITTI-360 image_02, at half its size
+            "omnidir with distortion",
+            UnifiedCamera(
+                1400, 1400, (1336.322, 1335.788), (716.943, 705.764), 2.213404750785489,
+                (0.016798, 1.654877, 4.222e-4, 4.246e-4),
+            ).scaled(0.5),
+            "opencv_omnidir",
+            math.radians(65.0),
+        ),
+        Lens("omnidir of a mirror", mirror, "opencv_omnidir", mirror.mirror.theta_max_rad),
+    )  # fmt: skip
+
+
+def check(bench: Bench) -> Findings:
+    """Find the corners in rendered pictures; project them by OpenCV with the saved calibration."""
+    count = LEAST_BOARDS if bench.is_quick else 10
+    measures, shown, facts = [], {}, {}
+    for lens in lenses():
+        off, boards, picture = _off_px(bench, lens, count)
+        rms = float(np.sqrt(np.mean(off**2))) if boards >= LEAST_BOARDS else math.nan
+        measures.append(Measure(f"{lens.name}: reprojection, RMS", rms, RMS_BOUND_PX, "px"))
+        facts[f"{lens.name}: boards"] = float(boards)
+        if picture is not None:
+            shown[lens.name] = picture
+    return Findings(
+        "Chessboards were rendered, their corners found by OpenCV, and the corners' true places "
+        "projected by OpenCV's own functions, which were told nothing but the calibration file "
+        "that omnisim saved in OpenCV's format; nothing was fitted.",
+        tuple(measures),
+        facts,
+        pictures=(
+            Picture("boards", gallery(shown, 3), "A board of each camera that OpenCV knows."),
+        ),
+    )
+
+
+def _off_px(
+    bench: Bench, lens: Lens, count: int
+) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
+    """Distances (n,) between corners found and projected, boards found, and one of them."""
+    camera = lens.camera
+    is_mirror = isinstance(camera, HyperbolicCamera)
+    rig_from_optical = camera.rig_from_optical
+    if is_mirror:
+        optical_from_boards = []
+        for rig_from_board in board_poses(count):
+            optical_from_board = np.eye(4)
+            optical_from_board[:3] = rig_from_optical.T @ rig_from_board[:3]
+            optical_from_boards.append(optical_from_board)
+    else:
+        optical_from_boards = board_poses_in_front(count, lens.boards_up_to_rad)
+    offs, shown = [np.empty(0)], None
+    sensor = OmniCamera(camera, polygons=None, samples=SAMPLES)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Renderer(board_scene(), sensor, unlit=True, device=bench.device) as renderer,
+    ):
+        path = Path(folder) / "calibration.yaml"
+        calibration_of(camera).save(path, lens.format)
+        for optical_from_board in optical_from_boards:
+            rig_from_board = np.eye(4)
+            rig_from_board[:3] = rig_from_optical @ optical_from_board[:3]
+            picture = renderer.render(np.linalg.inv(rig_from_board)).rgba
+            found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
+            points = board_corners_m() @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
+            in_file = points @ omnidir.OMNIDIR_FROM_OPTICAL if is_mirror else points
+            if found is None or not _can_be_projected(lens, in_file):
+                continue
+            projected = opencv_projection.project(path, lens.format, in_file)
+            offs.append(_distances_px(projected, found))
+            shown = picture[..., :3]
+    return np.concatenate(offs), len(offs) - 1, shown
+
+
+def _can_be_projected(lens: Lens, points: NDArray[np.float64]) -> bool:
+    theta = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
+    return lens.format != "opencv_fisheye" or bool(theta.max() <= LARGEST_FISHEYE_RAD)
+
+
+def _distances_px(
+    projected: NDArray[np.float64], found: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances (n,), whichever corner OpenCV began to count at, and which way round."""
+    columns, rows = PATTERN
+    grid = found.reshape(rows, columns, 2)
+    orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])
+    off = [np.linalg.norm(projected - order.reshape(-1, 2), axis=1) for order in orders]
+    return min(off, key=lambda one: float(one.sum()))

@@ -1,0 +1,158 @@
+"""Quality of the picture: against 256 samples a pixel, and shimmer over a slow pan."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import pixel_grid
+from omnisim.cube import FACE_NAMES, face_index, face_tangents
+from omnisim.perception import bilinear
+from omnisim.plots.style import gallery
+from omnisim.scene import Scene
+from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.validation.check import Bench, Findings, Measure, Picture
+from omnisim.validation.psnr import psnr_db
+
+SIZE_PX = 360
+# Plain bilinear, as other simulators take a picture of a cube: faces of this size, one look a pixel
+# between four texels.
+PLAIN_FACE_PX = 512
+FINEST = 8  # captures to a side of a pixel; four of those, shifted: 256 samples
+SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # of a capture
+QUICK_SHIFTS = SHIFTS[:2]
+PAN_STEPS, QUICK_PAN_STEPS = 3, 2
+PAN_STEP_DEG = 0.1  # a slow pan: a third of a pixel at the rim
+DETAIL = (slice(40, 160), slice(200, 350))
+BOUND_DB, SHIMMER_BOUND = 38.0, 1.0 / 3.0
+
+
+def check(bench: Bench) -> Findings:
+    """Compare default quality and plain bilinear with 256 samples a pixel, at rest and panning."""
+    return measure_quality(bench, bench.scene, bench.viewpoint_m)
+
+
+def measure_quality(
+    bench: Bench,
+    scene: Scene,
+    viewpoint_m: tuple[float, float, float],
+) -> Findings:
+    """The same in any scene, from a viewpoint (3,), world."""
+    sensor = OmniCamera(polygons=None).resized(SIZE_PX)
+    steps = QUICK_PAN_STEPS if bench.is_quick else PAN_STEPS
+    shifts = QUICK_SHIFTS if bench.is_quick else SHIFTS
+    headings_deg = 25.0 + PAN_STEP_DEG * np.arange(steps)
+    poses = [sensor.base_pose(viewpoint_m, heading) for heading in headings_deg]
+    with Stage(scene, device=bench.device) as stage:
+        truth = _truth(stage, sensor, poses, shifts)
+        ours = _taken(stage, sensor, poses)
+        plain = _plain(stage, dataclasses.replace(sensor, face_size_px=PLAIN_FACE_PX), poses)
+    seen = np.isfinite([truth[0], ours[0], plain[0]]).all(axis=(0, -1))
+    shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
+    samples = len(shifts) * FINEST**2
+    pictures = {
+        f"{samples} samples a pixel": truth[0],
+        "omnisim": ours[0],
+        "plain bilinear": plain[0],
+    }
+    return Findings(
+        f"The picture at default quality, {SIZE_PX} × {SIZE_PX} px, against {samples} samples a "
+        f"pixel; beside it a plain bilinear look into faces of {PLAIN_FACE_PX} px. Shimmer is how "
+        f"much the difference from them changes from one to the next of {steps} pictures, "
+        f"turned by {PAN_STEP_DEG}° each.",
+        (
+            Measure(
+                "default quality", psnr_db(ours[0], truth[0], seen), BOUND_DB, "dB", at_least=True
+            ),
+            Measure(
+                "shimmer, as a share of plain bilinear's", shimmer / plain_shimmer, SHIMMER_BOUND
+            ),
+        ),
+        facts={
+            "plain bilinear, dB": psnr_db(plain[0], truth[0], seen),
+            "shimmer, levels of 255": shimmer,
+            "plain bilinear's shimmer, levels of 255": plain_shimmer,
+        },
+        pictures=(
+            Picture(
+                "picture-quality",
+                gallery({name: _encoded(one[DETAIL]) for name, one in pictures.items()}, 3),
+                "A detail: edges and fine lines by many samples, by us, and by plain bilinear.",
+            ),
+        ),
+    )
+
+
+def _truth(
+    stage: Stage,
+    sensor: OmniCamera,
+    poses: list[NDArray[np.float64]],
+    shifts: tuple[tuple[float, float], ...],
+) -> list[NDArray[np.float64]]:
+    """Linear pictures of many samples a pixel, NaN where one of the captures sees nothing.
+
+    The texels are as fine as the samples, and drawn anew for each shift.
+    """
+    finest = dataclasses.replace(sensor, supersampling=FINEST, texels_per_pixel=float(FINEST))
+    total = [np.zeros((sensor.camera.height_px, sensor.camera.width_px, 3)) for _ in poses]
+    for shift in shifts:
+        centre = np.add(sensor.camera.principal_point_px, np.divide(shift, FINEST)).tolist()
+        camera = dataclasses.replace(sensor.camera, principal_point_px=tuple(centre))
+        taken = _taken(stage, dataclasses.replace(finest, camera=camera), poses)
+        total = [one + other for one, other in zip(total, taken, strict=True)]
+    return [one / len(shifts) for one in total]
+
+
+def _taken(
+    stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Linear pictures, NaN where nothing is seen."""
+    pictures = []
+    with Renderer(stage, sensor) as renderer:
+        for pose in poses:
+            frame = renderer.render(pose, linear=True)
+            assert frame.linear is not None
+            pictures.append(np.where(frame.valid[..., None], frame.linear, np.nan))
+    return pictures
+
+
+def _plain(
+    stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Linear pictures by a bilinear look into the faces at the middle of each pixel."""
+    camera = sensor.camera
+    rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    rig = rays.directions @ camera.rig_from_optical.T
+    index = face_index(rig)
+    tangents = face_tangents(rig, index)
+    pictures = []
+    with Renderer(stage, sensor) as renderer:
+        for pose in poses:
+            renderer.render(pose)
+            picture = np.full((*index.shape, 3), np.nan)
+            for name, pixels in renderer.faces().items():
+                here = index == FACE_NAMES.index(name)
+                places = 0.5 * len(pixels) * (tangents[here] + 1.0) - 0.5
+                linear = linear_from_srgb(pixels / 255.0)
+                for channel in range(3):
+                    picture[here, channel] = bilinear.sample(linear[..., channel], places)
+            pictures.append(picture)
+    return pictures
+
+
+def _shimmer(
+    pictures: list[NDArray[np.float64]], truth: list[NDArray[np.float64]], seen: NDArray[np.bool_]
+) -> float:
+    """RMS, in levels of 255, of how much a picture's error changes from one to the next."""
+    levels = [
+        255.0 * (srgb_from_linear(one[seen]) - srgb_from_linear(other[seen]))
+        for one, other in zip(pictures, truth, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.diff(levels, axis=0) ** 2)))
+
+
+def _encoded(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.rint(255.0 * srgb_from_linear(np.nan_to_num(picture))).astype(np.uint8)

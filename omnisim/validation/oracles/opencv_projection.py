@@ -1,0 +1,39 @@
+"""OpenCV's projections, told by nothing but a calibration file in OpenCV's own format.
+
+The file is read by `cv2.FileStorage`, as any program of OpenCV's would read it. A mirror's file is
+in a mirrored frame, see `omnidir`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def project(path: Path, format: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels (n, 2) of points (n, 3) in the frame of the file.
+
+    Args:
+        path: the file.
+        format: opencv_omnidir, opencv_fisheye or opencv_pinhole.
+        points: in metres, z forward.
+    """
+    import cv2
+
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    matrix = file.getNode("camera_matrix").mat()
+    distortion = file.getNode("distortion_coefficients").mat().ravel()
+    xi = file.getNode("xi").real() if format == "opencv_omnidir" else 0.0
+    file.release()
+    zero = np.zeros(3)
+    column = np.ascontiguousarray(points, dtype=np.float64)[:, None]
+    if format == "opencv_omnidir":
+        pixels, _ = cv2.omnidir.projectPoints(column, zero, zero, matrix, xi, distortion[:4])
+    elif format == "opencv_fisheye":
+        pixels, _ = cv2.fisheye.projectPoints(column, zero, zero, matrix, distortion[:4])
+    else:
+        pixels, _ = cv2.projectPoints(column, zero, zero, matrix, distortion)
+    found: NDArray[np.float64] = pixels.reshape(-1, 2)
+    return found

@@ -1,0 +1,143 @@
+"""What is wrong with a file: the file, the key, the value, and what was wanted, in one line."""
+
+import pytest
+
+from omnisim.calibration import fit, load_calibration
+from omnisim.errors import CalibrationError
+from tests.calibration.sample_files import FOLDER
+
+BAD = [
+    ("kalibr_tum_vi.yaml", "camera_model: pinhole", "camera_model: fisheye",
+     "cam0: camera_model = 'fisheye': want one of pinhole, omni, ds, eucm"),
+    ("kalibr_tum_vi.yaml", "distortion_model: equidistant", "distortion_model: equi",
+     "cam0: distortion_model = 'equi' with camera_model = 'pinhole': want radtan or equidistant"),
+    ("kalibr_tum_vi.yaml", "[190.97847715128717, ", "[",
+     "cam0: intrinsics: 3 numbers, .*: want 4: fu, fv, pu, pv"),
+    ("kalibr_tum_vi.yaml", "190.97847715128717,", "'190.97847715128717',",
+     r"cam0: intrinsics\.0 = '190.97847715128717': want a valid number"),
+    ("kalibr_tum_vi.yaml", "  resolution: [512, 512]\n", "", "cam0: resolution: missing"),
+    ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [512, 512.5]",
+     "resolution.1 = 512.5: want a whole number from 1 to 32768"),
+    ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [51, 51]",
+     r"cam0: centre \(254\.932, 256\.897\) of a picture of 51 × 51 px: want it in the picture"),
+    ("kalibr_tum_vi.yaml", "254.93170605935475", ".nan",
+     "intrinsics.2 = nan: want a finite number"),
+    ("kalibr_tum_vi.yaml", "[0.0, 0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0, 2.0]",
+     "cam0: T_cam_imu = .*: want a rotation and a translation"),
+    ("kalibr_tum_vi.yaml", "cam1:", "cam0:", "not YAML in line 15: key 'cam0' is there twice"),
+    ("kalibr_models.yaml", "intrinsics: [-0.2, 0.6,", "intrinsics: [-0.2, 1.6,",
+     "cam1: alpha = 1.6: want 0 to 1"),
+    ("kalibr_models.yaml", "intrinsics: [1.6,", "intrinsics: [-1.6,", "cam0: xi = -1.6: want ≥ 0"),
+    ("kalibr_models.yaml", "intrinsics: [0.6, 1.1,", "intrinsics: [0.6, -1.1,",
+     "cam2: beta = -1.1: want > 0"),
+    ("kitti360_image_02.yaml", "model_type: MEI", "model_type: SCARAMUZZA",
+     "model_type = 'SCARAMUZZA': want MEI, PINHOLE or KANNALA_BRANDT"),
+    ("kitti360_image_02.yaml", "   xi: 2.2134047507854890e+00\n", "   x: 1.0\n",
+     "mirror_parameters.xi: missing"),
+    ("opencv_fisheye.yaml", "rows: 4", "rows: 5", "distortion_coefficients: 4 numbers for 5 × 1"),
+    ("opencv_fisheye.yaml", "fisheye_model: 1\n", "",
+     "distortion_coefficients: 4 numbers, of a fisheye or of a pinhole camera: pass --format"),
+    ("opencv_fisheye.yaml", "camera_matrix:", "intrinsics:", "camera_matrix: missing"),
+    ("ocamcalib.txt", "5 -2.1", "6 -2.1",
+     "line 3: polynomial: says 6 coefficients and has 5"),
+    ("ocamcalib.txt", "-2.100075968610522e+02", "2.100075968610522e+02",
+     "polynomial = .*: want 1 to 8 coefficients, a0 < 0"),
+    ("ocamcalib.txt", "480 640", "480", "line 19: image size: 1 numbers: want 2"),
+    ("ocamcalib.txt", "0.999958", "1,0", "line 15: affine parameters: '1,0': want a number"),
+    ("basalt_tum_vi_ds.json", '"ds"', '"ds2"', "camera_type = 'ds2': want one of pinhole, ucm"),
+    ("basalt_tum_vi_ds.json", '"xi": -0.172131', '"k1": -0.172131',
+     "intrinsics = fx, fy, cx, cy, k1, alpha: want fx, fy, cx, cy, xi, alpha"),
+    ("basalt_tum_vi_ds.json", '"fx": 158.28600', '"fx": "158.28600"',
+     "intrinsics.fx = '158.28600': want a valid number"),
+    ("basalt_tum_vi_ds.json", '"value0": {', '"value0": {"intrinsics": [],',
+     "not JSON: key 'intrinsics' is there twice"),
+    ("colmap_cameras.txt", "SIMPLE_RADIAL 3072", "MODEL_T 3072",
+     "line 4: MODEL = MODEL_T: want one of SIMPLE_PINHOLE"),
+    ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536",
+     "line 5: PINHOLE: 3 numbers, .*: want 4: fx, fy, cx, cy"),
+    ("colmap_cameras.txt", "2048 1024 2048 1024", "2048 1024 2048 1000",
+     r"line 9: EQUIRECTANGULAR of \[2048.0, 1000.0\] in a picture of \(2048, 1024\)"),
+    ("colmap_cameras.txt", "2 PINHOLE", "1 PINHOLE", "two cameras are named '1'"),
+    ("transforms.json", '"OPENCV_FISHEYE"', '"ORTHOPHOTO"',
+     "camera_model = 'ORTHOPHOTO': want one of PINHOLE"),
+    ("transforms.json", '"fl_x": 1072.0,', "", "fl_x: missing"),
+    ("transforms.json", "[0.0, 0.0, -1.0, -2.0]", "[0.0, 0.0, -2.0, -2.0]",
+     "frames.0: transform_matrix = .*: want a rotation"),
+    ("woodscape_fv.json", '"k1": 339.749', '"k1": -339.749',
+     "intrinsic: coefficients_px = .*: want"),
+    ("woodscape_fv.json", '"aspect_ratio": 1.0', '"aspect_ratio": 1.1',
+     "intrinsic: aspect_ratio = 1.1: want 1"),
+    ("woodscape_fv.json", "0.5946970238045494, ", "", "extrinsic: quaternion: 3 numbers"),
+    ("gazebo.sdf", "<type>stereographic</type>", "<type>stereo</type>",
+     "stereographic: lens/type = 'stereo': want one of gnomonical"),
+    ("gazebo.sdf", "<fun>tan</fun>", "<fun>cot</fun>", "fisheye: fun = 'cot': want sin, tan or id"),
+    ("gazebo.sdf", "<c2>4</c2>", "<c2>four</c2>", "custom_function/c2 = 'four': want a number"),
+    ("gazebo.sdf", '<?xml version="1.0"?>', '<!DOCTYPE a [<!ENTITY b "c">]>',
+     "has a DOCTYPE: want XML without entities"),
+    ("gazebo.sdf", "</sdf>", "", "not XML: no element found"),
+    ("camera_info.yaml", "plumb_bob", "thin_prism",
+     "distortion_model = 'thin_prism': want plumb_bob, rational_polynomial or equidistant"),
+    ("foxglove.json", '"kannala_brandt"', '"fisheye62"',
+     "distortion_model = 'fisheye62': want one of plumb_bob"),
+    ("foxglove.json", "-0.0003]", "-0.0003, 1.0]", "D: 5 numbers, .*: want 4: k1, k2, k3, k4"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "old", "new", "words"), BAD)
+def test_what_is_wrong_is_said(name, old, new, words, tmp_path):
+    text = (FOLDER / name).read_text()
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new, 1))
+    with pytest.raises(CalibrationError, match=rf"{name}: (line|\w|\[).*") as info:
+        load_calibration(tmp_path / name)
+    assert info.match(words)
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "is an empty file"),
+        (b" \n\n", "is an empty file"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "not a text file"),
+        (b"hello\n", "no calibration that omnisim knows: want one of omnisim, kalibr"),
+        (b"[lens]\nmodel = 'x'\n", "this looks like a sensor file"),
+        (b"a: &a [*a]\n", "no calibration that omnisim knows"),
+    ],
+)
+def test_files_that_are_no_calibration(content, words, tmp_path):
+    (tmp_path / "file.yaml").write_bytes(content)
+    with pytest.raises(CalibrationError, match=rf"file\.yaml: .*{words}"):
+        load_calibration(tmp_path / "file.yaml")
+
+
+def test_a_file_of_another_format_is_named():
+    path = FOLDER / "colmap_cameras.txt"
+    with pytest.raises(
+        CalibrationError, match=r"this looks like a colmap file .*pass --format colmap"
+    ):
+        load_calibration(path, "kalibr")
+    with pytest.raises(CalibrationError, match="format 'kalbr': want one of"):
+        load_calibration(path, "kalbr")
+    with pytest.raises(CalibrationError, match="no camera 'cam0': want one of 1, 2, 3"):
+        load_calibration(path, camera="cam0")
+    with pytest.raises(CalibrationError, match=r"nothing\.yaml: cannot be read: No such file"):
+        load_calibration("nothing.yaml")
+    with pytest.raises(CalibrationError, match="cannot be read: Is a directory"):
+        load_calibration(FOLDER)
+
+
+def test_numbers_that_only_yaml_1_2_takes_for_numbers_are_read(tmp_path):
+    text = (FOLDER / "kalibr_tum_vi.yaml").read_text()
+    (tmp_path / "a.yaml").write_text(text.replace("0.0034823894022493434", "3.5e-3"))
+    (tmp_path / "b.yaml").write_text(text.replace("0.0034823894022493434", "35e-4"))
+    one, other = (load_calibration(tmp_path / f"{name}.yaml").cameras[0].camera for name in "ab")
+    assert one == other
+    assert one.coefficients[0] == 3.5e-3
+
+
+def test_a_lens_that_none_of_our_models_is_says_how_near_it_is(monkeypatch):
+    monkeypatch.setattr(fit, "_refined", lambda start, *arguments: start)  # quick, less near
+    calibration = load_calibration(FOLDER / "kalibr_fov.yaml")
+    (note,) = calibration.notes
+    assert note.startswith("fov is none of omnisim's models: read as kannala_brandt, RMS")

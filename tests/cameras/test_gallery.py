@@ -1,0 +1,38 @@
+"""The gallery says what the models say."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from omnisim.cameras import CAMERA_MODELS
+
+ROOT = Path(__file__).resolve().parents[2]
+MAKER = ROOT / ".ci" / "make_gallery.py"
+
+
+@pytest.fixture(scope="module")
+def maker():
+    if not MAKER.is_file():
+        pytest.skip("the gallery is a part of the checkout, not of the package")
+    spec = importlib.util.spec_from_file_location("make_gallery", MAKER)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_page_is_what_the_models_say_today(maker):
+    page = maker.page(maker.gallery_cameras())
+    renew = "make gallery renews it"
+    assert (maker.FOLDER / "README.md").read_text(encoding="utf-8") == page, renew
+    for part in ("\n\nDomain", "| parameter | unit | typical |", "Source:", "GLSL twin:"):
+        assert page.count(part) == len(CAMERA_MODELS), part
+
+
+def test_every_model_has_a_small_picture(maker):
+    for model, camera in maker.gallery_cameras().items():
+        path = maker.FOLDER / f"{model}.jpg"
+        assert path.stat().st_size <= maker.LARGEST_BYTES
+        with Image.open(path) as picture:
+            assert picture.size == (camera.width_px, camera.height_px)

@@ -1,0 +1,212 @@
+"""`omnisim calibration`, and `omnisim render --camera`, as a person uses them."""
+
+import numpy as np
+import pytest
+
+from omnisim.calibration import calibration_of, load_calibration
+from omnisim.cameras import MirroredCamera
+from omnisim.errors import SensorFileError
+from omnisim.image_files import read_image
+from omnisim.sensors import OmniCamera
+from omnisim.simulation.sensor_toml import sensor_toml
+from tests.calibration.sample_files import FOLDER
+from tests.camera_examples import CAMERA_EXAMPLES
+
+KITTI = FOLDER / "kitti360_image_02.yaml"
+TUM_VI = FOLDER / "kalibr_tum_vi.yaml"
+
+
+def test_convert_says_what_it_did(omnisim, tmp_path):
+    status, out, err = omnisim("calibration", "convert", TUM_VI, "--to", "colmap", "-o", "c.txt")
+    assert status == 0, err
+    assert "c.txt: COLMAP: cameras.txt" in out
+    assert "1 (was cam0): kannala_brandt, the same rays" in out
+    assert "note: 1: sees 115.6° from its axis: COLMAP's own projection ends at 90°" in err
+    assert "2 (was cam1): kannala_brandt, the same rays" in out
+    assert load_calibration(tmp_path / "c.txt").names == ["1", "2"]
+
+
+def test_convert_takes_one_camera_and_says_which(omnisim, tmp_path):
+    arguments = ("calibration", "convert", TUM_VI, "--to", "opencv_fisheye", "-o", "f.yaml")
+    status, out, err = omnisim(*arguments)
+    assert status == 0
+    assert "the first of 2 cameras, cam0: --camera-name takes another of cam0, cam1" in err
+    status, out, err = omnisim(*arguments, "--camera-name", "cam1")
+    assert status == 0
+    assert "the first" not in err
+    assert "cv2.fisheye's own projection is wrong past 90°" in err
+    assert "camera (was cam1): kannala_brandt, the same rays" in out
+    camera = load_calibration(tmp_path / "f.yaml").cameras[0].camera
+    assert camera.focal_lengths_px == (190.44236969414825, 190.4344384721956)
+
+
+def test_convert_states_the_residual(omnisim, tmp_path):
+    status, out, _ = omnisim(
+        "calibration", "convert", TUM_VI, "--to", "kalibr", "--model", "eucm",
+        "--camera-name", "cam0", "-o", "e.yaml",
+    )  # fmt: skip
+    assert status == 0
+    residual = load_calibration(tmp_path / "e.yaml").cameras[0].residual
+    assert f"eucm, fitted to kannala_brandt: RMS {residual.rms_px:.3g} px" in out
+    assert f"at most {residual.max_px:.3g} px" in out
+
+
+def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
+    sensor = OmniCamera(CAMERA_EXAMPLES["hyperbolic-paper"])
+    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    status, out, err = omnisim(
+        "calibration", "convert", "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml"
+    )
+    assert status == 0, err
+    assert "camera: unified in a mirrored frame, the same rays" in out
+    assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
+    status, _, err = omnisim("calibration", "show", "s.toml", "--camera-name", "x")
+    assert (status, "s.toml has one camera, without a name" in err) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        (KITTI, ["kitti360, 1 camera", "image_02", "unified", "1400 × 1400 px", "2.213404751",
+                 "field of view    198.2° × 197.9°", "116.86°", "86.8 %"]),
+        (TUM_VI, ["kalibr, 2 cameras", "cam0_from_imu", "512 × 512 px", "100.0 %"]),
+        (FOLDER / "transforms.json", ["world_from_images/frame_00002.jpeg"]),
+    ],
+)  # fmt: skip
+def test_show_says_what_a_camera_sees(omnisim, name, words):
+    status, out, err = omnisim("calibration", "show", name)
+    assert (status, err) == (0, "")
+    assert [word for word in words if word not in out] == []
+
+
+def test_show_of_a_mirror(omnisim, tmp_path):
+    calibration_of(CAMERA_EXAMPLES["parabolic"]).save(tmp_path / "m.yaml", "kalibr")
+    status, out, _ = omnisim("calibration", "show", "m.yaml")
+    assert status == 0
+    assert "from −z, as it looks into a mirror" in out
+    status, out, _ = omnisim("calibration", "show", "m.yaml", "--not-mirrored")
+    assert "mirror" not in out
+
+
+def test_the_formats_are_listed(omnisim):
+    status, out, _ = omnisim("calibration", "formats")
+    assert status == 0
+    assert all(word in out for word in ("camchain.yaml", "woodscape", "double_sphere", "*.sdf"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': want one of omnisim"),
+        (["convert", TUM_VI, "--to", "ros", "-o", "x"], "sees 115.6° from its axis"),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "no/x"], "the folder no does not exist"),
+        (["convert", "none.yaml", "--to", "ros", "-o", "x"], "none.yaml: cannot be read"),
+        (["convert", "empty.yaml", "--to", "ros", "-o", "x"], "empty.yaml: is an empty file"),
+        (["convert", TUM_VI, "--to", "ros", "-o", "x", "--camera-name", "c"], "no camera 'c'"),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "x", "--model", "gazebo"], "colmap has"),
+        (["show", TUM_VI, "--format", "colmap"], "looks like a kalibr file"),
+        (["show", "picture.png"], "picture.png"),
+    ],
+)
+def test_wrong_arguments_are_one_line(omnisim, tmp_path, arguments, words):
+    (tmp_path / "empty.yaml").touch()
+    status, out, err = omnisim("calibration", *arguments)
+    assert status == 1
+    assert words in err
+    assert len([line for line in err.splitlines() if line.startswith("error:")]) == 1
+    assert "Traceback" not in out + err
+    assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_published_calibrations_render(omnisim, tmp_path):
+    status, out, err = omnisim("render", "rings", "--camera", KITTI, "--size", 140, "-o", "k.png")
+    assert status == 0, err
+    assert "k.png: 140 × 140 px, exact" in out
+    pixels, metadata = read_image(tmp_path / "k.png")
+    assert metadata["camera"]["model"] == "unified"
+    assert metadata["camera"]["xi"] == 2.2134047507854890
+    assert pixels[70, 70].any()
+    assert not pixels[0, 0, :3].any()  # past the rim
+    status, _, err = omnisim(
+        "render", "rings", "--camera", TUM_VI, "--camera-name", "cam1", "--size", 128, "-o", "t.png"
+    )
+    assert (status, err) == (0, "")
+    # what was rendered says its calibration, and becomes a file again
+    status, out, err = omnisim("calibration", "convert", "t.png", "--to", "kalibr", "-o", "t.yaml")
+    assert status == 0, err
+    assert "cam0 (was camera): kannala_brandt, the same rays" in out
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_mirror_by_way_of_a_file_is_the_same_picture(omnisim, tmp_path):
+    arguments = ("render", "compass", "--size", 120)
+    calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(tmp_path / "m.yaml", "kalibr")
+    calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(
+        tmp_path / "kb.yaml", "kalibr", model="kannala_brandt"
+    )
+    assert omnisim(*arguments, "-n", "exact", "-o", "ours.png")[0] == 0
+    assert omnisim(*arguments, "--camera", "m.yaml", "-o", "file.png")[0] == 0
+    assert omnisim(*arguments, "--camera", "kb.yaml", "-o", "lens.png")[0] == 0
+    ours, by_file, by_lens = (
+        read_image(tmp_path / f"{name}.png")[0].astype(float) for name in ("ours", "file", "lens")
+    )
+    assert np.abs(ours - by_file).max() <= 1.0  # a colour's rounding
+    # of a lens that is fitted to it the edges are others by a little; mirrored, all would be
+    mirrored = np.mean(np.abs(ours - ours[:, ::-1]))
+    assert np.mean(np.abs(ours - by_lens)) < 0.1 * mirrored
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--camera", KITTI, "--sensor", "s.toml"], "--sensor and --camera both say"),
+        (["--camera-name", "cam0"], "--camera-name cam0: is for --camera"),
+        (["--camera", "s.toml"], "--camera s.toml: is a sensor file: pass it as --sensor"),
+        (["--mirrored"], "--mirrored: is for --camera"),
+        (["--camera", KITTI, "-n", "16"], "has no mirror with a mesh"),
+        (["--camera", TUM_VI, "--camera-name", "cam7"], "no camera 'cam7': want one of cam0, cam1"),
+        (["--camera", "none.yaml"], "none.yaml: cannot be read"),
+    ],
+)
+def test_wrong_cameras_to_render_by(omnisim, tmp_path, arguments, words):
+    status, _, err = omnisim("render", "courtyard", "-o", "x.png", *arguments)
+    assert status == 1
+    assert words in err
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_a_sensor_file_may_name_a_calibration(tmp_path):
+    (tmp_path / "camchain.yaml").write_text(TUM_VI.read_text())
+    text = (
+        '[lens]\ncalibration = "camchain.yaml"\ncamera = "cam1"\n[lens.mounting]\npitch_deg = 5.0\n'
+    )
+    (tmp_path / "s.toml").write_text(text)
+    sensor = OmniCamera.from_file(tmp_path / "s.toml")
+    assert sensor.camera == load_calibration(TUM_VI).cameras[1].camera
+    assert sensor.polygons is None
+    looks_up = text.replace("[lens.mounting]", "mirrored = true\n[lens.mounting]")
+    (tmp_path / "up.toml").write_text(looks_up)
+    assert OmniCamera.from_file(tmp_path / "up.toml").camera == MirroredCamera(sensor.camera)
+    # a drive's own copy stands for itself
+    (tmp_path / "copy.toml").write_text(sensor_toml(sensor))
+    assert OmniCamera.from_file(tmp_path / "copy.toml").camera == sensor.camera
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('calibration = "none.yaml"', r"s\.toml: lens\.calibration: .*none\.yaml: cannot be read"),
+        ('calibration = "c.yaml"\ncamera = "left"', "no camera 'left': want one of cam0, cam1"),
+        ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: calibration says it already: want one"),
+        ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: calibration says it already"),
+        ('model = "eucm"\ncamera = "cam0"', r"lens\.camera: is a name in a calibration file"),
+        ("", r"lens: model: missing; want it, or calibration"),
+    ],
+)
+def test_sensor_files_that_name_no_calibration(tmp_path, text, words):
+    (tmp_path / "c.yaml").write_text(TUM_VI.read_text())
+    (tmp_path / "s.toml").write_text(f"[lens]\n{text}\n")
+    with pytest.raises(SensorFileError, match=words) as info:
+        OmniCamera.from_file(tmp_path / "s.toml")
+    assert "\n" not in str(info.value)

@@ -1,0 +1,76 @@
+"""`omnisim render --also` and `omnisim drive --also`, as a user types them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from omnisim.image_files import read_channels
+
+SMALL = ["--size", "40"]
+
+
+def test_everything_in_one_exr(omnisim, tmp_path, needs_opengl):
+    status, out, err = omnisim(
+        "render", "soccer", *SMALL, "--also", "range,semantic,instance,normals,flow", "-o", "f.exr"
+    )
+    assert status == 0, err
+    assert err == ""
+    assert "also range, normals, semantic, instance, flow, occluded" in out
+    assert "flow to (-1.1, -0.5, 0.6) m at yaw 0°, 0.1 m ahead as no --next says" in out
+    found = read_channels(tmp_path / "f.exr")
+    assert {"R", "range", "normal.X", "semantic", "instance", "flow.U", "occluded"} <= set(
+        found.values
+    )
+    # soccer's walls and lawn are all around: nothing but what is outside of the mirror is infinite
+    assert np.isfinite(found.values["range"]).mean() > 0.7
+    assert {path.name for path in tmp_path.iterdir()} == {"f.exr", "f.coco.json"}
+
+
+def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
+    (tmp_path / "labels.toml").write_text(
+        '[[labels]]\nname = "grass"\nnodes = ["carpet"]\ncolor = [1, 2, 3]\n'
+    )
+    status, out, err = omnisim(
+        "render", "soccer", *SMALL, "--also", "semantic,flow", "--labels", "labels.toml",
+        "--next", -1.0, -0.5, 0.6, "--next-yaw", 5, "--preview", "-o", "f.png",
+    )  # fmt: skip
+    assert status == 0, err
+    assert "no label for 236 instances, such as" in err
+    assert "flow to (-1, -0.5, 0.6) m at yaw 5°\n" in out
+    told = json.loads((tmp_path / "f.channels.json").read_text())
+    assert told["labels"]["classes"][1] == {"id": 1, "name": "grass", "color": [1, 2, 3]}
+    assert told["channels"].keys() == {"semantic", "flow", "occluded"}
+    for name in ("semantic", "flow", "occluded"):
+        assert (tmp_path / f"f.{name}.png").is_file()
+        assert (tmp_path / f"f.{name}.preview.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--also", "rnage"], "channel 'rnage': there is no such channel; did you mean 'range'?"),
+        (["--also", ","], "--also ',': want names with commas"),
+        (["--next", "0", "0", "1"], "--next: is for the channel flow: want --also flow"),
+        (["--also", "range", "--next-yaw", "3"], "--next-yaw: is for the channel flow"),
+        (["--also", "range", "--labels", "x.toml"], "--labels: is for the channel semantic"),
+        (["--also", "semantic", "--labels", "x.toml"], "x.toml: cannot be read: No such file"),
+        (["--preview"], "--preview: shows channels: want --also"),
+        (["--also", "flow", "--next", "0", "0", "nan"], "want three finite numbers in metres"),
+    ],
+)
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, needs_opengl, arguments, words):
+    status, out, err = omnisim("render", "soccer", *SMALL, *arguments, "-o", "f.png")
+    assert status == 1
+    assert out == ""
+    assert err.count("\n") == 1
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_drive_refuses_channels_that_are_none(omnisim, tmp_path):
+    arguments = ["drive", "soccer", "--robot", "p2at", "--path", "lap", "-o", "run"]
+    status, _, err = omnisim(*arguments, "--also", "instances")
+    assert status == 1
+    assert "channel 'instances': there is no such channel; did you mean 'instance'?" in err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,38 @@
+"""Names of channels: as they are asked for, and as people mistype them."""
+
+import pytest
+
+from omnisim.errors import OutputError
+from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
+
+
+def test_names_come_once_and_in_one_order():
+    assert parse_channels("valid, Range,range") == ("range", "valid")
+    assert parse_channels("all") == tuple(CHANNELS) == check_channels(reversed(CHANNELS))
+    assert check_channels(()) == ()
+
+
+def test_flow_has_its_occlusion():
+    assert check_channels(("flow",)) == check_channels(("occluded",)) == ("flow", "occluded")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("rnage", "'rnage': there is no such channel; did you mean 'range'?"),
+        ("range,semantics", "'semantics': there is no such channel; did you mean 'semantic'?"),
+        ("xyzzy", "'xyzzy': there is no such channel; want one of range, z, position"),
+        (" , ", "want names with commas: range,z"),
+    ],
+)
+def test_what_is_no_channel_is_refused_with_the_nearest(text, words):
+    with pytest.raises(OutputError) as refused:
+        parse_channels(text)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_no_two_layers_of_a_file_have_one_name():
+    parts = [part for channel in CHANNELS.values() for part in channel.parts]
+    assert len(set(parts)) == len(parts)
+    assert not {"R", "G", "B"} & set(parts)

@@ -1,0 +1,177 @@
+"""Files of ground truth, read back by somebody else's rules."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from omnisim.errors import OutputError
+from omnisim.frame import Frame
+from omnisim.ground_truth import CHANNELS, ClassLabel, InstanceLabel, Labels
+from omnisim.ground_truth.coco import coco_image, merged
+from omnisim.ground_truth.previews import preview
+from omnisim.image_files import read_channels, read_image
+
+LABELS = Labels(
+    (ClassLabel(1, "ball", (255, 0, 0)), ClassLabel(300, "goal", (0, 0, 255))),
+    (InstanceLabel(1, "ball_01", 1), InstanceLabel(2, "goal_a", 300), InstanceLabel(3, "x", 300)),
+    "table",
+)
+
+
+def _channels(height=7, width=9):
+    """Every channel, with what is special about it: nothing in the first row, invalid corner."""
+    random = np.random.default_rng(3)
+    hit = np.ones((height, width), dtype=bool)
+    hit[0] = False
+    normals = random.normal(size=(height, width, 3))
+    normals *= hit[..., None] / np.linalg.norm(normals, axis=-1, keepdims=True)
+    instance = np.where(hit, random.integers(1, 4, hit.shape), 0).astype(np.uint32)
+    flow = random.uniform(-700, 700, (height, width, 2)).astype(np.float32)
+    flow[0, 0] = np.nan
+    valid = np.ones(hit.shape, dtype=np.uint8)
+    valid[0, 0] = 0
+    fate = random.integers(0, 3, hit.shape).astype(np.uint8)
+    fate[0, 0] = 255
+    distances = random.uniform(0.2, 90.0, hit.shape).astype(np.float32)
+    return {
+        "range": np.where(hit, distances, np.float32(np.inf)),
+        "z": np.where(hit, distances - 50, np.float32(np.inf)).astype(np.float32),
+        "position": np.where(hit[..., None], random.normal(size=(height, width, 3)), np.nan),
+        "normals": normals.astype(np.float32),
+        "normals_camera": -normals.astype(np.float32),
+        "albedo": (random.uniform(size=normals.shape) * hit[..., None]).astype(np.float32),
+        "semantic": LABELS.class_of_instance[instance],
+        "instance": instance,
+        "flow": flow,
+        "occluded": fate,
+        "valid": valid,
+    }
+
+
+def _frame(channels):
+    shape = channels["range"].shape
+    rgba = np.full((*shape, 4), 200, dtype=np.uint8)
+    linear = np.full((*shape, 3), 0.25, dtype=np.float32)
+    return Frame(rgba, linear, {"scene": "test"}, channels, LABELS)
+
+
+def test_one_exr_holds_everything(tmp_path):
+    channels = _channels()
+    assert channels.keys() == CHANNELS.keys()
+    _frame(channels).save(tmp_path / "frame.exr")
+    found = read_channels(tmp_path / "frame.exr")
+    for name, values in channels.items():
+        parts = values.reshape(*values.shape[:2], -1)
+        for index, part in enumerate(CHANNELS[name].parts):
+            np.testing.assert_array_equal(
+                found.values[part], parts[..., index].astype(np.float32), err_msg=part
+            )
+    np.testing.assert_array_equal(found.values["G"], np.float32(0.25))
+    told = found.metadata["labels"]
+    assert {"id": 300, "name": "goal", "color": [0, 0, 255]} in told["classes"]
+    assert {"id": 2, "name": "goal_a", "class": 300} in told["instances"]
+    assert json.loads((tmp_path / "frame.coco.json").read_text())["images"][0]["width"] == 9
+
+
+def test_files_beside_a_picture_say_what_their_numbers_mean(tmp_path):
+    channels = _channels()
+    _frame(channels).save(tmp_path / "a.png")
+    told = json.loads((tmp_path / "a.channels.json").read_text())
+    there = {path.name for path in tmp_path.iterdir()}
+    named = {name for channel in told["channels"].values() for name in channel["files"]}
+    assert there == named | {"a.png", "a.channels.json", "a.coco.json"}
+    assert told["labels"]["classes"][0]["name"] == "nothing"
+
+    hit = np.isfinite(channels["range"])
+    steps, _ = read_image(tmp_path / "a.range.png")
+    assert steps.dtype == np.uint16
+    near = hit & (channels["range"] < 65.0)
+    scale = told["channels"]["range"]["steps_per_m"]
+    np.testing.assert_allclose(
+        steps[near, 0] / scale, channels["range"][near], atol=0.5 / scale + 1e-5
+    )
+    assert (steps[~hit, 0] == 0).all()
+    assert (steps[channels["range"] > 66.0][:, 0][np.isfinite(channels["range"])[
+        channels["range"] > 66.0]] == 65535).all()  # fmt: skip
+
+    normals, _ = read_image(tmp_path / "a.normals.png")
+    scale = told["channels"]["normals"]
+    decoded = (normals.astype(float) - scale["zero"]) / scale["steps_per_unit"]
+    np.testing.assert_allclose(decoded[hit], channels["normals"][hit], atol=2e-5)
+    assert not normals[~hit].any()
+    for name in ("semantic", "instance", "occluded"):
+        numbers, _ = read_image(tmp_path / f"a.{name}.png")
+        np.testing.assert_array_equal(numbers[..., 0], channels[name])
+    assert read_image(tmp_path / "a.semantic.png")[0].dtype == np.uint16  # a class is number 300
+    valid, _ = read_image(tmp_path / "a.valid.png")
+    np.testing.assert_array_equal(valid[..., 0] > 0, channels["valid"] > 0)
+
+
+def test_flow_is_read_by_the_rules_of_middlebury_and_kitti(tmp_path):
+    channels = _channels()
+    flow = channels["flow"]
+    known = np.isfinite(flow).all(axis=-1)
+    _frame(channels).save(tmp_path / "a.png")
+    data = (tmp_path / "a.flow.flo").read_bytes()
+    magic, width, height = struct.unpack("<fii", data[:12])
+    assert (magic, width, height) == (202021.25, 9, 7)
+    values = np.frombuffer(data[12:], "<f4").reshape(7, 9, 2)
+    np.testing.assert_array_equal(values[known], flow[known])
+    assert (values[~known] > 1e9).all()
+    png, _ = read_image(tmp_path / "a.flow.png")
+    fits = known & np.all(np.abs(flow) < 511.9, axis=-1)
+    np.testing.assert_array_equal(png[..., 2] == 1, fits)
+    assert 0 < fits.sum() < known.sum()
+    decoded = (png[..., :2].astype(float) - 2**15) / 64.0
+    np.testing.assert_allclose(decoded[fits], flow[fits], atol=0.5 / 64 + 1e-4)
+
+
+def test_boxes_and_masks_are_those_of_the_visible_pixels():
+    instances = _channels()["instance"]
+    instances[:, 4:] = 0
+    instances[2:, 0] = 3
+    instances[-1, -1] = 2  # the very last pixel of the column order
+    content = coco_image(instances, LABELS, "a.png", 5)
+    found = {one["instance_id"]: one for one in content["annotations"]}
+    assert set(found) == set(np.unique(instances[instances > 0]).tolist())
+    for number, one in found.items():
+        mask = np.zeros(instances.size, dtype=bool)
+        place, value = 0, False
+        for count in one["segmentation"]["counts"]:
+            mask[place : place + count] = value
+            place, value = place + count, not value
+        assert place == instances.size
+        np.testing.assert_array_equal(mask.reshape(instances.shape[::-1]).T, instances == number)
+        rows, columns = np.nonzero(instances == number)
+        x, y, width, height = one["bbox"]
+        assert (x, y) == (columns.min(), rows.min())
+        assert (x + width - 1, y + height - 1) == (columns.max(), rows.max())
+        assert one["area"] == len(rows)
+        assert one["category_id"] == LABELS.class_of_instance[number]
+    both = merged([content, coco_image(instances, LABELS, "b.png", 6)], LABELS)
+    ids = [one["id"] for one in both["annotations"]]
+    assert len(set(ids)) == len(ids) == 2 * len(found)
+    assert {one["image_id"] for one in both["annotations"]} == {5, 6}
+    assert coco_image(np.zeros((3, 4), dtype=int), LABELS, "c.png")["annotations"] == []
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+def test_previews_show_nothing_as_black_and_the_rest_not(name):
+    channels = _channels()
+    colors = preview(name, channels[name], LABELS)
+    assert colors.shape == (7, 9, 3)
+    assert colors.dtype == np.uint8
+    assert not colors[0, 0].any()
+    assert colors[1:].any(axis=-1).mean() > 0.8
+    empty = {"range": np.inf, "z": np.inf, "position": np.nan, "flow": np.nan, "occluded": 255}
+    nothing = np.full_like(channels[name], empty.get(name, 0))
+    assert not preview(name, nothing, LABELS).any()
+
+
+def test_instances_beyond_16_bits_are_refused(tmp_path):
+    channels = _channels()
+    channels["instance"][3, 3] = 70_000
+    with pytest.raises(OutputError, match="70000 instances: 16 bits hold 65535"):
+        _frame({name: channels[name] for name in ("range", "instance")}).save(tmp_path / "a.png")

@@ -1,0 +1,128 @@
+"""Classes and instances: from names, from tables, and from tables that are wrong."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim import load_scene
+from omnisim.errors import SceneError
+from omnisim.scene.labels import class_name, find_labels, label_rules, read_label_file
+from omnisim.scene.scene_file import LabelTable
+from tests.scenes import room, scene_of
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("chair_01", "chair"),
+        ("chair.002", "chair"),
+        ("chair-3", "chair"),
+        ("chair 4", "chair"),
+        ("chair5", "chair"),
+        ("wall_east_02.001", "wall_east"),
+        ("lamp_01_tubes", "lamp_01_tubes"),
+        ("Bucket_01_020/Bucket_01_visual_33", "Bucket"),
+        ("12", "12"),
+        ("", ""),
+    ],
+)
+def test_a_class_is_the_name_without_its_numbers(name, expected):
+    assert class_name(name) == expected
+
+
+def _named(*names, labels=()):
+    scene = scene_of([room()] * len(names))
+    instances = tuple(
+        dataclasses.replace(instance, name=name)
+        for instance, name in zip(scene.instances, names, strict=True)
+    )
+    return dataclasses.replace(scene, instances=instances, labels=labels)
+
+
+def test_parts_of_one_name_are_one_instance_and_the_body_is_the_vehicle():
+    scene = _named("shelf_01", "shelf_01", "ball", "shelf_02")
+    labels = find_labels(scene, {"body": _named("shelf_01"), "cart": _named("ball", "ghost")})
+    classes = {label.id: label.name for label in labels.classes}
+    found = [(label.mover, label.name, classes[label.class_id]) for label in labels.instances]
+    assert found == [
+        (None, "shelf_01", "shelf"),
+        (None, "ball", "ball"),
+        (None, "shelf_02", "shelf"),
+        ("body", "shelf_01", "vehicle"),
+        ("cart", "ball", "ball"),
+        ("cart", "ghost", "ghost"),
+    ]
+    assert [label.id for label in labels.instances] == [1, 2, 3, 4, 5, 6]
+    assert "the scene has no labels" in labels.notices()[0]
+    # the same numbers with and without a vehicle
+    alone, driven = find_labels(scene), find_labels(scene, {"body": _named("hull", "aerial")})
+    assert alone.classes == driven.classes
+    assert alone.instances == driven.instances[:3]
+
+
+def test_the_first_table_that_claims_a_name_has_it():
+    rules = label_rules(
+        (
+            LabelTable(name="goal", nodes=("goal_*",), id=7, color=(1, 2, 3)),
+            LabelTable(name="thing", nodes=("goal_blue", "ball")),
+        )
+    )
+    labels = find_labels(_named("goal_blue", "ball", "kite", labels=rules))
+    assert labels.class_of_instance.tolist() == [0, 7, 1, 9]
+    assert [(label.id, label.name) for label in labels.classes] == [
+        (1, "thing"), (7, "goal"), (8, "vehicle"), (9, "unlabelled"),
+    ]  # fmt: skip
+    assert labels.class_colors[7].tolist() == [1, 2, 3]
+    assert labels.notices() == ("no label for 1 instances, such as 'kite': they are 'unlabelled'",)
+
+
+@pytest.mark.parametrize("name", ["courtyard", "mapping", "soccer"])
+def test_built_in_scenes_label_everything_and_every_label_is_used(name):
+    labels = find_labels(load_scene(name))
+    assert labels.source == "table"
+    assert labels.unlabelled == ()
+    used = set(labels.class_of_instance[1:].tolist())
+    assert {label.name for label in labels.classes if label.id not in used} == {
+        "vehicle", "unlabelled",
+    }  # fmt: skip
+    colors = np.array([label.color for label in labels.classes])
+    assert len(np.unique(colors, axis=0)) == len(colors)
+
+
+def test_soccers_landmarks_have_a_class_for_each_colour():
+    """Beacons are split in their bands; a goal is of one colour."""
+    scene = load_scene("soccer")
+    labels = find_labels(scene)
+    classes = {label.id: label.name for label in labels.classes}
+    of_instance = {label.name: classes[label.class_id] for label in labels.instances}
+    for landmark in scene.landmarks:
+        for band in landmark.bands:
+            if landmark.name.startswith("goal"):
+                assert of_instance[landmark.name] == landmark.name
+            else:
+                assert of_instance[f"{landmark.name}_{band.color}"] == f"beacon_{band.color}"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[[labels]]\nname = "a"\n', "labels.0.nodes: missing"),
+        ('[[labels]]\nname = "a"\nnodes = []\n', "nodes"),
+        ('[[labels]]\nname = "a"\nnodes = ["x"]\nid = 0\n', "labels.0.id = 0: want"),
+        ('[[labels]]\nname = "a"\nnodes = ["x"]\ncolor = [0, 0, 256]\n', "color.2 = 256: want"),
+        ('[[labels]]\nname = "a"\nnode = ["x"]\n', "did you mean 'nodes'?"),
+        (
+            '[[labels]]\nname = "a"\nnodes = ["x"]\n[[labels]]\nname = "a"\nnodes = ["y"]\n',
+            "name = 'a': want each name once",
+        ),
+        ("", "labels: missing"),
+    ],
+)
+def test_label_files_that_are_wrong_say_where(tmp_path, text, words):
+    path = tmp_path / "labels.toml"
+    path.write_text(text)
+    with pytest.raises(SceneError) as refused:
+        read_label_file(path)
+    assert words in str(refused.value)
+    assert all(line.startswith(f"{path}: ") for line in str(refused.value).splitlines())

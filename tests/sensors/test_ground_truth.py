@@ -1,0 +1,277 @@
+"""Channels of ground truth: against rooms that are computed, vehicles that move, and Embree."""
+
+import numpy as np
+import pytest
+
+from omnisim import OmniCamera, Renderer, Stage, load_scene
+from omnisim.cameras import (
+    CylindricalCamera,
+    EquidistantCamera,
+    EquirectangularCamera,
+    HyperbolicCamera,
+    KannalaBrandtCamera,
+    pixel_grid,
+)
+from omnisim.errors import OutputError, SceneError
+from omnisim.frames import pose
+from omnisim.ground_truth import CHANNELS
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.scene.model import AlphaMode, Material
+from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
+from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
+from tests.vehicles import body, box, surroundings
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+POSE = pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
+LENSES = {
+    "mirror": HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 120, 120),
+    "fisheye": EquidistantCamera(120, 100, 30.0, (58.5, 50.25)),
+    "lens": KannalaBrandtCamera(128, 128, (47.7, 47.7), (63.7, 64.2), (3e-3, 7e-4, -2e-3, 2e-4)),
+    "cylinder": CylindricalCamera(126, 40, 20.0, (62.5, 19.5)),
+    "sphere": EquirectangularCamera(120, 60),
+}
+# Rays are float32 on the GPU, 1e-6 off; a wall that a ray grazes is off by some times as much.
+CLOSE_M = 2e-5
+lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
+
+
+def _truth(lens, also, now=POSE, after=None, scene=None, **options):
+    sensor = OmniCamera(lens, polygons=None, supersampling=1)
+    with Renderer(scene or scene_of([room()]), sensor) as renderer:
+        return renderer.render(now, also=also, next_base=after, **options)
+
+
+def _rays_world(lens, now=POSE):
+    rays = lens.ray_from_pixel(pixel_grid(lens.width_px, lens.height_px))
+    return rays.directions @ lens.rig_from_optical.T @ now[:3, :3].T, rays.valid
+
+
+@lenses
+def test_channels_of_a_room_are_those_of_the_exact_rays(lens):
+    """Every pixel, also those beside the edges of the room and of the cube's faces."""
+    also = tuple(name for name in CHANNELS if name not in ("flow", "occluded"))
+    found = _truth(lens, also).channels
+    directions, valid = _rays_world(lens)
+    np.testing.assert_array_equal(found["valid"] > 0, valid)
+    hits = room_hit(POSE[:3, 3], directions)
+    ranges_m = np.linalg.norm(hits - POSE[:3, 3], axis=-1)
+    np.testing.assert_allclose(found["range"][valid], ranges_m[valid], atol=CLOSE_M)
+    np.testing.assert_allclose(found["position"][valid], hits[valid], atol=CLOSE_M)
+    optical = (hits - POSE[:3, 3]) @ POSE[:3, :3] @ lens.rig_from_optical
+    np.testing.assert_allclose(found["z"][valid], optical[valid][:, 2], atol=CLOSE_M)
+    # the wall that is hit is the one whose coordinate is full; in an edge both are
+    walls = np.argmax(np.abs(hits) / ROOM_HALF_M, axis=-1)
+    normals = -np.sign(np.take_along_axis(hits, walls[..., None], -1)) * np.eye(3)[walls]
+    clear = valid & (np.sort(np.abs(hits) / ROOM_HALF_M, axis=-1)[..., 1] < 1.0 - 1e-4)
+    np.testing.assert_allclose(found["normals"][clear], normals[clear], atol=1e-6)
+    in_camera = normals @ POSE[:3, :3] @ lens.rig_from_optical
+    np.testing.assert_allclose(found["normals_camera"][clear], in_camera[clear], atol=1e-6)
+    assert set(np.unique(found["instance"])) == {*np.unique(valid).astype(int)}
+    assert found["semantic"][valid].min() == found["semantic"][valid].max() == 1
+    nothing = ~valid
+    assert np.isinf(found["range"][nothing]).all()
+    assert np.isnan(found["position"][nothing]).all()
+    assert not found["normals"][nothing].any()
+    assert not found["albedo"][nothing].any()
+    # plain colours are looked up in a texel beside, up to 1.5 texels away, in steps of 8 bits
+    step = np.abs(found["albedo"] - room_color(hits))[clear].max(axis=-1)
+    assert np.mean(step) < 0.01
+    assert np.percentile(step, 99) < 0.05
+
+
+def test_a_mesh_has_the_surfaces_of_its_own_rays():
+    """Points lie on the walls; a mesh of 16 polygons sees them elsewhere than the exact mirror."""
+    sensor = OmniCamera(LENSES["mirror"], polygons=16, supersampling=1)
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        frame = renderer.render(POSE, also=("position", "range", "valid"))
+    valid = frame.channels["valid"] > 0
+    np.testing.assert_array_equal(valid, frame.valid)
+    points = frame.channels["position"][valid]
+    on_walls = np.abs(np.abs(points) / ROOM_HALF_M - 1.0).min(axis=1)
+    assert on_walls.max() < 1e-5
+    exact = _truth(LENSES["mirror"], ("position",)).channels["position"][valid]
+    apart = np.linalg.norm(points - exact, axis=1)
+    assert np.nanmedian(apart) > 0.02
+
+
+def test_rays_are_cut_by_what_is_farther_than_near_and_nearer_than_far():
+    scene = scene_of([box("crate", 0, half_m=0.2), room()])
+    lens = LENSES["sphere"]
+    here = pose((0.0, 0.0, 0.0))
+    sensor = OmniCamera(lens, polygons=None, near_m=0.3, far_m=2.5, supersampling=1)
+    with Renderer(scene, sensor) as renderer:
+        ranges_m = renderer.render(here, also=("range",)).channels["range"]
+    directions, _ = _rays_world(lens, here)
+    room_m = np.linalg.norm(room_hit(np.zeros(3), directions), axis=-1)
+    depth_m = room_m * np.abs(directions).max(axis=-1)  # along the axis of the face that sees it
+    inside = np.abs(depth_m - 2.5) > 1e-3
+    expected = np.where(depth_m < 2.5, room_m, np.inf)
+    np.testing.assert_allclose(ranges_m[inside], expected[inside], rtol=1e-4)
+
+
+def test_blended_and_masked_surfaces_count_where_they_hide_half():
+    glass = Material(base_color=(0, 0, 1, 0.4), alpha_mode=AlphaMode.BLEND, double_sided=True)
+    tinted = Material(base_color=(0, 0, 1, 0.6), alpha_mode=AlphaMode.BLEND, double_sided=True)
+    meshes = [room(), box("glass", 1, half_m=0.6), box("tinted", 2, half_m=0.8)]
+    scene = scene_of(meshes, [Material(double_sided=True), glass, tinted])
+    frame = _truth(LENSES["sphere"], ("instance", "range"), pose(), scene=scene)
+    names = [label.name for label in frame.labels.instances]
+    seen = {names[number - 1] for number in np.unique(frame.channels["instance"])}
+    assert seen == {"object 2"}
+    assert 0.79 < frame.channels["range"].min() < 0.81
+
+
+def test_the_body_is_seen_but_what_is_hidden():
+    sensor = OmniCamera(
+        LENSES["sphere"], polygons=None, base_from_rig=pose((-0.1, 0.05, 0.6)), supersampling=1
+    )
+    scene, vehicle = surroundings(), body()
+    both = {}
+    for hidden in ((), ("hull",)):
+        with Renderer(scene, sensor, body=vehicle, hidden=hidden) as renderer:
+            frame = renderer.render(pose((0.2, 0.1, -1.0)), also=("instance", "semantic", "range"))
+        label = {label.name: label for label in frame.labels.instances if label.mover == "body"}
+        mine = frame.channels["instance"] == label["hull"].id
+        classes = {c.id: c.name for c in frame.labels.classes}
+        assert classes[label["hull"].class_id] == "vehicle"
+        assert {classes[n] for n in np.unique(frame.channels["semantic"][mine])} <= {"vehicle"}
+        both[hidden] = mine.sum(), frame.channels["range"][mine]
+    assert both[()][0] > 100
+    assert both[("hull",)][0] == 0
+    assert both[()][1].max() < 1.0  # m: it is under the camera
+
+
+@lenses
+def test_flow_is_the_reprojection_of_what_the_exact_rays_hit(lens):
+    after = POSE @ pose((0.2, -0.1, 0.05), yaw_deg=7.0, pitch_deg=2.0)
+    frame = _truth(lens, ("flow",), after=after)
+    directions, valid = _rays_world(lens)
+    hits = room_hit(POSE[:3, 3], directions)
+    there = lens.pixel_from_ray((hits - after[:3, 3]) @ after[:3, :3] @ lens.rig_from_optical)
+    expected = there.positions_px - pixel_grid(lens.width_px, lens.height_px)
+    turn_px = {"equirectangular": 120.0, "cylindrical": 2 * np.pi * 20.0}.get(lens.model)
+    if turn_px is not None:
+        expected[..., 0] -= turn_px * np.round(expected[..., 0] / turn_px)
+    flow = frame.channels["flow"]
+    known = valid & there.valid
+    np.testing.assert_array_equal(np.isfinite(flow).all(axis=-1), known)
+    # a pole of the picture turns the rays' error of 1e-6 into that much more
+    off_px = np.linalg.norm(flow - expected, axis=-1)[known]
+    assert np.percentile(off_px, 99) < 1e-3
+    assert off_px.max() < 0.05
+    fate = frame.channels["occluded"]
+    inside = known & np.all((there.positions_px >= -0.5), axis=-1)
+    inside &= np.all(there.positions_px < (lens.width_px - 0.5, lens.height_px - 0.5), axis=-1)
+    assert (fate[~valid] == NOTHING_SEEN).all()
+    assert (fate[inside] == VISIBLE).all()  # a room hides nothing of itself
+    assert (fate[valid & ~inside] == OUTSIDE).all()
+
+
+def _beside_a_wall(movers=None):
+    """A small crate in a room; movers by name."""
+    return Stage(scene_of([room()]), movers=movers)
+
+
+def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
+    """A crate that slides, seen by a camera that drives; checked pixel by pixel, with geometry."""
+    crate = scene_of([box("crate", 0, half_m=0.25)])
+    lens = EquirectangularCamera(240, 120)
+    sensor = OmniCamera(lens, polygons=None, supersampling=1)
+    now, after = pose((-1.0, 0.0, 0.0)), pose((-0.95, 0.02, 0.0), yaw_deg=3.0)
+    crate_now, crate_after = pose((0.2, 0.2, 0.1)), pose((0.2, -0.3, 0.1), yaw_deg=25.0)
+    with _beside_a_wall({"crate": crate}) as stage, Renderer(stage, sensor) as renderer:
+        frame = renderer.render(
+            now,
+            also=("flow", "instance", "position"),
+            movers={"crate": crate_now},
+            next_base=after,
+            next_movers={"crate": crate_after},
+        )
+        with pytest.raises(SceneError, match="poses of movers none: want crate"):
+            renderer.render(now)
+    labels = {label.name: label for label in frame.labels.instances if label.mover == "crate"}
+    on_crate = frame.channels["instance"] == labels["object 0"].id
+    assert on_crate.sum() > 300
+    points = frame.channels["position"]
+    moved = points.copy()
+    then = crate_after @ np.linalg.inv(crate_now)
+    moved[on_crate] = points[on_crate] @ then[:3, :3].T + then[:3, 3]
+    seen = lens.pixel_from_ray((moved - after[:3, 3]) @ after[:3, :3] @ lens.rig_from_optical)
+    expected = seen.positions_px - pixel_grid(240, 120)
+    expected[..., 0] -= 240 * np.round(expected[..., 0] / 240)
+    np.testing.assert_allclose(frame.channels["flow"], expected, atol=2e-3)
+    # a wall's point is hidden where the way to it, in the crate's next frame, goes through the box
+    crate_from_world = np.linalg.inv(crate_after)
+    start = crate_from_world[:3, :3] @ after[:3, 3] + crate_from_world[:3, 3]
+    ends = moved @ crate_from_world[:3, :3].T + crate_from_world[:3, 3]
+    ways = np.where(np.abs(ends - start) < 1e-12, 1e-12, ends - start)
+    near, far = np.sort(np.stack(((-0.25 - start) / ways, (0.25 - start) / ways)), axis=0)
+    enters, leaves = near.max(axis=-1), far.min(axis=-1)
+    hidden = (enters < leaves) & (enters > 0.0) & (enters < 1.0 - 1e-3)
+    # rays that touch the box by a hair are judged either way
+    doubtful = np.abs(enters - leaves) < 1e-4
+    fate = frame.channels["occluded"]
+    assert hidden.sum() > 150
+    np.testing.assert_array_equal((fate == HIDDEN)[~doubtful], hidden[~doubtful])
+
+
+def test_nothing_flows_by_the_turn_alone():
+    """In an empty world what is seen is infinitely far."""
+    tiny = scene_of([box("far away", 0, half_m=1e-4)], poses=[pose((0.0, 0.0, -50.0))])
+    lens = LENSES["sphere"]
+    moved = pose((3.0, 0.0, 0.0))
+    turned = pose((0.0, 0.0, 0.0), yaw_deg=15.0)
+    still = _truth(lens, ("flow",), pose(), moved, scene=tiny).channels["flow"]
+    np.testing.assert_allclose(still, 0.0, atol=1e-3)
+    flow = _truth(lens, ("flow",), pose(), turned, scene=tiny).channels["flow"]
+    # to the left by 15°: what is seen moves right by as many pixels
+    np.testing.assert_allclose(flow[..., 0], 15.0 / 360.0 * lens.width_px, atol=1e-3)
+
+
+def test_all_channels_do_not_depend_on_their_company_nor_on_the_picture():
+    scene = surroundings()
+    sensor = OmniCamera(polygons=64).resized(60)
+    also = tuple(CHANNELS)
+    with Renderer(scene, sensor) as renderer:
+        plain = renderer.render(POSE)
+        alone = renderer.render(POSE, also=("range",))
+        all_of_them = renderer.render(POSE, also=also, next_base=pose())
+        again = renderer.render(POSE, also=("range",))
+    assert tuple(all_of_them.channels) == also
+    assert not plain.channels
+    for frame in (alone, again):
+        np.testing.assert_array_equal(frame.channels["range"], all_of_them.channels["range"])
+    for frame in (alone, all_of_them):
+        np.testing.assert_array_equal(frame.rgba, plain.rgba)
+    for name, values in all_of_them.channels.items():
+        assert values.dtype == CHANNELS[name].dtype
+        assert values[0, 0].size == len(CHANNELS[name].parts)
+
+
+def test_unknown_channels_and_flow_to_nowhere_are_refused():
+    with Renderer(scene_of([room()]), OmniCamera().resized(16)) as renderer:
+        with pytest.raises(OutputError, match="'rang': there is no such channel; did you mean"):
+            renderer.render(pose(), also=("rang",))
+        with pytest.raises(OutputError, match="did you mean 'range'"):
+            renderer.render(pose(), also=("depth",))
+        with pytest.raises(OutputError, match="'flow': leads to the next picture: want next_base"):
+            renderer.render(pose(), also=("flow",))
+
+
+def test_the_warehouse_is_what_embree_says(warehouse):
+    """One pose a lens; the bounds are the project's, `tests.surface_oracle` takes more poses."""
+    from tests.surface_oracle import LENSES as LARGE
+    from tests.surface_oracle import Oracle, compare, free_poses, next_pose
+
+    scene = load_scene(warehouse)
+    oracle = Oracle(scene)
+    now = free_poses(oracle, 1, seed=5)[0]
+    for lens in LARGE.values():
+        with Renderer(scene, lens) as renderer:
+            told = compare(scene, oracle, renderer, now, next_pose(now))
+        assert min(told["range"], told["instance"], told["normals"]) >= 0.995
+        assert told["flow mean px"] <= 0.02
+        assert told["flow 99 % px"] <= 0.1
+        assert told["hidden"] > 300
+        assert told["hidden F1"] >= 0.97

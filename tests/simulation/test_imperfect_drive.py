@@ -1,0 +1,121 @@
+"""Drives with cameras that are not ideal: killed and gone on with, they end the same."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+
+from omnisim.errors import RunError
+from omnisim.image_files import read_image
+from omnisim.robot import Trajectory
+from omnisim.robot.interpolation import pose_at
+from omnisim.scene import load_scene
+from omnisim.sensors.degradations import Shutter, preset
+from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
+
+ROUTE = Route("lap", step_m=2.5, step_deg=60.0)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("soccer")
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    degradation = preset("dragonfly2")
+    # slow enough to lag from step to step
+    exposure = dataclasses.replace(degradation.exposure, time_constant_s=3.0)
+    degradation = dataclasses.replace(degradation, exposure=exposure)
+    loaded = with_cameras(Vehicle.load("p2at"), None, "same", degradation)
+    return dataclasses.replace(with_cameras(loaded, 48, "same"), scanners=())
+
+
+@pytest.fixture(scope="module")
+def whole(needs_opengl_once, scene, vehicle, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def needs_opengl_once():
+    from tests.conftest import open_context_or_skip
+
+    open_context_or_skip().release()
+
+
+def _pictures(folder):
+    return [path.read_bytes() for path in sorted((folder / "omnicam").glob("*.png"))]
+
+
+def _told(folder, step):
+    return read_image(folder / "omnicam" / f"{step:06d}.png")[1]["degradation"]
+
+
+def test_exposure_lags_by_what_the_pictures_tell(whole, scene, vehicle):
+    truth = Drive(scene, vehicle, ROUTE, seed=7).plan().truth
+    exposure = vehicle.camera().sensor.degradation.exposure
+    told = [_told(whole, step)["exposure"] for step in range(len(truth))]
+    assert told[0]["ev"] == told[0]["metered_ev"]  # it has settled where it starts
+    for step in range(1, len(truth)):
+        before = told[step - 1]
+        later_s = truth.times_s[step] - truth.times_s[step - 1]
+        assert told[step]["ev"] == exposure.next_ev(before["ev"], before["metered_ev"], later_s)
+    assert np.ptp([one["ev"] for one in told]) > 0.02  # else this is no test
+    assert any(_told(whole, step)["sub_frames"] > 1 for step in range(len(truth)))
+
+
+@pytest.mark.parametrize("lost", [(3,), (0, 4), (1, 2, 3, 4, 5, 6, 7, 8)])
+def test_what_is_missing_comes_back_with_the_same_bytes(whole, scene, vehicle, tmp_path, lost):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    for step in lost:
+        (folder / "omnicam" / f"{step:06d}.png").unlink()
+    list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))
+    assert _pictures(folder) == _pictures(whole)
+
+
+def test_another_seed_is_other_noise(whole, scene, vehicle, tmp_path):
+    steps = Drive(scene, vehicle, ROUTE, seed=8).plan().record(tmp_path / "run")
+    next(steps), next(steps)
+    steps.close()
+    one, other = (
+        read_image(folder / "omnicam" / "000000.png")[0] for folder in (whole, tmp_path / "run")
+    )
+    assert np.mean(one != other) > 0.05
+    assert np.abs(one.astype(int) - other).mean() < 8.0  # the same scene, though
+
+
+def test_another_preset_is_another_run(whole, scene, vehicle):
+    other = with_cameras(vehicle, None, "same", preset("webcam"))
+    with pytest.raises(RunError, match=r"robot\.contents was .*another run is in this folder"):
+        next(Drive(scene, other, ROUTE, seed=7).plan().record(whole))
+
+
+def test_a_picture_that_tells_no_exposure_is_named(whole, scene, vehicle, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "omnicam" / "000003.png").write_bytes(b"no picture")
+    (folder / "omnicam" / "000004.png").unlink()
+    with pytest.raises(RunError, match=r"000003\.png: does not tell its exposure"):
+        list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))
+
+
+def test_an_exposure_longer_than_a_step_is_refused(scene, vehicle):
+    long = dataclasses.replace(preset("webcam"), shutter=Shutter(exposure_s=5.0))
+    drive = Drive(scene, with_cameras(vehicle, None, "same", long), ROUTE)
+    with pytest.raises(RunError, match=r"camera 'omnicam': .*exposure_s = 5: want at most .* to"):
+        drive.plan()
+
+
+def test_poses_between_those_of_a_trajectory():
+    path = Trajectory.on_ground([1.0, 2.0, 4.0], [[0, 0], [2, 0], [2, 0]], [0.0, 0.0, np.pi / 2])
+    np.testing.assert_allclose(pose_at(path, 1.25)[:3, 3], (0.5, 0.0, 0.0))
+    turned = pose_at(path, 3.0)
+    np.testing.assert_allclose(turned[:2, 0], (np.sqrt(0.5), np.sqrt(0.5)))
+    for time_s, step in ((-5.0, 0), (1.0, 0), (2.0, 1), (4.0, 2), (9.0, 2)):
+        np.testing.assert_array_equal(pose_at(path, time_s), path.world_from_base[step])

@@ -1,0 +1,112 @@
+"""Drives with ground truth: what they leave on disk, and that they go on and end the same."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from omnisim.errors import RunError
+from omnisim.ground_truth import CHANNELS
+from omnisim.image_files import read_channels
+from omnisim.scene import load_scene
+from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+STEPS = 4
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    vehicle = with_cameras(Vehicle.load("p2at"), 36, "same")
+    path = tmp_path_factory.mktemp("paths") / "corner.csv"
+    path.write_text("x_m,y_m\n-1.0,0.5\n0.2,0.5\n0.2,1.5\n")
+    route = Route(str(path), step_m=10.0, step_deg=90.0)
+    return Drive(load_scene("soccer"), vehicle, route, channels=tuple(CHANNELS))
+
+
+@pytest.fixture(scope="module")
+def whole(drive, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    assert list(drive.plan().record(folder))[-1] == STEPS
+    return folder
+
+
+def _bytes(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_every_step_has_its_channels_and_the_last_flows_nowhere(drive, whole):
+    labels = json.loads((whole / "labels.json").read_text())
+    names = {one["id"]: one["name"] for one in labels["classes"]}
+    seen = set()
+    poses = drive.plan().truth.world_from_base
+    for step in range(STEPS):
+        found = read_channels(whole / "omnicam" / f"{step:06d}.channels.exr")
+        is_last = step == STEPS - 1
+        assert ("flow.U" in found.values) != is_last
+        assert ("next_world_from_base" in found.metadata) != is_last
+        np.testing.assert_allclose(found.metadata["world_from_base"], poses[step])
+        if not is_last:
+            np.testing.assert_allclose(found.metadata["next_world_from_base"], poses[step + 1])
+        seen |= {names[int(number)] for number in np.unique(found.values["semantic"])}
+        body = found.values["semantic"] == next(n for n in names if names[n] == "vehicle")
+        # the body stays where it is in the picture, however the vehicle moves
+        assert body.sum() > 20
+        for part in () if is_last else ("flow.U", "flow.V"):
+            assert np.abs(found.values[part][body]).max() < 1e-3
+    assert {"vehicle", "carpet", "field_line"} <= seen
+
+
+def test_the_boxes_of_all_steps_are_in_one_file(whole):
+    content = json.loads((whole / "omnicam" / "coco.json").read_text())
+    assert [image["id"] for image in content["images"]] == list(range(STEPS))
+    for image in content["images"]:
+        assert (whole / "omnicam" / image["file_name"]).is_file()
+    single = json.loads((whole / "omnicam" / "000002.coco.json").read_text())
+    mine = [one for one in content["annotations"] if one["image_id"] == 2]
+    assert [one["bbox"] for one in mine] == [one["bbox"] for one in single["annotations"]]
+
+
+def test_what_is_missing_comes_back_with_the_same_bytes(drive, whole):
+    before = _bytes(whole)
+    for name in ("000000.channels.exr", "000001.png", "000002.coco.json", "coco.json"):
+        (whole / "omnicam" / name).unlink()
+    (whole / "omnicam" / "000001.channels.exr").write_bytes(b"")  # a power cut
+    assert list(drive.plan().record(whole)) == [STEPS - 3, STEPS - 2, STEPS - 1, STEPS]
+    assert _bytes(whole) == before
+
+
+def test_other_channels_are_another_run(drive, whole):
+    before = _bytes(whole)
+    other = dataclasses.replace(drive, channels=("range",))
+    with pytest.raises(RunError, match="another run is in this folder"):
+        list(other.plan().record(whole))
+    assert _bytes(whole) == before
+
+
+def test_force_leaves_nothing_of_the_channels(drive, tmp_path):
+    folder = tmp_path / "run"
+    short = dataclasses.replace(drive, channels=("instance",))
+    assert list(short.plan().record(folder))[-1] == STEPS
+    assert (folder / "omnicam" / "coco.json").is_file()
+    plain = dataclasses.replace(drive, channels=())
+    list(plain.plan().record(folder, force=True))
+    left = {path.name for path in folder.rglob("*") if "coco" in path.name or "exr" in path.name}
+    assert left == set()
+    assert not (folder / "labels.json").exists()
+
+
+def test_flow_alone_leaves_no_file_at_the_last_step(drive, tmp_path):
+    folder = tmp_path / "run"
+    flow = dataclasses.replace(drive, channels=("flow", "occluded"))
+    assert list(flow.plan().record(folder))[-1] == STEPS
+    there = sorted(path.name for path in (folder / "omnicam").glob("*.exr"))
+    assert there == [f"{step:06d}.channels.exr" for step in range(STEPS - 1)]
+    assert list(flow.plan().record(folder)) == [STEPS]
