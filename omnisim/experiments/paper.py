@@ -201,7 +201,7 @@ def _pictures(runs: Recordings, trained: Training, simulated: _Simulated, real: 
         (f"{name}, step {step}", each.detector.panorama(each.run.picture(step)),
          each.detections[step])
         for name, each in (("simulation", simulated), ("real setting", real))
-        for step in (20, 47)
+        for step in _telling(each.detections)
     ]  # fmt: skip
     return Section(
         "Fig. 11: pictures side by side",
@@ -215,9 +215,17 @@ def _pictures(runs: Recordings, trained: Training, simulated: _Simulated, real: 
                     "noisy above."),
             Picture("fig11-detections", detections_figure(rows),
                     "Panoramas with what is found: in the simulation every box is around a "
-                    "landmark; in the real setting some are missed."),
+                    "landmark; in the real setting most are missed, even in the pictures with most "
+                    "boxes that are shown here, and some are around something else."),
         ),
     )  # fmt: skip
+
+
+def _telling(detections: Sequence[Sequence[Detection]]) -> list[int]:
+    """Two steps in which much is found, far from each other."""
+    counts = np.array([len(found) for found in detections])
+    half = len(counts) // 2
+    return [int(counts[:half].argmax()), half + int(counts[half:].argmax())]
 
 
 def _colors(trained: Training, simulated: _Simulated, real: _Real) -> Section:
@@ -302,8 +310,8 @@ def _detection(simulated: _Simulated, real: _Real) -> Section:
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
         (Picture("recall", rates_figure({"clean": _rates(simulated.found),
                                          "real setting": _rates(real.found)}),
-                 "Clean, everything is found to beyond 4 m; in the real setting less, and some of "
-                 "it is a box."),),
+                 "Clean, everything within 4 m is found, and nothing else; in the real setting "
+                 "little is, and some of it is a box."),),
     )  # fmt: skip
 
 
@@ -357,7 +365,8 @@ def _first_experiment(simulated: _Simulated) -> Section:
                     "The estimate stays within centimetres while the wheels are off by metres."),
             Picture("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
                                                       seeds.nis_bands),
-                    "NEES about 3 and NIS about 1: the filter is about as sure as it should be."),
+                    "NEES about 3, with the wandering that all seeds share; NIS below 1: what is seen "
+                    "agrees better than it says."),
         ),
     )  # fmt: skip
 
@@ -528,8 +537,8 @@ def _degradations(
         ),
         pictures=(
             Picture("degradations", curves_figure(panels, levels),
-                    "Levels as in the table. Colours that shift cost most: light and white "
-                    "balance; blur costs landmarks that are far."),
+                    "Levels as in the table. What shifts colours costs most, white balance and "
+                    "light; noise makes most false positives; blur costs what is far."),
         ),
     )  # fmt: skip
 
