@@ -365,8 +365,8 @@ def _first_experiment(simulated: _Simulated) -> Section:
                     "The estimate stays within centimetres while the wheels are off by metres."),
             Picture("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
                                                       seeds.nis_bands),
-                    "NEES about 3, with the wandering that all seeds share; NIS below 1: what is seen "
-                    "agrees better than it says."),
+                    "NEES about 3, with the wandering that all seeds share; NIS below 1: what is "
+                    "seen agrees better than it says."),
         ),
     )  # fmt: skip
 
