@@ -6,7 +6,7 @@
 # And one repeats the paper's experiments, a robot that finds itself:
 #   make experiments
 
-.PHONY: help demo test validate experiments readme gallery lint setup system clean
+.PHONY: help demo test validate experiments readme gallery sheets lint setup system clean
 
 # The first Python that is new enough; say PYTHON=... to choose another.
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -24,6 +24,7 @@ help:
 	@echo "make experiments  repeat the paper's experiments: out/experiments"
 	@echo "make readme       prove the geometry, and put numbers and figures into README"
 	@echo "make gallery      render one scene through every camera model: omnisim/cameras/gallery"
+	@echo "make sheets       every channel of ground truth, every degradation: omnisim/sensors/sheets"
 	@echo "make clean        remove what these made"
 
 demo: setup
@@ -47,6 +48,11 @@ readme: validate
 
 gallery: setup
 	$(BIN)/python .ci/make_gallery.py
+
+sheets: setup
+	@mkdir -p omnisim/sensors/sheets
+	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
+	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup
 	$(BIN)/ruff check .

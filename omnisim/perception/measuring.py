@@ -18,11 +18,12 @@ from omnisim.scene.model import Landmark
 from omnisim.srgb import linear_from_srgb
 
 # Noise of an edge in pixels: measured on drives, of which see the experiments' page.
-EDGE_SIGMA_PX = 0.25
-WIDE_EDGE_SIGMA_PX = 0.5  # where a corner is too slim to be seen by itself
+EDGE_SIGMA_PX = 0.2
+WIDE_EDGE_SIGMA_PX = 0.8  # where a corner is too slim to be seen by itself
+CORNER_SIGMA_M = 0.01  # of where on its boards' ends that corner is
 MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
-COLUMN_SIGMA_PX = 0.18
-WIDE_COLUMN_SIGMA_PX = 0.36
+COLUMN_SIGMA_PX = 0.15
+WIDE_COLUMN_SIGMA_PX = 0.3
 MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
 LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
 _LINEAR = linear_from_srgb(np.arange(256) / 255.0)
@@ -189,11 +190,9 @@ def measure_wide(
         rows = _lower_edges(pixels, bottom, region.left + columns)
         height_m, sigma_px = 0.0, WIDE_EDGE_SIGMA_PX
     ranges = panorama.ranges_m(rows, height_m)
-    smooth = _running_median(ranges[1:-1])
-    if not np.all(np.isfinite(smooth)):
-        return None
-    nearest = int(smooth.argmin())
-    range_m = float(smooth[nearest])
+    # the nearest corner is a column or two wide: a mean with its neighbours would miss it
+    nearest = int(ranges.argmin())
+    range_m = float(ranges[nearest])
     if not 0.0 < range_m < LARGEST_M:
         return None
     longest, shortest = math.hypot(*landmark.footprint_m), min(landmark.footprint_m)
@@ -201,7 +200,7 @@ def measure_wide(
     drop_m = panorama.mount.height_m - top_m
     limits = (top_m, panorama.mount.height_m - drop_m * range_m / (range_m + longest))
     slack_m = 0.15 * top_m + 2.0 * range_m / panorama.camera.focal_length_px
-    at = slice(nearest, nearest + 3)
+    at = slice(max(nearest - 1, 0), nearest + 2)
     seen_m = float(np.median(panorama.heights_m(top[at] - 0.5, range_m)))
     if not is_cut and not min(limits) - slack_m <= seen_m <= max(limits) + slack_m:
         return None
@@ -209,6 +208,7 @@ def measure_wide(
     if not 0.7 * shortest <= spread_m <= 1.5 * longest:
         return None
     sigma_m = float(panorama.range_sigmas_m(range_m, height_m, sigma_px))
+    sigma_m = math.hypot(sigma_m, CORNER_SIGMA_M)
     if is_cut:  # the top that is seen may be that of its far end
         sigma_m += longest
     return Finding(
@@ -230,11 +230,3 @@ def _lower_edges(
     contrast = np.maximum((change * change).sum(axis=-1), 1e-3)
     share = np.clip(((profile - outside) * change).sum(axis=-1) / contrast, 0.0, 1.0)
     return bottom - 2.5 + share.sum(axis=1)
-
-
-def _running_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of three neighbours each; the ends as they are next to."""
-    if len(values) < 3:
-        return values
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(values, 3), axis=1)
-    return np.concatenate((middle[:1], middle, middle[-1:]))

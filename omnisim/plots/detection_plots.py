@@ -92,18 +92,15 @@ def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure
         _style(axes, title, "false positives, share of neg's pixels", "true positives")
         for color, (name, curve, theta) in zip((BLUE, RED, ORANGE), panel, strict=False):
             rates = np.maximum(curve.false_positives, 1e-7)
-            axes.step(rates, curve.true_positives, where="post", color=color, label=name)
+            label = f"{name}, Θ = {theta:.0f}"
+            axes.step(rates, curve.true_positives, where="post", color=color, label=label)
             chosen = int(np.searchsorted(-curve.thresholds, -theta, side="right")) - 1
             if chosen >= 0:
                 at = (rates[chosen], curve.true_positives[chosen])
                 axes.plot(*at, "o", color=color, ms=6, mec="white")
-                axes.annotate(
-                    f"Θ = {theta:.3g}", at, textcoords="offset points", xytext=(7, -10),
-                    fontsize=8, color=color,
-                )  # fmt: skip
         axes.set_xscale("log")
         axes.set_ylim(0.0, 1.02)
-        axes.legend(frameon=False, fontsize=8, loc="lower right")
+        axes.legend(frameon=False, fontsize=8)
     return figure
 
 

@@ -152,10 +152,10 @@ def consistency_figure(
     ):
         axes = figure.add_subplot(1, 2, column + 1)
         _style(axes, title, "step", "")
-        steps = np.arange(len(values))
-        axes.fill_between(steps, low, high, color=GREEN, alpha=0.2, lw=0, label="95 % band")
-        axes.plot(steps, values, color=BLUE, lw=1.3, label="measured")
-        axes.axhline(float(np.nanmean(values)), color=GREY, lw=0.9, ls="--", label="its mean")
+        steps = np.arange(1, len(values))  # at the start nothing was estimated yet
+        axes.fill_between(steps, low[1:], high[1:], color=GREEN, alpha=0.2, lw=0, label="95 % band")
+        axes.plot(steps, values[1:], color=BLUE, lw=1.3, label="measured")
+        axes.axhline(float(np.nanmean(values[1:])), color=GREY, lw=0.9, ls="--", label="its mean")
         axes.set_ylim(bottom=0.0)
         axes.legend(frameon=False, fontsize=8)
     return figure

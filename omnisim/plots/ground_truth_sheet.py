@@ -1,0 +1,77 @@
+"""A contact sheet of every channel of ground truth: `python -m omnisim.plots.ground_truth_sheet
+FILE`, with FILE a .png or .jpg.
+
+The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
+that looks ahead. Flow leads to the pose after a step to the left and ahead.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim import frames
+from omnisim.cameras import EquidistantCamera
+from omnisim.errors import OmnisimError
+from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.previews import preview
+from omnisim.plots.contact_sheet import save_contact_sheet
+from omnisim.scene import load_scene
+from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.simulation.vehicle import Vehicle
+
+SIDE_PX, COLUMNS = 300, 4
+BASE = frames.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
+NEXT_BASE = frames.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
+LENS_THETA_MAX_DEG = 95.0
+LENS_CHANNELS = ("range", "normals", "semantic")
+Tile = tuple[str, NDArray[np.uint8]]
+
+
+def ground_truth_tiles() -> list[Tile]:
+    """Titles and pictures."""
+    vehicle = Vehicle.load("p2at")
+    mounted = vehicle.camera("omnicam")
+    lens_theta_max = math.radians(LENS_THETA_MAX_DEG)
+    middle = 0.5 * (SIDE_PX - 1)
+    lens = EquidistantCamera(
+        SIDE_PX, SIDE_PX, 0.5 * SIDE_PX / lens_theta_max, (middle, middle), lens_theta_max
+    )
+    ahead = OmniCamera(lens, polygons=None, base_from_rig=mounted.sensor.base_from_rig)
+    with Stage(load_scene("soccer"), vehicle.body) as stage:
+        mirror = mounted.sensor.with_polygons(None).resized(SIDE_PX)
+        tiles = _tiles(stage, mirror, mounted.hides, tuple(CHANNELS), "")
+        return tiles + _tiles(stage, ahead, mounted.hides, LENS_CHANNELS, "fisheye: ")
+
+
+def _tiles(
+    stage: Stage, sensor: OmniCamera, hidden: frozenset[str], names: tuple[str, ...], prefix: str
+) -> list[Tile]:
+    with Renderer(stage, sensor, hidden=hidden) as renderer:
+        frame = renderer.render(BASE, also=names, next_base=NEXT_BASE)
+    channels = {
+        name: preview(name, values, frame.labels) for name, values in frame.channels.items()
+    }
+    pictures = {"picture": frame.rgb, **channels}
+    return [(f"{prefix}{name}", picture) for name, picture in pictures.items()]
+
+
+def main(arguments: list[str]) -> int:
+    """Write the sheet to the file that is named; the exit status."""
+    if len(arguments) != 1:
+        print("usage: python -m omnisim.plots.ground_truth_sheet FILE", file=sys.stderr)
+        return 2
+    try:
+        save_contact_sheet(Path(arguments[0]), ground_truth_tiles(), COLUMNS)
+    except OmnisimError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
