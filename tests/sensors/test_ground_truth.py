@@ -19,7 +19,7 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
-from tests.vehicles import body, box, surroundings
+from tests.vehicles import body, box, checkered, surroundings
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
@@ -110,7 +110,30 @@ def test_rays_are_cut_by_what_is_farther_than_near_and_nearer_than_far():
     np.testing.assert_allclose(ranges_m[inside], expected[inside], rtol=1e-4)
 
 
-def test_blended_and_masked_surfaces_count_where_they_hide_half():
+def test_through_the_holes_of_a_masked_surface_is_what_is_behind():
+    """A chequered cage around the camera: whole squares, away from their edges, ray by ray."""
+    cage = Material(texture=checkered(0), alpha_mode=AlphaMode.MASK, double_sided=True)
+    scene = scene_of([room(), box("cage", 1, half_m=0.6)], [Material(double_sided=True), cage])
+    lens = EquirectangularCamera(240, 120)
+    frame = _truth(lens, ("instance", "range"), pose(), scene=scene)
+    directions, _ = _rays_world(lens, pose())
+    axes = np.argmax(np.abs(directions), axis=-1)
+    turned = np.take_along_axis(directions, (axes[..., None] + np.arange(3)) % 3, axis=-1)
+    turned /= np.abs(turned[..., :1])  # (sign, sign (2u - 1), 2v - 1), see `box`
+    squares = 4.0 * (np.stack((turned[..., 0] * turned[..., 1], turned[..., 2]), axis=-1) + 1.0)
+    clear = np.all(np.abs(squares - np.floor(squares) - 0.5) < 0.25, axis=-1)
+    column, row = np.moveaxis(np.clip(np.floor(squares), 0, 7).astype(int), -1, 0)
+    is_hole = (row + column) % 2 == 0
+    assert 0.3 < is_hole[clear].mean() < 0.7
+    seen = np.where(is_hole, 1, 2)  # object 0 is the room
+    np.testing.assert_array_equal(frame.channels["instance"][clear], seen[clear])
+    cage_m = 0.6 / np.abs(directions).max(axis=-1)
+    room_m = np.linalg.norm(room_hit(np.zeros(3), directions), axis=-1)
+    expected_m = np.where(is_hole, room_m, cage_m)
+    np.testing.assert_allclose(frame.channels["range"][clear], expected_m[clear], atol=CLOSE_M)
+
+
+def test_blended_surfaces_count_where_they_hide_half():
     glass = Material(base_color=(0, 0, 1, 0.4), alpha_mode=AlphaMode.BLEND, double_sided=True)
     tinted = Material(base_color=(0, 0, 1, 0.6), alpha_mode=AlphaMode.BLEND, double_sided=True)
     meshes = [room(), box("glass", 1, half_m=0.6), box("tinted", 2, half_m=0.8)]
