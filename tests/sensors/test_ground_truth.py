@@ -16,7 +16,7 @@ from omnisim.errors import OutputError, SceneError
 from omnisim.frames import pose
 from omnisim.ground_truth import CHANNELS
 from omnisim.mirrors import HyperbolicMirror
-from omnisim.scene.model import AlphaMode, Material
+from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 from tests.vehicles import body, box, checkered, surroundings
@@ -108,6 +108,35 @@ def test_rays_are_cut_by_what_is_farther_than_near_and_nearer_than_far():
     inside = np.abs(depth_m - 2.5) > 1e-3
     expected = np.where(depth_m < 2.5, room_m, np.inf)
     np.testing.assert_allclose(ranges_m[inside], expected[inside], rtol=1e-4)
+
+
+def test_a_plain_of_kilometres_reaches_through_the_near_plane_to_its_end():
+    """Two triangles, most of whose corners are behind any one face."""
+    half_m = 2000.0
+    corners = half_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+    plain = Mesh("plain", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), 0)
+    lens, now = LENSES["sphere"], pose((3.3, 1.7, 1.0))
+    ranges_m = _truth(lens, ("range",), now, scene=scene_of([plain])).channels["range"]
+    directions, _ = _rays_world(lens, now)
+    down = np.minimum(directions[..., 2], -1e-9)
+    ends = now[:2, 3] - directions[..., :2] / down[..., None]
+    seen = (directions[..., 2] < 0.0) & np.all(np.abs(ends) < half_m, axis=-1)
+    np.testing.assert_array_equal(np.isfinite(ranges_m), seen)
+    np.testing.assert_allclose(ranges_m[seen], -1.0 / down[seen], rtol=1e-6)
+
+
+def test_far_from_the_origin_ranges_are_as_exact():
+    lens, away = LENSES["fisheye"], np.array([5e5, -3e5, 100.0])
+    scene = scene_of([room()], poses=[pose(away)])
+    now = POSE.copy()
+    now[:3, 3] += away
+    found = _truth(lens, ("range", "position", "valid"), now, scene=scene).channels
+    near = _truth(lens, ("range", "position")).channels
+    valid = found["valid"] > 0
+    np.testing.assert_allclose(found["range"][valid], near["range"][valid], atol=CLOSE_M)
+    np.testing.assert_allclose(
+        found["position"][valid] - away, near["position"][valid], atol=CLOSE_M
+    )
 
 
 def test_through_the_holes_of_a_masked_surface_is_what_is_behind():
