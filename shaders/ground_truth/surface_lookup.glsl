@@ -18,7 +18,7 @@ layout(std430, binding = 3) readonly buffer Neighbours { uint neighbours[]; };
 
 const uint HOLED = 1u, DOUBLE_SIDED = 2u, MIRRORED = 4u;
 const uint NO_NEIGHBOUR = 0xFFFFFFFFu;
-const uint MOST_STEPS = 4u;  // over edges, from a triangle that the ray misses
+const uint MOST_STEPS = 3u;  // over edges, from a triangle that the ray misses
 // What lies beside a triangle whose plane is farther than that behind a hit is not searched.
 const float FARTHER = 1.1;
 
