@@ -86,9 +86,7 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         camera = camera.with_polygons(parse_polygons(request.polygons))
     also = () if request.also is None else parse_channels(request.also)
     _check_also(request, also)
-    scene = load_labelled_scene(
-        request.scene, request.up_axis, request.labels, bool({"semantic"} & set(also)), err
-    )
+    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, also, err)
     position = scene.start.position_m if request.at is None else request.at
     yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
     pose = camera.base_pose(position, yaw_deg)
@@ -158,7 +156,6 @@ def _check_also(request: RenderRequest, also: tuple[str, ...]) -> None:
     needs = (
         ("--next", request.next_at is not None, "flow"),
         ("--next-yaw", request.next_yaw_deg is not None, "flow"),
-        ("--labels", request.labels is not None, "semantic"),
     )
     for option, is_given, channel in needs:
         if is_given and channel not in also:
