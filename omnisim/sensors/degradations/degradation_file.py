@@ -65,7 +65,7 @@ def preset(name: str, folder: Path = Path()) -> Degradation:
             wanted.
     """
     path, tables = _preset_tables(name, folder, "")
-    return _made(tables, str(path))
+    return _made(tables, str(path), "")
 
 
 def from_table(table: Table, source: str, folder: Path) -> Degradation:
@@ -87,7 +87,7 @@ def from_table(table: Table, source: str, folder: Path) -> Degradation:
     for key, values in given.items():
         if values is not None:
             tables[key] = {**tables.get(key, {}), **values}
-    return _made(tables, source)
+    return _made(tables, source, "degradation.")
 
 
 def _preset_tables(name: str, folder: Path, where: str) -> tuple[Path, dict[str, Any]]:
@@ -103,7 +103,8 @@ def _preset_tables(name: str, folder: Path, where: str) -> tuple[Path, dict[str,
     return path, read_toml(path, PresetTable, SensorFileError).model_dump(exclude_unset=True)
 
 
-def _made(tables: dict[str, Any], source: str) -> Degradation:
+def _made(tables: dict[str, Any], source: str, prefix: str) -> Degradation:
+    """The degradations of tables whose names have the prefix in their file."""
     checked = parse_table(tables, PresetTable, SensorFileError, source)
     try:
         parts = {}
@@ -113,4 +114,5 @@ def _made(tables: dict[str, Any], source: str) -> Degradation:
                 parts[name] = kind(**values.model_dump(exclude={"enabled"}))
         return Degradation(**parts)
     except OpticsError as reason:
-        raise SensorFileError(f"{source}: {reason}") from None
+        told = str(reason).replace("degradation.", prefix)
+        raise SensorFileError(f"{source}: {told}") from None

@@ -22,20 +22,19 @@ import math
 from dataclasses import dataclass
 
 from omnisim.errors import OpticsError
-from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
-from omnisim.toml_file import Number
+from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive, Stops
 
 
 @dataclass(frozen=True)
 class Exposure(Parameters):
     """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
 
-    ev: Number = 0.0
+    ev: Stops = 0.0
     auto: bool = False
     target: Positive = 0.18
     time_constant_s: NotNegative = 0.2
-    min_ev: Number = -4.0
-    max_ev: Number = 6.0
+    min_ev: Stops = -4.0
+    max_ev: Stops = 6.0
 
     def _check(self) -> None:
         if self.min_ev > self.max_ev:
@@ -43,8 +42,6 @@ class Exposure(Parameters):
                 f"degradation.exposure: min_ev = {self.min_ev:g}, max_ev = {self.max_ev:g}: "
                 "want min_ev ≤ max_ev"
             )
-        if abs(self.ev) > 30.0:
-            raise OpticsError(f"degradation.exposure.ev = {self.ev:g}: want −30 to 30")
 
     def metered_ev(self, mean_luminance: float) -> float:
         """The exposure that would suit a picture (of Rec. 709 luminance, before exposure)."""

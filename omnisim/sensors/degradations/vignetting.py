@@ -18,16 +18,15 @@ import numpy as np
 
 from omnisim.errors import OpticsError
 from omnisim.gpu.degradation_pass import Step
-from omnisim.sensors.degradations.parameters import Parameters
+from omnisim.sensors.degradations.parameters import Parameters, Signed
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
-from omnisim.toml_file import Number
 
 
 @dataclass(frozen=True)
 class Vignetting(Parameters):
     """Light is multiplied by 1 + c₂r² + c₄r⁴ + c₆r⁶, but never by less than 0."""
 
-    coefficients: tuple[Number, Number, Number] = (-0.3, 0.0, 0.0)
+    coefficients: tuple[Signed, Signed, Signed] = (-0.3, 0.0, 0.0)
 
     @classmethod
     def cos4(cls, tangent: float) -> Vignetting:

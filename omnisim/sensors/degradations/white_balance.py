@@ -16,19 +16,19 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from omnisim.gpu.degradation_pass import Step
-from omnisim.sensors.degradations.parameters import Parameters
+from omnisim.sensors.degradations.parameters import SMALLEST, Parameters, Positive
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied
-from omnisim.toml_file import Number, word_or
+from omnisim.toml_file import word_or
 
-Factor = Annotated[Number, Field(gt=0.0, le=100.0)]
+Factor = Annotated[Positive, Field(le=100.0)]
 
 
 def _are_factors(value: Any) -> bool:
     return (
         isinstance(value, list | tuple)
         and len(value) == 3
-        and all(type(part) in (int, float) and 0.0 < part <= 100.0 for part in value)
+        and all(type(part) in (int, float) and SMALLEST <= part <= 100.0 for part in value)
     )
 
 

@@ -130,7 +130,19 @@ def test_fingerprint_and_size_know_of_it():
             r"sub_frames = 0: want .* or 'auto'",
         ),
         ("[degradation.exposure]\nmin_ev = 3\nmax_ev = 2", r"want min_ev ≤ max_ev"),
-        ("[degradation.exposure]\nev = 99", r"exposure\.ev = 99: want −30 to 30"),
+        ("[degradation.exposure]\nev = 99", r"exposure\.ev = 99: want less than or equal to 30"),
+        ("[degradation.exposure]\nauto = true\nmax_ev = 3000", r"max_ev = 3000: want less than or"),
+        ("[degradation.noise]\nread_noise_e = 1e300", r"read_noise_e = 1e\+300: want less than or"),
+        ("[degradation.noise]\ngain_e_per_dn = 1e-300", r"per_dn = 1e-300: want at least 1e-09"),
+        ("[degradation.reflectance]\ntint = [1e300, 1, 1]", r"tint\.0 = 1e\+300: want less than"),
+        (
+            "[degradation.vignetting]\ncoefficients = [0, -1e300, 0]",
+            r"coefficients\.1 = -1e\+300: want greater than or equal to -1",
+        ),
+        (
+            "[degradation.white_balance]\nresponse = [1, 1e-300, 1]",
+            r"response\.1 = 1e-300: want at least 1e-09",
+        ),
         ("[degradation.bayer]\npattern = 'RGBG'", r"pattern = 'RGBG': want 'RGGB', 'BGGR'"),
         ("[degradation.jpeg]\nquality = 0", r"quality = 0: want greater than or equal to 1"),
         (
@@ -182,3 +194,12 @@ def test_preset_files_say_what_is_assumed():
     for name in preset_names():
         text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
         assert name == "ideal" or "assumption" in text
+
+
+def test_a_preset_file_has_keys_without_the_prefix_of_a_sensor_file(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("[noise]\ndark_current_e_per_s = 5\n")
+    with pytest.raises(SensorFileError) as info:
+        preset(str(file))
+    words = "noise.dark_current_e_per_s = 5: needs shutter.exposure_s"
+    assert str(info.value) == f"{file}: {words}"
