@@ -114,6 +114,11 @@ def _claimed(rules: tuple[LabelRule, ...], name: str, mover: str | None) -> int 
     if mover == BODY:
         return None
     for rule in rules:
-        if any(fnmatchcase(name, pattern) for pattern in rule.nodes):
+        if any(_fits(name, pattern) for pattern in rule.nodes):
             return rule.id
     return None
+
+
+def _fits(name: str, pattern: str) -> bool:
+    """Whether a name is like a pattern, in which only * and ? mean more than themselves."""
+    return fnmatchcase(name, pattern.replace("[", "[[]"))

@@ -126,3 +126,10 @@ def test_label_files_that_are_wrong_say_where(tmp_path, text, words):
         read_label_file(path)
     assert words in str(refused.value)
     assert all(line.startswith(f"{path}: ") for line in str(refused.value).splitlines())
+
+
+def test_brackets_in_a_name_are_letters():
+    rules = label_rules((LabelTable(name="crate", nodes=("crate[?]",)),))
+    labels = find_labels(_named("crate[1]", "crate1", labels=rules))
+    classes = {label.id: label.name for label in labels.classes}
+    assert [classes[label.class_id] for label in labels.instances] == ["crate", "unlabelled"]
