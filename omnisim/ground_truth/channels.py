@@ -104,7 +104,8 @@ def parse_channels(text: str) -> tuple[str, ...]:
     names = [name.strip().lower() for name in text.split(",") if name.strip()]
     if not names:
         raise OutputError(f"--also {text!r}: want names with commas: {','.join(CHANNELS)}, or all")
-    return tuple(CHANNELS) if names == ["all"] else check_channels(names)
+    everything = CHANNELS if "all" in names else ()
+    return check_channels([*everything, *(name for name in names if name != "all")])
 
 
 def check_channels(names: Iterable[str]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
 def test_names_come_once_and_in_one_order():
     assert parse_channels("valid, Range,range") == ("range", "valid")
     assert parse_channels("all") == tuple(CHANNELS) == check_channels(reversed(CHANNELS))
+    assert parse_channels("range, all") == tuple(CHANNELS)
     assert check_channels(()) == ()
 
 
