@@ -18,7 +18,7 @@ from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
-from omnisim.sensors.motion import Twist
+from omnisim.sensors.motion import FASTEST_MPS, FASTEST_RADPS, Twist
 from omnisim.sensors.renderer import unfolded_cube
 
 
@@ -62,9 +62,12 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    for option, value in (("--speed", request.speed_mps), ("--turn-rate", request.turn_rate_degps)):
-        if not math.isfinite(value):
-            raise OutputError(f"{option} {value:g}: want a finite number")
+    for option, value, most in (
+        ("--speed", request.speed_mps, FASTEST_MPS),
+        ("--turn-rate", request.turn_rate_degps, math.floor(math.degrees(FASTEST_RADPS))),
+    ):
+        if not abs(value) <= most:  # NaN is not, either
+            raise OutputError(f"{option} {value:g}: want a number from −{most:g} to {most:g}")
     is_float = is_float_format(request.output)
     check_target(request.output)
     for beside in (request.rays, request.calibration_beside):

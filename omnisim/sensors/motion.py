@@ -18,6 +18,8 @@ Motion = Callable[[float], NDArray[np.float64]]
 # Nothing is nearer than this when it is told how far a picture moves: an assumption, as depth is
 # not known before there is a picture. What is nearer moves by more from sub-frame to sub-frame.
 NEAREST_M = 1.0
+# Beyond these no camera moves; within them poses are exact to 1e-9 even through an hour's exposure.
+FASTEST_MPS, FASTEST_RADPS = 1e4, 1e3
 GRID = 13  # places to a side of the picture at which its motion is looked at
 
 
@@ -30,17 +32,19 @@ class Twist:
         angular_radps: turn rate about these axes; z counter-clockwise seen from above, to the left.
 
     Raises:
-        OmnisimError: a rate that is not finite.
+        OmnisimError: a rate that is not finite, or beyond `FASTEST_MPS` or `FASTEST_RADPS`.
     """
 
     linear_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     angular_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("linear_mps", "angular_radps"):
+        for name, most in (("linear_mps", FASTEST_MPS), ("angular_radps", FASTEST_RADPS)):
             value = getattr(self, name)
-            if len(value) != 3 or not np.all(np.isfinite(value)):
-                raise OmnisimError(f"{name} = {value!r}: want three finite numbers")
+            if len(value) != 3 or not np.all(np.abs(value) <= most):  # false for NaN, too
+                raise OmnisimError(
+                    f"{name} = {value!r}: want three numbers from −{most:g} to {most:g}"
+                )
 
     def through(self, world_from_base: NDArray[np.float64]) -> Motion:
         """The motion that is at a pose (4, 4) in the middle of the frame."""
@@ -53,7 +57,13 @@ class Twist:
                 [0.0, 0.0, 0.0, 0.0],
             ]
         )
-        return lambda time_s: world_from_base @ expm(rates * time_s)
+
+        def at(time_s: float) -> NDArray[np.float64]:
+            moved = expm(rates * time_s)
+            moved[3] = (0.0, 0.0, 0.0, 1.0)  # of long ways only nearly so
+            return world_from_base @ moved
+
+        return at
 
 
 def moved_px(camera: CentralCamera, world_from_optical: list[NDArray[np.float64]]) -> float:

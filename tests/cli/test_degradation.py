@@ -36,9 +36,11 @@ def test_a_motion_that_cannot_show_is_told(omnisim, tmp_path):
 
 
 def test_motions_that_are_none_are_refused(omnisim, tmp_path):
-    for option in ("--speed", "--turn-rate"):
-        status, _, err = omnisim(*RENDER, "-o", "a.png", option, "nan")
-        assert (status, err.strip()) == (1, f"error: {option} nan: want a finite number")
+    for option, most in (("--speed", "10000"), ("--turn-rate", "57295")):
+        for value in ("nan", "inf", "-1e+06"):
+            status, _, err = omnisim(*RENDER, "-o", "a.png", f"{option}={value}")
+            words = f"error: {option} {value}: want a number from −{most} to {most}"
+            assert (status, err.strip()) == (1, words)
 
 
 def test_unknown_presets_are_one_line(omnisim, tmp_path):

@@ -108,8 +108,19 @@ def test_twist_is_the_motion_that_it_says():
     # half a turn on a circle of radius 2/π to the left: ahead is +y, so the circle is at −x
     np.testing.assert_allclose(motion(1.0)[:3, 3], (1.0 - 4.0 / np.pi, 2.0, 0.5), atol=1e-12)
     np.testing.assert_allclose(motion(1.0)[:3, 0], (0.0, -1.0, 0.0), atol=1e-12)
-    with pytest.raises(OmnisimError, match="want three finite numbers"):
+    with pytest.raises(OmnisimError, match="want three numbers from −10000 to 10000"):
         Twist((np.nan, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 100.0, 1e4])
+@pytest.mark.parametrize("turn_radps", [0.0, 0.1, 1e3])
+def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
+    motion = Twist((speed_mps, 0.0, 0.0), (0.0, 0.0, turn_radps)).through(np.eye(4))
+    for time_s in np.linspace(-3.0, 3.0, 13):
+        x, y = frames.check_pose(motion(float(time_s)))[:2, 3]
+        chord_m = abs(speed_mps * time_s * np.sinc(0.5 * turn_radps * time_s / np.pi))
+        # an arc's chord: float64 through thousands of radians
+        np.testing.assert_allclose(np.hypot(x, y), chord_m, rtol=1e-9, atol=1e-9 * speed_mps)
 
 
 def test_an_ideal_camera_is_the_same_picture_and_no_pass_more():
