@@ -16,6 +16,7 @@ from omnisim.calibration.ray_table import write_ray_table
 from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
+from omnisim.ground_truth.files import is_name_beside
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import FASTEST_MPS, FASTEST_RADPS, Twist
@@ -70,9 +71,19 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
             raise OutputError(f"{option} {value:g}: want a number from −{most:g} to {most:g}")
     is_float = is_float_format(request.output)
     check_target(request.output)
-    for beside in (request.rays, request.calibration_beside):
-        if beside is not None:
-            check_target(beside)
+    also = () if request.also is None else parse_channels(request.also)
+    taken = {request.output.resolve(): "-o"}
+    for option, beside in (("--rays", request.rays), ("--calibration", request.calibration_beside)):
+        if beside is None:
+            continue
+        check_target(beside)
+        other = taken.setdefault(beside.resolve(), option)
+        if also and is_name_beside(request.output, beside):
+            other = "--also"
+        if other != option:
+            raise OutputError(
+                f"{option} {beside}: {other} writes a file of this name: want another"
+            )
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
         raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
@@ -87,7 +98,6 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         camera = camera.resized(request.size_px)
     if request.polygons is not None:
         camera = camera.with_polygons(parse_polygons(request.polygons))
-    also = () if request.also is None else parse_channels(request.also)
     _check_also(request, also)
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, also, err)
     position = scene.start.position_m if request.at is None else request.at

@@ -89,6 +89,15 @@ def beside(picture: Path, ending: str) -> Path:
     return picture.with_name(f"{picture.stem}.{ending}")
 
 
+def is_name_beside(picture: Path, path: Path) -> bool:
+    """Whether the channels of a picture may write a file of this name."""
+    if path.resolve().parent != picture.resolve().parent:
+        return False
+    stem, _, ending = path.name.partition(f"{picture.stem}.")
+    is_ours = ending in ("channels.json", "coco.json") or ending.partition(".")[0] in CHANNELS
+    return not stem and is_ours
+
+
 def _write(
     picture: Path,
     name: str,

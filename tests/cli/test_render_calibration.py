@@ -60,3 +60,30 @@ def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arg
     assert status == 1
     assert words in err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-o", "a.exr", "--rays", "a.exr"], "--rays a.exr: -o writes a file of this name"),
+        (["-o", "a.png", "--calibration", "./a.png"], "--calibration a.png: -o writes"),
+        (
+            ["-o", "a.png", "--rays", "b.exr", "--calibration", "b.exr"],
+            "--calibration b.exr: --rays writes a file of this name: want another",
+        ),
+        (
+            ["-o", "a.png", "--also", "position", "--rays", "a.position.exr"],
+            "--rays a.position.exr: --also writes",
+        ),
+        (
+            ["-o", "a.png", "--also", "range", "--calibration", "a.channels.json"],
+            "--calibration a.channels.json: --also writes",
+        ),
+    ],
+)
+def test_no_file_is_written_over_another(omnisim, tmp_path, arguments, words):
+    status, _, err = omnisim("render", "courtyard", *arguments)
+    assert status == 1
+    assert words in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
