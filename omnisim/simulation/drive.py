@@ -186,6 +186,10 @@ class Plan:
                 "up_axis": drive.up_axis,
                 "contents": scene_contents(drive.scene),
             },
+            "degradation": {
+                camera.name: _as_json(camera.sensor.degradation.tables())
+                for camera in vehicle.cameras
+            },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
             "path": {
                 "name": Path(drive.route.path).name,
@@ -219,6 +223,11 @@ class Plan:
             ):
                 if not run.has(f"{camera.name}/{name}"):
                     run.write_text(f"{camera.name}/{name}", text)
+
+
+def _as_json(tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables as a file gives them back: tuples are lists."""
+    return json.loads(json.dumps(tables))
 
 
 def scene_contents(scene: Scene) -> str:

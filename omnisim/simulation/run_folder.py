@@ -281,13 +281,16 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
 
 
 def _first_difference(there: dict[str, Any], wanted: dict[str, Any], at: str = "") -> str:
-    """The first key with two values, in words; empty where there is none."""
+    """The first key with two values, in words; empty where there is none.
+
+    A table that is not there is an empty one: the key that differs is told, not all of the table.
+    """
     for key in dict.fromkeys((*wanted, *there)):
         if f"{at}{key}" in FOR_THE_RECORD:
             continue
         old, new = there.get(key), wanted.get(key)
-        if isinstance(old, dict) and isinstance(new, dict):
-            difference = _first_difference(old, new, f"{at}{key}.")
+        if isinstance(old, dict | None) and isinstance(new, dict | None):
+            difference = _first_difference(old or {}, new or {}, f"{at}{key}.")
             if difference:
                 return difference
         elif old != new:
