@@ -112,8 +112,10 @@ def check_channels(names: Iterable[str]) -> tuple[str, ...]:
     """The channels of these names in the order of `CHANNELS`, each once; flow has its occlusion.
 
     Raises:
-        OutputError: an unknown name, with the nearest right one.
+        OutputError: an unknown name, with the nearest right one; or a text in place of names.
     """
+    if isinstance(names, str):  # which would be taken letter by letter
+        raise OutputError(f"channels {names!r}: want a list of names, such as ['range']")
     wanted = set(names)
     for name in sorted(wanted - CHANNELS.keys()):
         near = [_SYNONYMS[name]] if name in _SYNONYMS else difflib.get_close_matches(name, CHANNELS)

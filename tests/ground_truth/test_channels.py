@@ -33,6 +33,11 @@ def test_what_is_no_channel_is_refused_with_the_nearest(text, words):
     assert "\n" not in str(refused.value)
 
 
+def test_one_text_is_no_list_of_names():
+    with pytest.raises(OutputError, match=r"channels 'range': want a list of names, such as \['ra"):
+        check_channels("range")
+
+
 def test_no_two_layers_of_a_file_have_one_name():
     parts = [part for channel in CHANNELS.values() for part in channel.parts]
     assert len(set(parts)) == len(parts)
