@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.errors import OpticsError
 from omnisim.frames import check_pose
 from omnisim.gpu.degradation_pass import DegradationPass
 from omnisim.gpu.pipeline import Picture, Pipeline, SubFrame
+from omnisim.sensors.degradations.parameters import MOST_STOPS
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.motion import Motion, moved_px
@@ -54,7 +56,15 @@ class ImperfectCamera:
         frame_number: int,
         exposure_ev: float | None,
     ) -> tuple[Picture, dict[str, Any]]:
-        """The picture, and what is to be told of it; arguments as `Renderer.render` has them."""
+        """The picture, and what is to be told of it; arguments as `Renderer.render` has them.
+
+        Raises:
+            OpticsError: an impossible exposure.
+        """
+        if exposure_ev is not None and not abs(exposure_ev) <= MOST_STOPS:  # NaN is not, either
+            raise OpticsError(
+                f"exposure_ev = {exposure_ev:g}: want −{MOST_STOPS:g} to {MOST_STOPS:g} stops"
+            )
         sub_frames = self._sub_frames(world_from_base, movers, motion, stage)
         degradation = self.sensor.degradation
         told: dict[str, Any] = {"parameters": degradation.tables(), "sub_frames": len(sub_frames)}

@@ -134,7 +134,7 @@ class Renderer(OnStage):
 
         Raises:
             OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
-                pose, or the renderer or its stage is closed.
+                pose, an impossible exposure, or the renderer or its stage is closed.
         """
         names = check_channels(also)
         base = check_pose(world_from_base)

@@ -248,6 +248,17 @@ def test_a_motion_that_is_no_pose_is_refused():
         renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
 
 
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("exposure_ev", [np.nan, np.inf, 5000.0])
+def test_an_impossible_exposure_is_refused(exposure_ev):
+    sensor = OmniCamera().resized(16).with_degradation(Degradation(exposure=Exposure(auto=True)))
+    with (
+        Renderer(scene_of([room()]), sensor) as renderer,
+        pytest.raises(OmnisimError, match=r"exposure_ev = \w+: want −30 to 30 stops"),
+    ):
+        renderer.render(np.eye(4), exposure_ev=exposure_ev)
+
+
 def test_ground_truth_is_that_of_the_ideal_camera():
     """Whatever becomes of the picture, and whatever moves while it is taken."""
     ideal = OmniCamera().resized(60)

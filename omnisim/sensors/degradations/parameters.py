@@ -14,6 +14,7 @@ from omnisim.toml_file import Number, Table, parse_table
 
 # Products and quotients of a few of these stay within float32, which the GPU counts in.
 SMALLEST, LARGEST = 1e-9, 1e9
+MOST_STOPS = 30.0
 
 
 def _is_not_tiny(value: float) -> float:
@@ -27,7 +28,7 @@ Positive = Annotated[
     Number, pydantic.Field(gt=0.0, le=LARGEST), pydantic.AfterValidator(_is_not_tiny)
 ]
 Signed = Annotated[Number, pydantic.Field(ge=-LARGEST, le=LARGEST)]
-Stops = Annotated[Number, pydantic.Field(ge=-30.0, le=30.0)]
+Stops = Annotated[Number, pydantic.Field(ge=-MOST_STOPS, le=MOST_STOPS)]
 Share = Annotated[Number, pydantic.Field(ge=0.0, le=1.0)]
 Count = Annotated[int, pydantic.Field(strict=True, ge=0, le=10_000)]
 Seed = Annotated[int, pydantic.Field(strict=True, ge=0, lt=2**63)]
