@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +12,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.errors import OutputError
+from omnisim.errors import OmnisimError, OutputError
 from omnisim.image_files import write_image
 from omnisim.plots.style import DPI
 
+Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and pictures
 TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5
 SHEET_JPEG_QUALITY = 82  # to look at, and light enough for a page
 
 
-def contact_sheet(
-    tiles: Sequence[tuple[str, NDArray[np.uint8]]], columns: int
-) -> NDArray[np.uint8]:
+def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     """The sheet (height, width, 3) of pictures, row by row, each below its title.
 
     Pictures are neither scaled nor smoothed: `magnified` enlarges them. Smaller
@@ -67,9 +67,7 @@ def magnified(picture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
     return np.repeat(np.repeat(picture, times, axis=0), times, axis=1)
 
 
-def save_contact_sheet(
-    path: Path, tiles: Sequence[tuple[str, NDArray[np.uint8]]], columns: int
-) -> None:
+def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
     """Write a contact sheet: .png or .jpg.
 
     Raises:
@@ -77,3 +75,22 @@ def save_contact_sheet(
     """
     sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
     write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)
+
+
+def run_sheet(
+    module: str, arguments: Sequence[str], make_tiles: Callable[[], Tiles], columns: int
+) -> int:
+    """A command that writes a contact sheet to the one file that its arguments name.
+
+    Returns:
+        The exit status.
+    """
+    if len(arguments) != 1:
+        print(f"usage: python -m {module} FILE", file=sys.stderr)
+        return 2
+    try:
+        save_contact_sheet(Path(arguments[0]), make_tiles(), columns)
+    except OmnisimError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0

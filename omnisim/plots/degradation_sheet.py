@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
-from omnisim.errors import OmnisimError
-from omnisim.plots.contact_sheet import magnified, save_contact_sheet
+from omnisim.plots.contact_sheet import magnified, run_sheet
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.degradations import (
@@ -112,18 +110,5 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
     return tiles
 
 
-def main(arguments: list[str]) -> int:
-    """Write the sheet to the file that is named; the exit status."""
-    if len(arguments) != 1:
-        print("usage: python -m omnisim.plots.degradation_sheet FILE", file=sys.stderr)
-        return 2
-    try:
-        save_contact_sheet(Path(arguments[0]), degradation_tiles(), COLUMNS)
-    except OmnisimError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run_sheet(__spec__.name, sys.argv[1:], degradation_tiles, COLUMNS))

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import frames
 from omnisim.cameras import EquidistantCamera
-from omnisim.errors import OmnisimError
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
-from omnisim.plots.contact_sheet import save_contact_sheet
+from omnisim.plots.contact_sheet import run_sheet
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.simulation.vehicle import Vehicle
@@ -60,18 +58,5 @@ def _tiles(
     return [(f"{prefix}{name}", picture) for name, picture in pictures.items()]
 
 
-def main(arguments: list[str]) -> int:
-    """Write the sheet to the file that is named; the exit status."""
-    if len(arguments) != 1:
-        print("usage: python -m omnisim.plots.ground_truth_sheet FILE", file=sys.stderr)
-        return 2
-    try:
-        save_contact_sheet(Path(arguments[0]), ground_truth_tiles(), COLUMNS)
-    except OmnisimError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run_sheet(__spec__.name, sys.argv[1:], ground_truth_tiles, COLUMNS))

@@ -8,9 +8,9 @@ from omnisim.plots.contact_sheet import (
     TITLE_PX,
     contact_sheet,
     magnified,
+    run_sheet,
     save_contact_sheet,
 )
-from omnisim.plots.degradation_sheet import main
 
 
 def test_pictures_are_there_pixel_for_pixel_below_their_titles(tmp_path):
@@ -40,8 +40,16 @@ def test_long_titles_stay_in_their_cells():
     assert dark.max() < GAP_PX + 80 + 1
 
 
-def test_a_sheet_of_nothing_is_refused(capsys):
+def test_a_sheet_of_nothing_is_refused():
     with pytest.raises(OutputError, match="want at least one"):
         contact_sheet([], 3)
-    assert main([]) == 2
-    assert "usage" in capsys.readouterr().err
+
+
+def test_a_sheet_by_command(tmp_path, capsys):
+    tiles = [("a", np.zeros((9, 9), np.uint8))]
+    assert run_sheet("a.sheet", [], lambda: tiles, 3) == 2
+    assert capsys.readouterr().err == "usage: python -m a.sheet FILE\n"
+    assert run_sheet("a.sheet", [str(tmp_path / "no" / "a.png")], lambda: tiles, 3) == 1
+    assert capsys.readouterr().err.startswith("error: ")
+    assert run_sheet("a.sheet", [str(tmp_path / "a.png")], lambda: tiles, 3) == 0
+    assert (tmp_path / "a.png").is_file()
