@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -101,7 +102,9 @@ def format_named(name: str) -> Format:
         CalibrationError: there is none.
     """
     if name not in FORMATS:
-        raise CalibrationError(f"format {name!r}: want one of " + ", ".join(FORMATS))
+        near = difflib.get_close_matches(name.lower(), FORMATS, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else "want one of " + ", ".join(FORMATS)
+        raise CalibrationError(f"format {name!r}: {hint}")
     return FORMATS[name]
 
 

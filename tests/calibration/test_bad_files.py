@@ -1,6 +1,10 @@
 """What is wrong with a file: the file, the key, the value, and what was wanted, in one line."""
 
+import json
+import time
+
 import pytest
+import yaml
 
 from omnisim.calibration import fit, load_calibration
 from omnisim.errors import CalibrationError
@@ -123,8 +127,10 @@ def test_a_file_of_another_format_is_named():
         CalibrationError, match=r"this looks like a colmap file .*pass --format colmap"
     ):
         load_calibration(path, "kalibr")
-    with pytest.raises(CalibrationError, match="format 'kalbr': want one of"):
-        load_calibration(path, "kalbr")
+    with pytest.raises(CalibrationError, match="format 'Kalbr': did you mean 'kalibr'"):
+        load_calibration(path, "Kalbr")
+    with pytest.raises(CalibrationError, match="format 'word': want one of omnisim, kalibr"):
+        load_calibration(path, "word")
     with pytest.raises(CalibrationError, match="no camera 'cam0': want one of 1, 2, 3"):
         load_calibration(path, camera="cam0")
     with pytest.raises(CalibrationError, match=r"nothing\.yaml: cannot be read: No such file"):
@@ -140,6 +146,61 @@ def test_numbers_that_only_yaml_1_2_takes_for_numbers_are_read(tmp_path):
     one, other = (load_calibration(tmp_path / f"{name}.yaml").cameras[0].camera for name in "ab")
     assert one == other
     assert one.coefficients[0] == 3.5e-3
+
+
+def test_yaml_in_its_other_ways_of_writing_is_read(tmp_path):
+    plain = FOLDER / "kalibr_tum_vi.yaml"
+    cameras = yaml.safe_load(plain.read_text())
+    quoted = "".join(f'"{name}": {json.dumps(told)}\n' for name, told in cameras.items())
+    (tmp_path / "quoted.yaml").write_text(quoted)
+    (tmp_path / "crlf.yaml").write_bytes(
+        b"\xef\xbb\xbf" + plain.read_bytes().replace(b"\n", b"\r\n")
+    )
+    for name in ("quoted", "crlf"):
+        found = load_calibration(tmp_path / f"{name}.yaml")
+        assert [one.camera for one in found.cameras] == [
+            one.camera for one in load_calibration(plain).cameras
+        ]
+
+
+def _aliases(levels, opening, item, closing):
+    """A YAML text whose aliases make it nine times larger at each level."""
+    lines = [f"a0: &a0 {opening}{item.format(0)}{closing}"]
+    for level in range(1, levels):
+        inner = ", ".join(item.format(f"*a{level - 1}").replace("#", str(at)) for at in range(9))
+        lines.append(f"a{level}: &a{level} {opening}{inner}{closing}")
+    return "\n".join(lines) + f"\ncam0:\n  camera_model: pinhole\n  intrinsics: *a{levels - 1}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_aliases(8, "[", "{}", "]"), "its aliases make it grow without bound"),
+        (_aliases(8, "{{", "k#: {}", "}}"), "its aliases make it grow without bound"),
+        ("model_type: &a [*a]\n", "its aliases make it grow without bound"),
+        ("model_type: " + "[" * 5000 + "]" * 5000 + "\n", "nested too deeply"),
+        ('{"fl_x": ' + "[" * 200_000 + "]" * 200_000 + "}", "nested too deeply"),
+        ('{"fl_x": ' + "9" * 5000 + "}", "a number of thousands of digits"),
+        ("model_type: " + "9" * 5000 + "\n", "a number of thousands of digits"),
+    ],
+)
+def test_files_made_to_be_endless_are_refused(text, words, tmp_path):
+    (tmp_path / "bomb.yaml").write_text(text.replace("{{", "{").replace("}}", "}"))
+    with pytest.raises(CalibrationError, match=rf"bomb\.yaml: not (YAML|JSON): {words}"):
+        load_calibration(tmp_path / "bomb.yaml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["\n" * 200_000 + "x: 1", '{"fl_x": 0' + ',"k": 0' * 60_000 + "}"],
+    ids=["lines", "keys"],
+)
+def test_long_files_take_time_by_their_length_alone(text, tmp_path):
+    (tmp_path / "long").write_text(text)
+    start = time.perf_counter()
+    with pytest.raises(CalibrationError):
+        load_calibration(tmp_path / "long")
+    assert time.perf_counter() - start < 5.0  # a tenth at most; minutes by the length's square
 
 
 def test_a_lens_that_none_of_our_models_is_says_how_near_it_is(monkeypatch):

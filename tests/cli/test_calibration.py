@@ -97,7 +97,7 @@ def test_the_formats_are_listed(omnisim):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': want one of omnisim"),
+        (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': did you mean 'kalibr'?"),
         (["convert", TUM_VI, "--to", "ros", "-o", "x"], "sees 115.6° from its axis"),
         (["convert", TUM_VI, "--to", "colmap", "-o", "no/x"], "the folder no does not exist"),
         (["convert", "none.yaml", "--to", "ros", "-o", "x"], "none.yaml: cannot be read"),

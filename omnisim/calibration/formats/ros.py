@@ -51,7 +51,7 @@ def _looks_like(text: str) -> bool:
     return (
         not text.lstrip().startswith("{")
         and "!!opencv-matrix" not in text
-        and all(re.search(rf"^{key}\s*:", text, re.M) for key in keys)
+        and all(re.search(rf"^{key}[ \t]*:", text, re.M) for key in keys)
     )
 
 
