@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -45,6 +45,26 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
         _check_target(path, may_make_folder)
     except OSError as reason:  # a name too long, a folder without permission
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+
+
+def check_apart(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
+    """Refuse to write one file twice, or over one that is read.
+
+    Args:
+        writes: files that are going to be written, by what a message calls them; None: is not.
+        reads: files that are read, in the same way.
+
+    Raises:
+        OutputError: two of them are the same file.
+    """
+    known = {os.path.realpath(path): what for what, path in reads.items() if path is not None}
+    for what, path in writes.items():
+        if path is None:
+            continue
+        target = os.path.realpath(path)
+        if target in known:
+            raise OutputError(f"{path}: is {known[target]}: want another name for {what}")
+        known[target] = f"{what} already"
 
 
 def _check_target(path: Path, may_make_folder: bool) -> None:

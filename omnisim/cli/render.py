@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from omnisim.atomic_file import check_target
+from omnisim.atomic_file import check_apart, check_target
 from omnisim.calibration import CalibratedCamera, Calibration, Pose
 from omnisim.calibration.ray_table import write_ray_table
 from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
@@ -67,9 +67,19 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
             raise OutputError(f"{option} {value:g}: want a finite number")
     is_float = is_float_format(request.output)
     check_target(request.output)
-    for beside in (request.rays, request.calibration_beside):
-        if beside is not None:
-            check_target(beside)
+    for path in (request.rays, request.calibration_beside):
+        if path is not None:
+            check_target(path)
+    beside = {"--rays": request.rays, "--calibration": request.calibration_beside}
+    check_apart(
+        {"the picture": request.output, **beside},
+        {
+            "the scene": Path(request.scene),
+            "the camera's file": request.calibration,
+            "the sensor file": request.sensor,
+            "the labels' file": request.labels,
+        },
+    )
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
         raise OutputError(f"{request.rays}: rays are written as .exr")
     if request.faces is not None:
@@ -118,12 +128,12 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
         markup=False,
     )
-    for beside, what in (
+    for path, what in (
         (request.rays, "a ray of each pixel"),
         (request.calibration_beside, "camera and pose"),
     ):
-        if beside is not None:
-            out.print(f"{beside}: {what}", markup=False)
+        if path is not None:
+            out.print(f"{path}: {what}", markup=False)
     if also:
         told = f"{request.output}: also {', '.join(also)}"
         if next_pose is not None:

@@ -98,7 +98,9 @@ def test_the_formats_are_listed(omnisim):
     ("arguments", "words"),
     [
         (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': did you mean 'kalibr'?"),
-        (["convert", TUM_VI, "--to", "ros", "-o", "x"], "sees 115.6° from its axis"),
+        (["convert", TUM_VI, "--to", "ros", "-o", "x"], "yaml: cam0: sees 115.6° from its axis"),
+        (["convert", KITTI, "--to", "gazebo", "-o", "x"], "yaml: image_02: gazebo cannot say"),
+        (["convert", "empty.yaml", "--to", "ros", "-o", "empty.yaml"], "is the file to convert"),
         (["convert", TUM_VI, "--to", "colmap", "-o", "no/x"], "the folder no does not exist"),
         (["convert", "none.yaml", "--to", "ros", "-o", "x"], "none.yaml: cannot be read"),
         (["convert", "empty.yaml", "--to", "ros", "-o", "x"], "empty.yaml: is an empty file"),

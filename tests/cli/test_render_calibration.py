@@ -53,6 +53,10 @@ def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
         (["--rays", "rays.png"], "rays.png: rays are written as .exr"),
         (["--rays", "none/rays.exr"], "the folder none does not exist"),
         (["--calibration", "none/a.json"], "the folder none does not exist"),
+        (["--calibration", "a.png"], "a.png: is the picture already: want another name"),
+        (["--rays", "b.exr", "--calibration", "./b.exr"], "b.exr: is --rays already"),
+        (["--camera", "c.yaml", "--calibration", "c.yaml"], "c.yaml: is the camera's file"),
+        (["--sensor", "c.toml", "--calibration", "c.toml"], "c.toml: is the sensor file"),
     ],
 )
 def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arguments, words):
