@@ -71,6 +71,8 @@ BAD = [
     ("transforms.json", '"OPENCV_FISHEYE"', '"ORTHOPHOTO"',
      "camera_model = 'ORTHOPHOTO': want one of PINHOLE"),
     ("transforms.json", '"fl_x": 1072.0,', "", "fl_x: missing"),
+    ("transforms.json", '"fl_x": 1072.0,', '"camera_angle_x": 9,',
+     "camera_angle_x = 9: want more than 0, less than π"),
     ("transforms.json", "[0.0, 0.0, -1.0, -2.0]", "[0.0, 0.0, -2.0, -2.0]",
      "frames.0: transform_matrix = .*: want a rotation"),
     ("woodscape_fv.json", '"k1": 339.749', '"k1": -339.749',
