@@ -1,6 +1,7 @@
 """What is wrong with a file: the file, the key, the value, and what was wanted, in one line."""
 
 import json
+import re
 import time
 
 import pytest
@@ -65,6 +66,8 @@ BAD = [
      "line 4: MODEL = MODEL_T: want one of SIMPLE_PINHOLE"),
     ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536",
      "line 5: PINHOLE: 3 numbers, .*: want 4: fx, fy, cx, cy"),
+    ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536 nan",
+     "line 5: 'nan': want a number"),
     ("colmap_cameras.txt", "2048 1024 2048 1024", "2048 1024 2048 1000",
      r"line 9: EQUIRECTANGULAR of \[2048.0, 1000.0\] in a picture of \(2048, 1024\)"),
     ("colmap_cameras.txt", "2 PINHOLE", "1 PINHOLE", "two cameras are named '1'"),
@@ -89,6 +92,8 @@ BAD = [
     ("gazebo.sdf", "</sdf>", "", "not XML: no element found"),
     ("camera_info.yaml", "plumb_bob", "thin_prism",
      "distortion_model = 'thin_prism': want plumb_bob, rational_polynomial or equidistant"),
+    ("camera_info.yaml", "distortion_model: plumb_bob\n", "", "distortion_model: missing"),
+    ("camera_info.yaml", "image_width", "width", "image_width: missing"),
     ("foxglove.json", '"kannala_brandt"', '"fisheye62"',
      "distortion_model = 'fisheye62': want one of plumb_bob"),
     ("foxglove.json", "-0.0003]", "-0.0003, 1.0]", "D: 5 numbers, .*: want 4: k1, k2, k3, k4"),
@@ -148,6 +153,20 @@ def test_numbers_that_only_yaml_1_2_takes_for_numbers_are_read(tmp_path):
     one, other = (load_calibration(tmp_path / f"{name}.yaml").cameras[0].camera for name in "ab")
     assert one == other
     assert one.coefficients[0] == 3.5e-3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        (r'<camera name="[^"]*"', '<camera name="eye"', ["fisheye", "stereographic", "pinhole"]),
+        (r' name="[^"]*"', "", ["camera0", "camera1", "camera2"]),
+        (r' name="[^"]*"', ' name="eye"', ["camera0", "camera1", "camera2"]),
+    ],
+)
+def test_gazebo_cameras_of_one_name_are_told_apart(old, new, names, tmp_path):
+    text = re.sub(old, new, (FOLDER / "gazebo.sdf").read_text())
+    (tmp_path / "a.sdf").write_text(text)
+    assert load_calibration(tmp_path / "a.sdf").names == names
 
 
 def test_yaml_in_its_other_ways_of_writing_is_read(tmp_path):
