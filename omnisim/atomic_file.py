@@ -39,7 +39,8 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
         may_make_folder: its folder is going to be made where it is not there yet.
 
     Raises:
-        OutputError: the folder is not there or cannot be written, or `path` is a folder.
+        OutputError: the folder is not there or cannot be written, or `path` is a folder, a device
+            or a pipe.
     """
     try:
         _check_target(path, may_make_folder)
@@ -70,6 +71,8 @@ def check_apart(writes: Mapping[str, Path | None], reads: Mapping[str, Path | No
 def _check_target(path: Path, may_make_folder: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: want the name of a file")
+    if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
+        raise OutputError(f"{path}: is no regular file: want the name of a file")
     folder = path.parent
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file: want a folder")
