@@ -149,7 +149,8 @@ def check_camera(camera: Any, place: str) -> None:
 def _sees_something(camera: CentralCamera, size: np.ndarray, centre: np.ndarray) -> bool:
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
-    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), centre[None])))
+    # not the centre itself, which broken numbers show, too, but the pixel there
+    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(centre)[None])))
     return bool((rays.valid & np.isfinite(rays.directions).all(axis=-1)).any())
 
 
