@@ -102,8 +102,9 @@ def format_named(name: str) -> Format:
         CalibrationError: there is none.
     """
     if name not in FORMATS:
-        near = difflib.get_close_matches(name.lower(), FORMATS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "want one of " + ", ".join(FORMATS)
+        near = difflib.get_close_matches(name.lower(), FORMATS, cutoff=0.55)
+        meant = " or ".join(map(repr, near))
+        hint = f"did you mean {meant}?" if near else "want one of " + ", ".join(FORMATS)
         raise CalibrationError(f"format {name!r}: {hint}")
     return FORMATS[name]
 
