@@ -138,7 +138,7 @@ def test_a_file_of_another_format_is_named():
         load_calibration(path, "kalibr")
     with pytest.raises(CalibrationError, match="format 'Kalbr': did you mean 'kalibr'"):
         load_calibration(path, "Kalbr")
-    with pytest.raises(CalibrationError, match="'opencv_pinhole' or 'opencv_.*' or 'opencv_"):
+    with pytest.raises(CalibrationError, match=r"'opencv_pinhole' or 'opencv_.*' or 'opencv_"):
         load_calibration(path, "opencv")
     with pytest.raises(CalibrationError, match="format 'word': want one of omnisim, kalibr"):
         load_calibration(path, "word")
