@@ -237,7 +237,7 @@ def _simulate(parameters, generator, steps=60):
 
 def test_it_is_as_sure_as_it_should_be():
     parameters = _parameters(measurement__gate=1e9)  # a gate cuts the tail off
-    runs, steps = 40, 60
+    runs, steps = 20, 60
     generator = np.random.default_rng(2)
     found = [_simulate(parameters, generator, steps) for _ in range(runs)]
     each = np.mean([run[0] for run in found], axis=0)
