@@ -187,8 +187,9 @@ def test_times_must_increase(time_s):
     ("sighting", "words"),
     [
         (Sighting(("nobody",), 1.0, 0.0, 0.1, 0.1), "'nobody': not on the map, which has a, b"),
-        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "want a candidate, finite numbers"),
+        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "want finite numbers"),
         (Sighting(("a",), 1.0, 0.0, -0.1, 0.1), "sigmas of 0 or more"),
+        (Sighting((), 1.0, 0.0, 0.1, 0.1), "want a candidate"),
     ],
 )
 def test_a_sighting_that_is_none_is_refused(sighting, words):
