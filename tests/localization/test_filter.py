@@ -187,7 +187,7 @@ def test_times_must_increase(time_s):
     ("sighting", "words"),
     [
         (Sighting(("nobody",), 1.0, 0.0, 0.1, 0.1), "'nobody': not on the map, which has a, b"),
-        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "want finite numbers"),
+        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "finite numbers, and sigmas"),
         (Sighting(("a",), 1.0, 0.0, -0.1, 0.1), "sigmas of 0 or more"),
         (Sighting((), 1.0, 0.0, 0.1, 0.1), "want a candidate"),
     ],
