@@ -24,9 +24,8 @@ EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
 # On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
-# OpenEXR's writer would put the time of day in: equal data are equal bytes.
-_NO_DATE = "1970:01:01 00:00:00"
-_JPEG = {"Compression": "jpeg:95", "jpeg:subsampling": "4:4:4"}
+JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
+_NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 
 
@@ -45,10 +44,15 @@ def is_float_format(path: Path) -> bool:
     return suffix in FLOAT_SUFFIXES
 
 
-def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | None = None) -> None:
+def write_image(
+    path: Path,
+    pixels: NDArray[Any],
+    metadata: dict[str, Any] | None = None,
+    jpeg_quality: int = JPEG_QUALITY,
+) -> None:
     """Write a picture (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
 
-    A fourth channel is alpha; JPEG, which has none, leaves it out.
+    A fourth channel is alpha; JPEG, which has none, leaves it out. Equal pictures make equal bytes.
 
     Raises:
         OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
@@ -65,11 +69,12 @@ def write_image(path: Path, pixels: NDArray[Any], metadata: dict[str, Any] | Non
     spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else oiio.UINT8)
     spec["Software"] = f"omnisim {__version__}"
     spec["oiio:ColorSpace"] = "lin_rec709_scene" if is_float else "srgb_rec709_scene"
+    spec["DateTime"] = _NO_DATE
     if metadata is not None:
         spec[METADATA_KEY] = json.dumps(metadata)
     if path.suffix.lower() in (".jpg", ".jpeg"):
-        for key, value in _JPEG.items():
-            spec[key] = value
+        spec["Compression"] = f"jpeg:{jpeg_quality}"
+        spec["jpeg:subsampling"] = _JPEG_SUBSAMPLING
     data = _encoded(path, spec, np.ascontiguousarray(pixels))
     with whole_file(path) as partial:
         partial.write_bytes(data)

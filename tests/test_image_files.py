@@ -189,3 +189,12 @@ def test_channels_of_another_file_are_not_read(tmp_path):
     path.write_text("no picture")
     with pytest.raises(OutputError, match="cannot be read"):
         read_channels(path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".exr"])
+def test_no_time_of_day_is_inside(tmp_path, suffix):
+    """Equal pictures make equal files: OpenEXR's writer would note when it wrote."""
+    kind = np.float32 if suffix == ".exr" else np.uint8
+    write_image(tmp_path / f"a{suffix}", np.ones((2, 2, 3), kind))
+    assert b"capDate" not in (tmp_path / f"a{suffix}").read_bytes()
+    assert b"DateTime" not in (tmp_path / f"a{suffix}").read_bytes()

@@ -94,8 +94,10 @@ def with_remarks(text: str, remarks: Sequence[dict[str, Any]], form: Format) -> 
         return json.dumps({**json.loads(text), "omnisim": list(remarks)}, indent=2) + "\n"
     opening, closing = ("<!-- ", " -->") if form.remarks is Remarks.XML else ("# ", "")
     # "--" must not be in an XML comment
-    lines = (json.dumps(remark).replace("--", "-\\u002d") for remark in remarks)
-    return text + "".join(f"{opening}omnisim {line}{closing}\n" for line in lines)
+    lines = ["omnisim " + json.dumps(remark).replace("--", "-\\u002d") for remark in remarks]
+    if any(remark.get("mirrored") for remark in remarks):
+        lines.append("mirrored: (x, y, z) here is (x, y, -z) of the camera, which faces a mirror")
+    return text + "".join(f"{opening}{line}{closing}\n" for line in lines)
 
 
 def read_remarks(text: str, form: Format, source: str) -> dict[str, Remark]:

@@ -116,8 +116,7 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
     Raises:
         CalibrationError: it cannot, with the reason.
     """
-    if form.is_own:
-        _kinds(form, model)
+    if form.is_own and model in (None, camera.camera.model):
         said = Said(camera.name, camera.camera, camera.poses)
         return Words(said, False, False, None, camera.residual)
     kinds = _kinds(form, model)

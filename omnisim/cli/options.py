@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from omnisim.cli.calibration_source import first_camera, read_calibration
 from omnisim.errors import CalibrationError, OpticsError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
@@ -53,6 +52,9 @@ def read_camera(
         raise CalibrationError("--sensor and --camera both say what camera it is: want one")
     if calibration.suffix.lower() == ".toml":
         raise CalibrationError(f"--camera {calibration}: is a sensor file: pass it as --sensor")
+    # formats and fits are worth their time only to those who ask for them
+    from omnisim.cli.calibration_source import first_camera, read_calibration
+
     found = first_camera(
         read_calibration(calibration, camera_name, None, mirrored, err), camera_name, err
     )

@@ -58,9 +58,11 @@ class SurfaceProgram:
             self._alpha_cutoff = program["u_alpha_cutoff"]
         self._lamps: list[Light] = []
         self._lamp_positions: moderngl.Uniform | None = None
+        self._here_from_mesh = self._normal_from_mesh = None
         if variant.lit:
-            self._here_from_mesh = program["u_here_from_mesh"]
-            self._normal_from_mesh = program["u_normal_from_mesh"]
+            # ambient light alone needs neither, and the compiler leaves them out
+            self._here_from_mesh = program.get("u_here_from_mesh", None)
+            self._normal_from_mesh = program.get("u_normal_from_mesh", None)
             self._set_lights()
 
     def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
@@ -81,8 +83,9 @@ class SurfaceProgram:
         self._base_color.value = draw.material.base_color
         if self._variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff.value = draw.material.alpha_cutoff
-        if self._variant.lit:
+        if self._here_from_mesh is not None:
             self._here_from_mesh.write(here_from_mesh)
+        if self._normal_from_mesh is not None:
             self._normal_from_mesh.write(normal_from_mesh)
         draw.texture.use(0)
         self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)

@@ -26,8 +26,8 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
     and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow:
-    direction as hue, length as saturation, full at the 99th percentile. Occlusion: green visible,
-    red hidden, yellow outside.
+    direction as hue, root of the length as saturation, full at the 95th percentile. Occlusion:
+    green visible, red hidden, yellow outside.
     """
     makers = {
         "range": _distances,
@@ -99,7 +99,8 @@ def _flow(flow_px: NDArray[np.float32]) -> NDArray[np.uint8]:
     if known.any():
         u, v = flow_px[known].astype(np.float64).T
         lengths = np.hypot(u, v)
-        share = np.clip(lengths / max(float(np.percentile(lengths, 99.0)), 1e-6), 0.0, 1.0)
+        longest = max(float(np.percentile(lengths, 95.0)), 1e-6)
+        share = np.sqrt(np.clip(lengths / longest, 0.0, 1.0))
         hue = np.rint(256.0 * (np.arctan2(v, u) / (2.0 * np.pi) % 1.0)).astype(np.intp)
         colors[known] = np.rint(255.0 * (1.0 - share[:, None] * (1.0 - _HUES[hue])))
     return colors

@@ -16,6 +16,7 @@ from omnisim.image_files import write_image
 from omnisim.plots.style import DPI
 
 TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5
+SHEET_JPEG_QUALITY = 82  # to look at, and light enough for a page
 
 
 def contact_sheet(
@@ -74,4 +75,5 @@ def save_contact_sheet(
     Raises:
         OutputError: no picture, or a file that cannot be written.
     """
-    write_image(path, np.ascontiguousarray(contact_sheet(tiles, columns)))
+    sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
+    write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)

@@ -35,7 +35,7 @@ class GroundTruth:
     def __init__(
         self, stage: Stage, sensor: OmniCamera, hidden: Collection[str], albedo: bool = False
     ):
-        self._sensor, self._buffers = sensor, stage.buffers
+        self._stage, self._sensor = stage, sensor
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
         camera = sensor.camera
@@ -96,7 +96,7 @@ class GroundTruth:
         }
         if after is not None and "flow" in names:
             if self._flow is None:
-                self._flow = OpticalFlow(self._buffers, self._sensor, self._hidden)
+                self._flow = OpticalFlow(self._stage, self._sensor, self._hidden)
             flow, occluded = self._flow.between(surfaces, now, after)
             make |= {"flow": lambda: flow, "occluded": lambda: occluded}
         return {name: np.ascontiguousarray(make[name]()) for name in names if name in make}

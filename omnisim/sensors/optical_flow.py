@@ -16,11 +16,14 @@ from omnisim.cameras import (
     Pixels,
     pixel_grid,
 )
+from omnisim.gpu.capture_pass import Emit
 from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.pipeline import capture_rays
 from omnisim.gpu.surface_pass import GivenRays, SurfacePass, Surfaces
 from omnisim.gpu.visibility_pass import VisibilityPass
+from omnisim.sensors.capturing import capture_of
 from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.stage import Stage
 
 # Texels to a pixel along a side. A triangle is found where a texel near the ray shows it, or one
 # beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at
@@ -63,12 +66,12 @@ class OpticalFlow:
 
     def __init__(
         self,
-        buffers: SceneBuffers,
+        stage: Stage,
         sensor: OmniCamera,
         hidden: Collection[str] = (),
     ):
-        context, camera = buffers.context, sensor.camera
-        self._camera, self._is_mesh = camera, sensor.polygons is not None
+        context, buffers, camera = stage.context, stage.buffers, sensor.camera
+        self._camera = camera
         size = (camera.width_px, camera.height_px)
         visibility = VisibilityPass(
             context,
@@ -80,7 +83,7 @@ class OpticalFlow:
         )
         self._rays = GivenRays(context, size)
         self._surfaces = SurfacePass(context, visibility, self._rays, size, np.eye(3))
-        self._size, self._now_px = size, None
+        self._now_px = _exact_pixels(stage, sensor)
         self._mover_of_draw = np.array(
             [-1 if draw.mover is None else draw.mover for draw in buffers.draws]
         )
@@ -94,7 +97,7 @@ class OpticalFlow:
         seen = surfaces.valid
         points_rig = self._points_after(surfaces, now, after)
         there = self._camera.pixel_from_ray(points_rig @ self._camera.rig_from_optical)
-        motion = there.positions_px - self._pixels_now(surfaces, now)
+        motion = there.positions_px - self._now_px[seen]
         if self._period_px is not None:
             motion[:, 0] -= self._period_px * np.round(motion[:, 0] / self._period_px)
         motion[~there.valid] = np.nan
@@ -122,20 +125,6 @@ class OpticalFlow:
         points_m += np.where(draws[:, None] >= 0, steps_m, 0.0)
         return points_m @ after.world_from_rig[:3, :3]
 
-    def _pixels_now(self, surfaces: Surfaces, now: View) -> NDArray[np.float64]:
-        """Where the exact camera sees the valid pixels' points (n, 2).
-
-        At the pixels themselves, but for a mesh; there, too, a pixel's ray never changes.
-        """
-        if self._now_px is None:
-            if self._is_mesh:
-                here_from_optical = now.world_from_rig[:3, :3] @ self._camera.rig_from_optical
-                rays = surfaces.points_m[surfaces.valid] @ here_from_optical
-                self._now_px = self._camera.pixel_from_ray(rays).positions_px
-            else:
-                self._now_px = pixel_grid(*self._size)[surfaces.valid]
-        return self._now_px
-
     def _fate(
         self,
         surfaces: Surfaces,
@@ -159,6 +148,17 @@ class OpticalFlow:
         fate = np.where(inside, VISIBLE, OUTSIDE)
         fate[inside & nearer & ~same[valid]] = HIDDEN
         return fate
+
+
+def _exact_pixels(stage: Stage, sensor: OmniCamera) -> NDArray[np.float64]:
+    """Where the exact camera sees what each pixel sees (height, width, 2): at the pixel itself, but
+    for a mirror's mesh."""  # fmt: skip
+    camera = sensor.camera
+    if sensor.polygons is None:
+        return pixel_grid(camera.width_px, camera.height_px)
+    capture = capture_of(stage, sensor, camera, Emit.RAY)
+    rays, valid = capture_rays(stage.context, camera, capture)
+    return camera.pixel_from_ray(np.where(valid[..., None], rays, [0.0, 0.0, -1.0])).positions_px
 
 
 def _period_px(camera: CentralCamera) -> float | None:

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
-from omnisim.calibration import load_calibration
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
 from omnisim.errors import CalibrationError, OpticsError, SensorFileError
 from omnisim.mirrors import HyperbolicMirror
@@ -156,6 +155,9 @@ class Lens(Table):
             mirrored = (self.__pydantic_extra__ or {}).get("mirrored")
             if mirrored is not None and type(mirrored) is not bool:
                 raise OpticsError(f"camera: mirrored = {mirrored!r}: want true or false")
+            # formats and fits are worth their time only to those who ask for them
+            from omnisim.calibration import load_calibration
+
             found = load_calibration(folder / self.calibration, mirrored=mirrored)
             return found.camera(self.camera).camera
         if self.camera is not None:

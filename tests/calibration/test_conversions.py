@@ -154,5 +154,11 @@ def test_a_model_can_be_asked_for(tmp_path):
     written = calibration.save(tmp_path / "a.yaml", "kalibr", model="eucm")
     assert written.cameras[0].camera.model == "eucm"
     assert written.cameras[0].residual is None
+    fitted = calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"])
+    written = fitted.save(tmp_path / "a.json", "omnisim", model="kannala_brandt").cameras[0]
+    found = load_calibration(tmp_path / "a.json").cameras[0]
+    assert found.camera == written.camera
+    assert isinstance(found.camera, MirroredCamera)
+    assert found.residual.max_px < 0.01
     with pytest.raises(CalibrationError, match="--model gazebo: kalibr has unified"):
         calibration.save(tmp_path / "a.yaml", "kalibr", model="gazebo")

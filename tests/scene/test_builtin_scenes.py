@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from omnisim.scene import builtin_scenes, load_scene
+from tests.same_shapes import assert_same_shapes
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -34,12 +35,7 @@ def test_committed_file_is_what_the_script_builds(name, tmp_path, monkeypatch):
     monkeypatch.setattr(script, "OUTPUT", tmp_path / script.OUTPUT.name)
     script.main()
     built, committed = load_scene(script.OUTPUT), load_scene(name)
-    assert [i.name for i in built.instances] == [i.name for i in committed.instances]
-    for mine, theirs in zip(built.instances, committed.instances, strict=True):
-        np.testing.assert_allclose(mine.world_from_mesh, theirs.world_from_mesh, atol=2e-5)
-    for mine, theirs in zip(built.meshes, committed.meshes, strict=True):
-        np.testing.assert_array_equal(mine.triangles, theirs.triangles)
-        np.testing.assert_allclose(mine.positions, theirs.positions, atol=2e-5)  # stored in 1e-5
+    assert_same_shapes(built, committed)
     for mine, theirs in zip(built.materials, committed.materials, strict=True):
         assert (mine.name, mine.base_color, mine.unlit) == (
             theirs.name,

@@ -12,6 +12,7 @@ from omnisim.robot import load_robot
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode
 from omnisim.sensors import OmniCamera
+from tests.same_shapes import assert_same_shapes
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 ROBOTS = ("p2at", "superscout")
@@ -201,9 +202,4 @@ def test_committed_file_is_what_the_script_builds(name, tmp_path, monkeypatch):
     monkeypatch.setattr(script, "OUTPUT", tmp_path / script.OUTPUT.name)
     script.main()
     built, committed = load_scene(script.OUTPUT), load_scene(SCENES / name / f"{name}.glb")
-    assert [i.name for i in built.instances] == [i.name for i in committed.instances]
-    for mine, theirs in zip(built.instances, committed.instances, strict=True):
-        np.testing.assert_allclose(mine.world_from_mesh, theirs.world_from_mesh, atol=2e-5)
-    for mine, theirs in zip(built.meshes, committed.meshes, strict=True):
-        np.testing.assert_array_equal(mine.triangles, theirs.triangles)
-        np.testing.assert_allclose(mine.positions, theirs.positions, atol=2e-5)  # stored in 1e-5
+    assert_same_shapes(built, committed)

@@ -81,6 +81,10 @@ def test_what_is_missing_comes_back_with_the_same_bytes(drive, whole):
     (whole / "omnicam" / "000001.channels.exr").write_bytes(b"")  # a power cut
     assert list(drive.plan().record(whole)) == [STEPS - 3, STEPS - 2, STEPS - 1, STEPS]
     assert _bytes(whole) == before
+    # whichever step is the first of the process
+    (whole / "omnicam" / "000002.channels.exr").unlink()
+    assert list(drive.plan().record(whole)) == [STEPS - 1, STEPS]
+    assert _bytes(whole) == before
 
 
 def test_other_channels_are_another_run(drive, whole):

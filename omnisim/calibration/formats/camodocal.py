@@ -25,14 +25,14 @@ from omnisim.calibration.formats.numerals import yaml_float
 from omnisim.calibration.formats.pinholes import as_pinhole, pinhole, refuse_k3_and_skew
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.toml_file import Number, Table
 
 
-class _Mirror(Foreign):
+class _Mirror(Table):
     xi: Number
 
 
-class _Distortion(Foreign):
+class _Distortion(Table):
     k1: Number
     k2: Number
     p1: Number
@@ -43,21 +43,21 @@ class _Distortion(Foreign):
         return self.k1, self.k2, self.p1, self.p2
 
 
-class _Gammas(Foreign):
+class _Gammas(Table):
     gamma1: Number
     gamma2: Number
     u0: Number
     v0: Number
 
 
-class _Focal(Foreign):
+class _Focal(Table):
     fx: Number
     fy: Number
     cx: Number
     cy: Number
 
 
-class _KannalaBrandt(Foreign):
+class _KannalaBrandt(Table):
     k2: Number
     k3: Number
     k4: Number

@@ -80,6 +80,12 @@ def _lens(camera: ElementTree.Element, place: str) -> CentralCamera:
     if not 0.0 < fov <= 2.0 * math.pi + 1e-5:
         raise CalibrationError(f"{place}: horizontal_fov = {fov:g}: want more than 0, at most 2π")
     middle = 0.5 * (size[0] - 1), 0.5 * (size[1] - 1)
+    for key in ("k1", "k2", "k3", "p1", "p2"):
+        bend = _number(camera, f"distortion/{key}", 0.0, place)
+        if bend:
+            raise CalibrationError(
+                f"{place}: distortion/{key} = {bend:g}: want 0: it bends the picture after the lens"
+            )
     lens = camera.find("lens")
     kind = (lens.findtext("type") or "").strip() if lens is not None else "gnomonical"
     if lens is None or kind in ("", "gnomonical"):

@@ -16,6 +16,7 @@ from typing import Any
 from omnisim.calibration.calibration import Pose
 from omnisim.calibration.documents import parse_json
 from omnisim.calibration.fields import Foreign, Matrix, parse, pose, rows
+from omnisim.calibration.fit import FITTED_MODELS
 from omnisim.calibration.formats.format import Format, Remarks, Said, making
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.errors import CalibrationError
@@ -119,6 +120,7 @@ OWN = Format(
     _read,
     _write,
     tuple(CAMERA_MODELS.values()),
+    tuple((CAMERA_MODELS[model], {}) for model in FITTED_MODELS),
     remarks=Remarks.KEY,
     several=True,
     is_own=True,

@@ -29,6 +29,7 @@ from omnisim.toml_file import Number
 
 class _Intrinsic(Foreign):
     model: str = "radial_poly"
+    poly_order: Number = 4
     aspect_ratio: Number = 1.0
     cx_offset: Number
     cy_offset: Number
@@ -71,6 +72,8 @@ def _read(text: str, source: str) -> list[Said]:
 
 
 def _lens(part: _Intrinsic, place: str) -> CentralCamera:
+    if part.poly_order != 4:
+        raise CalibrationError(f"{place}: poly_order = {part.poly_order:g}: want 4")
     if part.model != "radial_poly":
         raise CalibrationError(f"{place}: model = {part.model!r}: want radial_poly")
     centre = (

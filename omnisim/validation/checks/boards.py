@@ -57,7 +57,7 @@ class Lens:
 
 def lenses() -> tuple[Lens, ...]:
     """One camera of each model that OpenCV has; published numbers where there are any."""
-    mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 800, 800)
+    mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 640, 640)
     narrow = math.radians(14.0)
     return (
         Lens(
@@ -74,12 +74,12 @@ def lenses() -> tuple[Lens, ...]:
             "opencv_pinhole",
             narrow,
         ),
-        Lens(  # TUM-VI cam0, at 1.5 times its size
+        Lens(  # TUM-VI cam0
             "fisheye",
             KannalaBrandtCamera(
                 512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
                 (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4),
-            ).scaled(1.5),
+            ),
             "opencv_fisheye",
             math.radians(45.0),
         ),
