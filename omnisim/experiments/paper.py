@@ -310,7 +310,7 @@ def _detection(simulated: _Simulated, real: _Real) -> Section:
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
         (Picture("recall", rates_figure({"clean": _rates(simulated.found),
                                          "real setting": _rates(real.found)}),
-                 "Clean, everything within 4 m is found, and nothing else; in the real setting "
+                 "Clean, nearly everything to 4 m is found, and nothing else; in the real setting "
                  "little is, and some of it is a box."),),
     )  # fmt: skip
 
@@ -362,7 +362,7 @@ def _first_experiment(simulated: _Simulated) -> Section:
         pictures=(
             Picture("seeds", seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                           f"{SEEDS} seeds of experiment 1"),
-                    "The estimate stays within centimetres while the wheels are off by metres."),
+                    "The estimate stays within millimetres while the wheels are off by a metre."),
             Picture("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
                                                       seeds.nis_bands),
                     "NEES about 3, with the wandering that all seeds share; NIS below 1: what is "
