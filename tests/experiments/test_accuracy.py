@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.experiments.detecting import Found, accuracy, compare
-from omnisim.experiments.paper import REAL_PARAMETERS
+from omnisim.experiments.experiment_runs import REAL_PARAMETERS
 from omnisim.experiments.recordings import LEARNING_WAY, real_camera
 from omnisim.experiments.seeds import SeedRuns
 from omnisim.localization.consistency import mean_band
