@@ -27,7 +27,7 @@ from omnisim.validation.oracles.mitsuba_tracer import trace_mirror
 from omnisim.validation.oracles.surfaces import opaque_only
 from omnisim.validation.psnr import noise_floor_db, psnr_db
 
-SIZE_PX, QUICK_SIZE_PX = 512, 192
+SIZE_PX, QUICK_SIZE_PX = 512, 256
 SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants
 FINE = 4  # supersampling of the picture that shows what of the difference is antialiasing
 MARKERS = 60
