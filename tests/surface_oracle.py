@@ -139,6 +139,9 @@ def compare(scene, oracle, renderer, now, after):
     turned = cosine < math.cos(math.radians(0.5))
     turned &= seen
 
+    edge = _silhouettes(valid, hits)
+    wrong = (error > 1e-3) | (np.array(names)[frame.channels["instance"][valid]] != theirs)
+
     points = now[:3, 3] + np.where(seen, hits.ranges_m, 1.0)[:, None] * directions
     offsets = np.where(seen[:, None], points - after[:3, 3], directions)
     there = camera.pixel_from_ray(offsets @ after[:3, :3] @ to_rig)
@@ -161,11 +164,27 @@ def compare(scene, oracle, renderer, now, after):
         "range": float((error <= 1e-3).mean()),
         "instance": float((np.array(names)[frame.channels["instance"][valid]] == theirs).mean()),
         "normals": float(1.0 - turned.mean()),
+        "wrong elsewhere": float((wrong & ~edge).mean()),
         "flow mean px": float(off_px.mean()),
         "flow 99 % px": float(np.percentile(off_px, 99.0)),
         "hidden F1": float(2.0 * both_hidden / max(told.sum() + true.sum(), 1)),
         "hidden": int(true.sum()),
     }
+
+
+def _silhouettes(valid, hits):
+    """Which valid pixels (n,) are next to another instance, or to a leap of the range by 1 %."""
+    instances, ranges_m = np.full(valid.shape, -2), np.full(valid.shape, np.inf)
+    instances[valid], ranges_m[valid] = hits.instances, hits.ranges_m
+    near_m, far_m = np.full(valid.shape, np.inf), np.zeros(valid.shape)
+    least, most = instances.copy(), instances.copy()
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            ranges = np.roll(ranges_m, (down, right), (0, 1))
+            numbers = np.roll(instances, (down, right), (0, 1))
+            near_m, far_m = np.minimum(near_m, ranges), np.maximum(far_m, ranges)
+            least, most = np.minimum(least, numbers), np.maximum(most, numbers)
+    return ((least != most) | ~(far_m <= 1.01 * near_m))[valid]
 
 
 def free_poses(oracle, count, seed=1):

@@ -18,7 +18,6 @@ from rich.progress import (
 from rich.text import Text
 
 from omnisim.cli.options import counted, load_labelled_scene, parse_polygons, read_preset
-from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.simulation.drive import Drive, with_cameras
 from omnisim.simulation.route import Route
@@ -59,11 +58,7 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
         OmnisimError: anything that the user can put right.
     """
     channels = () if request.also is None else parse_channels(request.also)
-    if request.labels is not None and "semantic" not in channels:
-        raise OutputError("--labels: is for the channel semantic: want --also semantic")
-    scene = load_labelled_scene(
-        request.scene, request.up_axis, request.labels, "semantic" in channels, err
-    )
+    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels, err)
     polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
     vehicle = with_cameras(
         Vehicle.load(request.robot), request.size_px, polygons, read_preset(request.preset)

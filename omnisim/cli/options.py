@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 from pathlib import Path
 
 from rich.console import Console
 
-from omnisim.errors import CalibrationError, OpticsError
+from omnisim.errors import CalibrationError, OpticsError, OutputError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import Degradation, preset
+
+LABELLED = frozenset(("semantic", "instance"))  # channels whose files have classes in them
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -62,7 +65,11 @@ def read_camera(
 
 
 def load_labelled_scene(
-    source: str, up_axis: str | None, labels: Path | None, is_labelled: bool, err: Console
+    source: str,
+    up_axis: str | None,
+    labels: Path | None,
+    channels: Collection[str],
+    err: Console,
 ) -> Scene:
     """Load a scene with its labels, or those of a file; its notices go to `err`.
 
@@ -70,12 +77,16 @@ def load_labelled_scene(
         source: path or built-in name.
         up_axis: see `load_scene`.
         labels: a label file, or None: the scene's own.
-        is_labelled: whether somebody will read the labels; then what they lack is told, too.
+        channels: what is asked for; where labels are in it, what they lack is told, too.
         err: for notices.
 
     Raises:
+        OutputError: a label file that no channel needs.
         SceneError: from the scene, or from the label file.
     """
+    is_labelled = not LABELLED.isdisjoint(channels)
+    if labels is not None and not is_labelled:
+        raise OutputError("--labels: is for the channel semantic: want --also semantic")
     scene = load_scene(source, up_axis)
     if labels is not None:
         scene = dataclasses.replace(scene, labels=read_label_file(labels))

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
 from omnisim.atomic_file import check_apart, check_target
-from omnisim.calibration import CalibratedCamera, Calibration, Pose
-from omnisim.calibration.ray_table import write_ray_table
 from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
@@ -20,6 +19,9 @@ from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import Twist
 from omnisim.sensors.renderer import unfolded_cube
+
+if TYPE_CHECKING:  # slow to import, and seldom needed
+    from omnisim.calibration import Calibration
 
 
 @dataclass(frozen=True)
@@ -96,9 +98,7 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         camera = camera.with_polygons(parse_polygons(request.polygons))
     also = () if request.also is None else parse_channels(request.also)
     _check_also(request, also)
-    scene = load_labelled_scene(
-        request.scene, request.up_axis, request.labels, bool({"semantic"} & set(also)), err
-    )
+    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, also, err)
     position = scene.start.position_m if request.at is None else request.at
     yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
     pose = camera.base_pose(position, yaw_deg)
@@ -118,6 +118,8 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         faces = renderer.faces() if request.faces is not None else {}
     frame.save(request.output, previews=request.preview)
     if request.rays is not None:
+        from omnisim.calibration.ray_table import write_ray_table
+
         write_ray_table(request.rays, camera.camera, frame.metadata)
     if request.calibration_beside is not None:
         _calibration(camera, pose).save(request.calibration_beside, "omnisim")
@@ -152,6 +154,8 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
     """The camera, where it is on its vehicle, and where the vehicle is."""
+    from omnisim.calibration import CalibratedCamera, Calibration, Pose
+
     poses = (
         Pose("base", "camera", sensor.base_from_optical),
         Pose("world", "base", world_from_base),
@@ -168,7 +172,6 @@ def _check_also(request: RenderRequest, also: tuple[str, ...]) -> None:
     needs = (
         ("--next", request.next_at is not None, "flow"),
         ("--next-yaw", request.next_yaw_deg is not None, "flow"),
-        ("--labels", request.labels is not None, "semantic"),
     )
     for option, is_given, channel in needs:
         if is_given and channel not in also:

@@ -186,7 +186,7 @@ class SurfacePass:
             ranges_m=ranges_m,
             draws=draws,
             triangles=surfaces[..., 1],
-            valid=(surfaces != 0).any(axis=-1),
+            valid=(surfaces[..., 0] | surfaces[..., 1]) != 0,
             normals=turned,
             albedos=colors,
         )

@@ -114,11 +114,11 @@ class VisibilityPass:
             draw = self.buffers.draws[index]
             self._program_of_draw[index].draw(draw, index, clip_from_mesh)
 
-        # near things first, what surrounds them all last: little is painted twice
-        reach_m = np.linalg.norm(placement.centres_m, axis=1) + self.buffers.radii_m
-        order = self._shown[np.argsort(reach_m[self._shown], kind="stable")]
+        order = self.buffers.from_near_to_far(self._shown, placement)
         self._drawing.draw(target, world_from_rig, placement, order, paint)
         self._drawing.end(target)
+        for program in self._programs.values():
+            program.end()
 
 
 class _VisibilityProgram:
@@ -132,8 +132,18 @@ class _VisibilityProgram:
         self._number = program["u_draw_plus_one"]
         self._base_color = program.get("u_base_color", None)
         self._alpha_cutoff = program["u_alpha_cutoff"] if variant.holes else None
+        self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
         if self._base_color is not None:
             program["u_texture"] = 0
+            # Holes are those of the picture, and are filtered as there. Plain colours need no blend
+            # between two levels, which costs a quarter of the pass.
+            between = moderngl.LINEAR_MIPMAP_NEAREST
+            if variant.holes:
+                between = moderngl.LINEAR_MIPMAP_LINEAR
+            for repeats in ((False, False), (False, True), (True, False), (True, True)):
+                self._samplers[repeats] = context.sampler(
+                    *repeats, filter=(between, moderngl.LINEAR)
+                )
 
     def draw(self, draw: Draw, index: int, clip_from_mesh: NDArray[np.float32]) -> None:
         self._clip_from_mesh.write(clip_from_mesh)
@@ -141,9 +151,15 @@ class _VisibilityProgram:
         if self._base_color is not None:
             self._base_color.value = draw.material.base_color
             draw.texture.use(0)
+            self._samplers[draw.texture.repeat_x, draw.texture.repeat_y].use(0)
         if self._alpha_cutoff is not None:
             self._alpha_cutoff.value = alpha_cutoff(draw.material)
         self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
+
+    def end(self) -> None:
+        """Leave the textures to their own filters."""
+        for sampler in self._samplers.values():
+            sampler.clear(0)
 
 
 def _is_never_seen(material: Material) -> bool:

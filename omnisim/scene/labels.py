@@ -8,8 +8,8 @@ Classes come from the `[[labels]]` tables of a scene's TOML, or of a label file 
     nodes = ["goal_*"]          # names of nodes, * and ? stand for any letters
     id = 3                      # 1 and up; the table's place among the others where it is missing
 
-The first table that claims a name has it. What none claims is "unlabelled", and what moves with the
-vehicle is "vehicle", where no table is called so their numbers are the next two after the largest.
+The first table that claims a name has it. The vehicle's body is "vehicle", and what no table claims
+"unlabelled"; their numbers are the next two after the largest, unless a table has that name.
 
 Where there are no tables, an instance's class is its name: up to the first "/", without numbers at
 its end, whatever joins them: chair_01, chair.002, chair-3 and "chair 4" are all chairs. Those

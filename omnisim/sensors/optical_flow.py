@@ -113,16 +113,17 @@ class OpticalFlow:
         viewpoint_m = now.world_from_rig[:3, 3]
         points_m = surfaces.points_m[surfaces.valid].astype(np.float64)
         draws = surfaces.draws[surfaces.valid]
-        mover = np.where(draws >= 0, self._mover_of_draw[draws], -1)
-        for number in np.unique(mover[mover >= 0]):
-            world_then = after.world_from_movers[number] @ np.linalg.inv(
-                now.world_from_movers[number]
-            )
-            on_it = mover == number
-            moved_m = (points_m[on_it] + viewpoint_m) @ world_then[:3, :3].T
-            points_m[on_it] = moved_m + (world_then[:3, 3] - viewpoint_m)
-        steps_m = viewpoint_m - after.world_from_rig[:3, 3]
-        points_m += np.where(draws[:, None] >= 0, steps_m, 0.0)
+        is_hit = draws >= 0
+        if after.world_from_movers:
+            mover = np.where(is_hit, self._mover_of_draw[draws], -1)
+            for number in np.unique(mover[mover >= 0]):
+                now_from_mover = now.world_from_movers[number]
+                world_then = after.world_from_movers[number] @ np.linalg.inv(now_from_mover)
+                on_it = mover == number
+                moved_m = (points_m[on_it] + viewpoint_m) @ world_then[:3, :3].T
+                points_m[on_it] = moved_m + (world_then[:3, 3] - viewpoint_m)
+        step_m = viewpoint_m - after.world_from_rig[:3, 3]
+        points_m += is_hit[:, None] * step_m
         return points_m @ after.world_from_rig[:3, :3]
 
     def _fate(

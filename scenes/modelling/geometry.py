@@ -170,9 +170,7 @@ def tube(path: Sequence[Vector], radius: float, sides: int = 6, closed: bool = F
     if closed:
         tangents[0] = tangents[-1] = line[1] - before[0]
     tangents = _unit(tangents)
-    # One fixed reference direction keeps the cross-section from twisting along the bar.
-    spread = np.linalg.svd(tangents.T @ tangents)[0][:, 2]
-    first = _unit(np.cross(tangents, spread))
+    first = _unit(np.cross(tangents, _aside(tangents)))
     second = np.cross(tangents, first)
     angle = np.linspace(0, 2 * np.pi, sides + 1)[:, None]
     points = np.stack(
@@ -187,6 +185,22 @@ def tube(path: Sequence[Vector], radius: float, sides: int = 6, closed: bool = F
     if closed:
         return wall
     return join([wall, polygon(points[0, :-1][::-1]), polygon(points[-1, :-1])])
+
+
+def _aside(tangents: np.ndarray) -> np.ndarray:
+    """A direction as far from all tangents (n, 3) as one can be: the cross-section of a bar that is
+    counted from it does not twist along the bar.
+
+    Of a straight bar there are many: the same one on every processor is made from the axis of the
+    world that it leans to least. Of a bent one there are two, and its sign is decided.
+    """
+    _, strengths, rows = np.linalg.svd(tangents, full_matrices=True)
+    if len(strengths) < 3 or strengths[1] < 1e-6 * strengths[0]:
+        along = rows[0]
+        axis = np.eye(3)[np.argmin(np.round(np.abs(along), 6))]
+        return _unit(axis - along * (axis @ along))
+    spread = rows[2]
+    return spread * np.sign(spread[np.argmax(np.round(np.abs(spread), 6))])
 
 
 def bar(start: Vector, end: Vector, radius: float, sides: int = 6) -> Patch:

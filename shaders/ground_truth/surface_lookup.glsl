@@ -18,7 +18,9 @@ layout(std430, binding = 3) readonly buffer Neighbours { uint neighbours[]; };
 
 const uint HOLED = 1u, DOUBLE_SIDED = 2u, MIRRORED = 4u;
 const uint NO_NEIGHBOUR = 0xFFFFFFFFu;
-const uint MOST_STEPS = 4u;  // over edges, from a triangle that the ray misses
+const uint MOST_STEPS = 3u;  // over edges, from a triangle that the ray misses
+// What lies beside a triangle whose plane is farther than that behind a hit is not searched.
+const float FARTHER = 1.1;
 
 uniform usampler2D u_atlas;  // as visibility.frag writes it
 uniform mat3 u_here_from_optical;
@@ -145,13 +147,14 @@ void emit(bool valid, vec3 ray) {
     hit.surface = miss.surface = uvec2(0u);
     hit.range = INFINITE;
     float least_rad = 1.0;
-    // which texels around its own show something else, bit by bit
-    uint candidates = own.x == 0u ? 0u : 1u << OWN;
+    // which texels around show something else than its own, bit by bit; its own comes first, as what
+    // it hits spares the search behind it
+    uint candidates = own.x == 0u ? 0u : 1u;
     uvec2 before = own;
     for (uint place = 0u; place < PLACES; ++place) {
         uvec2 seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
         beside_nothing = beside_nothing || seen.x == 0u;
-        if (seen.x != 0u && seen != own && seen != before) candidates |= 1u << place;
+        if (seen.x != 0u && seen != own && seen != before) candidates |= 2u << place;
         before = seen;
     }
     uvec2 beside = uvec2(0u);  // what is beyond the edge by which the last one was missed
@@ -161,10 +164,10 @@ void emit(bool valid, vec3 ray) {
         bool is_neighbour = beside.x != 0u;
         bool is_own = false;
         if (!is_neighbour) {
-            uint place = uint(findLSB(candidates));
+            is_own = (candidates & 1u) != 0u;
+            uint place = is_own ? OWN : uint(findLSB(candidates)) - 1u;
             candidates &= candidates - 1u;
             seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
-            is_own = place == OWN;
             steps = 0u;
         }
         beside = uvec2(0u);
@@ -175,7 +178,8 @@ void emit(bool valid, vec3 ray) {
         bool is_back = t.turned != ((first_kind.y & MIRRORED) != 0u);
         if (is_neighbour && is_back && (first_kind.y & DOUBLE_SIDED) == 0u) continue;
         Cut found = cut(t, here);
-        if (found.missed_rad >= EDGE_RAD && steps < MOST_STEPS) {
+        bool may_be_nearer = found.range < FARTHER * hit.range;
+        if (found.missed_rad >= EDGE_RAD && steps < MOST_STEPS && may_be_nearer) {
             uint next = neighbours[first_kind.x + 3u * seen.y + found.beyond];
             if (next != NO_NEIGHBOUR) beside = uvec2(seen.x, next);
             ++steps;
