@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -39,7 +39,8 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
         may_make_folder: its folder is going to be made where it is not there yet.
 
     Raises:
-        OutputError: the folder is not there or cannot be written, or `path` is a folder.
+        OutputError: the folder is not there or cannot be written, or `path` is a folder, a device
+            or a pipe.
     """
     try:
         _check_target(path, may_make_folder)
@@ -47,9 +48,31 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
+def check_apart(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
+    """Refuse to write one file twice, or over one that is read.
+
+    Args:
+        writes: files that are going to be written, by what a message calls them; None: is not.
+        reads: files that are read, in the same way.
+
+    Raises:
+        OutputError: two of them are the same file.
+    """
+    known = {os.path.realpath(path): what for what, path in reads.items() if path is not None}
+    for what, path in writes.items():
+        if path is None:
+            continue
+        target = os.path.realpath(path)
+        if target in known:
+            raise OutputError(f"{path}: is {known[target]}: want another name for {what}")
+        known[target] = f"{what} already"
+
+
 def _check_target(path: Path, may_make_folder: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: want the name of a file")
+    if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
+        raise OutputError(f"{path}: is no regular file: want the name of a file")
     folder = path.parent
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file: want a folder")

@@ -7,6 +7,7 @@ numbers are concerned (1e-3 is one), knows OpenCV's matrices, and makes no objec
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import yaml
 from omnisim.errors import CalibrationError
 
 LARGEST_BYTES = 1 << 26
+LARGEST_GROWTH = 100_000  # nodes that a YAML text's aliases may add
 _HEADER = re.compile(r"\A\s*%YAML[ :][^\n]*\n?")
 
 
@@ -66,7 +68,7 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
-        raise CalibrationError(f"{path}: not a text file: want a calibration file")
+        raise CalibrationError(f"{path}: not a text file in UTF-8: want a calibration file")
     if not text.strip():
         raise CalibrationError(f"{path}: is an empty file: want a calibration file")
     return text
@@ -79,15 +81,15 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         CalibrationError: it is none.
     """
     try:
-        data = yaml.load(_HEADER.sub("", text), Loader=_Loader)
+        data = _load_yaml(_HEADER.sub("", text))
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
         where = f" in line {mark.line + 1}" if mark else ""
         raise CalibrationError(f"{source}: not YAML{where}: {reason.problem}") from None
     except yaml.YAMLError as reason:
-        raise CalibrationError(f"{source}: not YAML: {_first_line(reason)}") from None
+        raise CalibrationError(f"{source}: not YAML: {_words(reason)}") from None
     except (ValueError, TypeError, RecursionError, OverflowError) as reason:  # 2026-99-99, [[[[[…
-        raise CalibrationError(f"{source}: not YAML: {_first_line(reason)}") from None
+        raise CalibrationError(f"{source}: not YAML: {_words(reason)}") from None
     return _mapping(data, source, "YAML keys with values")
 
 
@@ -99,10 +101,11 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            twice = next(key for key, _ in pairs if [k for k, _ in pairs].count(key) > 1)
-            raise CalibrationError(f"{source}: not JSON: key {twice!r} is there twice")
+        found: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in found:
+                raise CalibrationError(f"{source}: not JSON: key {key!r} is there twice")
+            found[key] = value
         return found
 
     try:
@@ -112,7 +115,7 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
             f"{source}: not JSON in line {reason.lineno}: {reason.msg}"
         ) from None
     except (ValueError, RecursionError) as reason:
-        raise CalibrationError(f"{source}: not JSON: {_first_line(reason)}") from None
+        raise CalibrationError(f"{source}: not JSON: {_words(reason)}") from None
     return _mapping(data, source, "a JSON object")
 
 
@@ -127,7 +130,36 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
     try:
         return ElementTree.fromstring(re.sub(r"\A\s*<\?xml[^>]*\?>", "", text))
     except (ElementTree.ParseError, ValueError, RecursionError) as reason:
-        raise CalibrationError(f"{source}: not XML: {_first_line(reason)}") from None
+        raise CalibrationError(f"{source}: not XML: {_words(reason)}") from None
+
+
+def _load_yaml(text: str) -> Any:
+    """What a YAML text is, unless its aliases (*name) make it much larger than it is.
+
+    Raises:
+        yaml.YAMLError: the text is none, or grows.
+    """
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        sizes: dict[int, float] = {}
+        if node is None:
+            return None
+        if _size(node, sizes) - len(sizes) > LARGEST_GROWTH:
+            raise yaml.YAMLError("its aliases make it grow without bound: want plain values")
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _size(node: yaml.Node, sizes: dict[int, float]) -> float:
+    """Number of nodes in a node, aliases as often as they are there; infinite in itself."""
+    if id(node) not in sizes:
+        sizes[id(node)] = math.inf
+        inner = node.value if isinstance(node, yaml.CollectionNode) else ()
+        parts = (part for one in inner for part in (one if isinstance(one, tuple) else (one,)))
+        sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
+    return sizes[id(node)]
 
 
 def _mapping(data: Any, source: str, wanted: str) -> dict[str, Any]:
@@ -136,5 +168,10 @@ def _mapping(data: Any, source: str, wanted: str) -> dict[str, Any]:
     return {str(key): value for key, value in data.items()}
 
 
-def _first_line(reason: Exception) -> str:
+def _words(reason: Exception) -> str:
+    """A parser's reason in one line, in words that do not speak of Python."""
+    if isinstance(reason, RecursionError):
+        return "nested too deeply: want plain values"
+    if "integer string conversion" in str(reason):
+        return "a number of thousands of digits: want one that a camera has"
     return (str(reason).splitlines() or [type(reason).__name__])[0]

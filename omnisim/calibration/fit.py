@@ -152,7 +152,7 @@ def fit_camera(
     name = model.model if isinstance(model.model, str) else model.__name__
     if name not in _FREE:
         raise CalibrationError(
-            f"camera: a {camera.model} cannot be fitted by {name}: want one of "
+            f"camera: model {camera.model!r} cannot be fitted by {name}: want one of "
             + ", ".join(FITTED_MODELS)
         )
     samples = samples_of(camera, mirrored)
@@ -165,18 +165,18 @@ def fit_camera(
             best = _ended(best, theta_max_rad)
     except OpticsError as reason:
         raise CalibrationError(
-            f"camera: a {camera.model} cannot be fitted by {name}: {reason}"
+            f"camera: model {camera.model!r} cannot be fitted by {name}: {reason}"
             + _hint(camera, mirrored)
         ) from None
     fit = _stated(camera, best, mirrored)
     if fit.covered < LEAST_SHARE:
         raise CalibrationError(
-            f"camera: a {camera.model} cannot be fitted by {name}: it would show "
+            f"camera: model {camera.model!r} cannot be fitted by {name}: it would show "
             f"{100.0 * fit.covered:.1f} % of the valid pixels" + _hint(camera, mirrored)
         )
     if fit.rms_px > MOST_OFF * max(camera.width_px, camera.height_px):
         raise CalibrationError(
-            f"camera: a {camera.model} cannot be fitted by {name}: the best found is off by "
+            f"camera: model {camera.model!r} cannot be fitted by {name}: the best found is off by "
             f"{fit.rms_px:.3g} px RMS"
         )
     return fit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -101,7 +102,10 @@ def format_named(name: str) -> Format:
         CalibrationError: there is none.
     """
     if name not in FORMATS:
-        raise CalibrationError(f"format {name!r}: want one of " + ", ".join(FORMATS))
+        near = difflib.get_close_matches(name.lower(), FORMATS, cutoff=0.55)
+        meant = " or ".join(map(repr, near))
+        hint = f"did you mean {meant}?" if near else "want one of " + ", ".join(FORMATS)
+        raise CalibrationError(f"format {name!r}: {hint}")
     return FORMATS[name]
 
 
@@ -146,7 +150,8 @@ def check_camera(camera: Any, place: str) -> None:
 def _sees_something(camera: CentralCamera, size: np.ndarray, centre: np.ndarray) -> bool:
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
-    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), centre[None])))
+    # not the centre itself, which broken numbers show, too, but the pixel there
+    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(centre)[None])))
     return bool((rays.valid & np.isfinite(rays.directions).all(axis=-1)).any())
 
 

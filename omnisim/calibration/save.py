@@ -90,7 +90,10 @@ def calibration_text(
     if len(set(names)) < len(names):
         names = [form.rename(at, "") for at in range(len(names))]
     cameras = renamed(calibration.cameras, names)
-    words = [_with_doubts(in_words(camera, form, model), form) for camera in cameras]
+    words = [
+        _with_doubts(in_words(camera, form, f"{calibration.source}: {name}", model), form)
+        for camera, name in zip(cameras, calibration.names, strict=True)
+    ]
     text = form.write([one.said for one in words])
     remarks = [
         remark_of(one.said.name, one.mirrored, one.turned, one.limit_rad, one.residual)
@@ -110,8 +113,8 @@ def calibration_text(
     return with_remarks(text, remarks, form), Calibration(written, form.name, calibration.source)
 
 
-def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -> Words:
-    """A camera as a format says it.
+def in_words(camera: CalibratedCamera, form: Format, place: str, model: str | None = None) -> Words:
+    """A camera as a format says it; `place` names file and camera in messages.
 
     Raises:
         CalibrationError: it cannot, with the reason.
@@ -120,7 +123,7 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
         said = Said(camera.name, camera.camera, camera.poses)
         return Words(said, False, False, None, camera.residual)
     kinds = _kinds(form, model)
-    _check_cone(camera, form)
+    _check_cone(camera, form, place)
     mirrored, turned = looks_back(camera.camera), is_turned(camera.camera)
     lens = lens_of(camera.camera)
     reasons: list[str] = []
@@ -135,9 +138,9 @@ def in_words(camera: CalibratedCamera, form: Format, model: str | None = None) -
             reasons.append(reason)
     if isinstance(camera.camera, PANORAMAS):
         raise CalibrationError(
-            f"{camera.name}: {form.name} has no panorama, and this one is {camera.camera.model}"
+            f"{place}: {form.name} has no panorama, and this one is {camera.camera.model}"
         )
-    fit = _best_fit(camera, form, model, mirrored, reasons)
+    fit = _best_fit(camera, form, place, model, mirrored, reasons)
     residual = Residual(fit.rms_px, fit.max_px, fit.theta_max_rad, camera.camera.model)
     said = Said(camera.name, fit.camera, camera.poses)
     limit = theta_max_rad(fit.camera) or theta_max_rad(camera.camera)
@@ -165,7 +168,7 @@ def _kinds(form: Format, model: str | None) -> list[type[Any]]:
     return kinds
 
 
-def _check_cone(camera: CalibratedCamera, form: Format) -> None:
+def _check_cone(camera: CalibratedCamera, form: Format, place: str) -> None:
     if form.widest_rad is None:
         return
     widest = _widest_rad(camera.camera)
@@ -173,7 +176,7 @@ def _check_cone(camera: CalibratedCamera, form: Format) -> None:
         widest = largest_theta_rad(camera.camera)  # to the last bit, which takes its time
     if widest >= form.widest_rad:
         raise CalibrationError(
-            f"{camera.name}: sees {math.degrees(widest):.1f}° from its axis: {form.name} says "
+            f"{place}: sees {math.degrees(widest):.1f}° from its axis: {form.name} says "
             f"nothing at {math.degrees(form.widest_rad):g}° and past it"
         )
 
@@ -188,7 +191,12 @@ def _widest_rad(camera: CentralCamera) -> float:
 
 
 def _best_fit(
-    camera: CalibratedCamera, form: Format, model: str | None, mirrored: bool, reasons: list[str]
+    camera: CalibratedCamera,
+    form: Format,
+    place: str,
+    model: str | None,
+    mirrored: bool,
+    reasons: list[str],
 ) -> Fit:
     """The fit whose largest residual is smallest, of those that show the whole picture."""
     # a mirrored lens is fitted as the lens that it is
@@ -214,13 +222,13 @@ def _best_fit(
             reasons.append(reason)
     if not fits:
         raise CalibrationError(
-            f"{camera.name}: {form.name} cannot say model {camera.camera.model!r}: "
+            f"{place}: {form.name} cannot say model {camera.camera.model!r}: "
             + ("; ".join(dict.fromkeys(reasons)) or "none of its models is one")
         )
     best = min(fits, key=lambda fit: (fit.covered < LEAST_COVERED, fit.max_px))
     if best.covered < LEAST_COVERED or best.max_px > FURTHEST_OFF * side:
         raise CalibrationError(
-            f"{camera.name}: {form.name} cannot say model {camera.camera.model!r}: the nearest, "
+            f"{place}: {form.name} cannot say model {camera.camera.model!r}: the nearest, "
             f"{best.camera.model!r}, is up to {best.max_px:.3g} px off and shows "
             f"{100.0 * best.covered:.1f} % of its pixels" + "".join(f"; {one}" for one in reasons)
         )

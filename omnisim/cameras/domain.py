@@ -104,7 +104,7 @@ def edge_pixels(camera: CentralCamera, count: int, turned: float = 0.0) -> NDArr
     outwards = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     start = np.clip(middle_px(camera), -0.5, _last(camera))
     # the nearest border that each line meets
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0: along a border, from it
         to_border = np.where(outwards > 0.0, _last(camera) - start, -0.5 - start) / outwards
     length = np.where(outwards == 0.0, np.inf, to_border).min(axis=-1)
     return _last_seen(camera, start, start + outwards * length[:, None])

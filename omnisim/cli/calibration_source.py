@@ -55,7 +55,7 @@ def first_camera(calibration: Calibration, name: str | None, err: Console) -> Ca
 
 def _of_picture(path: Path) -> Any:
     _, metadata = read_image(path)
-    told = metadata.get("camera")
+    told = None if metadata is None else metadata.get("camera")
     if not isinstance(told, dict):
         raise CalibrationError(f"{path}: does not say what camera took it: want omnisim's picture")
     try:

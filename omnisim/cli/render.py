@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from omnisim.atomic_file import check_target
-from omnisim.calibration import CalibratedCamera, Calibration, Pose
-from omnisim.calibration.ray_table import write_ray_table
+from omnisim.atomic_file import check_apart, check_target
 from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
@@ -21,6 +20,9 @@ from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import FASTEST_MPS, FASTEST_RADPS, Twist
 from omnisim.sensors.renderer import unfolded_cube
+
+if TYPE_CHECKING:  # slow to import, and seldom needed
+    from omnisim.calibration import Calibration
 
 
 @dataclass(frozen=True)
@@ -71,18 +73,24 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
             raise OutputError(f"{option} {value:g}: want a number from −{most:g} to {most:g}")
     is_float = is_float_format(request.output)
     check_target(request.output)
+    for path in (request.rays, request.calibration_beside):
+        if path is not None:
+            check_target(path)
+    beside = {"--rays": request.rays, "--calibration": request.calibration_beside}
+    check_apart(
+        {"the picture": request.output, **beside},
+        {
+            "the scene": Path(request.scene),
+            "the camera's file": request.calibration,
+            "the sensor file": request.sensor,
+            "the labels' file": request.labels,
+        },
+    )
     also = () if request.also is None else parse_channels(request.also)
-    taken = {request.output.resolve(): "-o"}
-    for option, beside in (("--rays", request.rays), ("--calibration", request.calibration_beside)):
-        if beside is None:
-            continue
-        check_target(beside)
-        other = taken.setdefault(beside.resolve(), option)
-        if also and is_name_beside(request.output, beside):
-            other = "--also"
-        if other != option:
+    for option, path in beside.items():
+        if also and path is not None and is_name_beside(request.output, path):
             raise OutputError(
-                f"{option} {beside}: {other} writes a file of this name: want another"
+                f"{path}: is a file of --also already: want another name for {option}"
             )
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
         raise OutputError(f"{request.rays}: rays are written as .exr")
@@ -119,6 +127,8 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         faces = renderer.faces() if request.faces is not None else {}
     frame.save(request.output, previews=request.preview)
     if request.rays is not None:
+        from omnisim.calibration.ray_table import write_ray_table
+
         write_ray_table(request.rays, camera.camera, frame.metadata)
     if request.calibration_beside is not None:
         _calibration(camera, pose).save(request.calibration_beside, "omnisim")
@@ -129,12 +139,12 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
         markup=False,
     )
-    for beside, what in (
+    for path, what in (
         (request.rays, "a ray of each pixel"),
         (request.calibration_beside, "camera and pose"),
     ):
-        if beside is not None:
-            out.print(f"{beside}: {what}", markup=False)
+        if path is not None:
+            out.print(f"{path}: {what}", markup=False)
     if also:
         told = f"{request.output}: also {', '.join(also)}"
         if next_pose is not None:
@@ -153,6 +163,8 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
     """The camera, where it is on its vehicle, and where the vehicle is."""
+    from omnisim.calibration import CalibratedCamera, Calibration, Pose
+
     poses = (
         Pose("base", "camera", sensor.base_from_optical),
         Pose("world", "base", world_from_base),

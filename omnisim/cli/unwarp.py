@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from omnisim import __version__
-from omnisim.atomic_file import check_target
+from omnisim.atomic_file import check_apart, check_target
 from omnisim.cli.choices import ViewKind
-from omnisim.errors import OpticsError, OutputError
+from omnisim.errors import OpticsError
 from omnisim.image_files import is_float_format, write_image
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import View, birdseye_view, cylinder_view, perspective_view
@@ -53,8 +53,7 @@ def run(request: UnwarpRequest, out: Console) -> None:
     _check_options(request)
     is_float = is_float_format(request.output)
     check_target(request.output)
-    if _is_same_file(request.output, request.picture):
-        raise OutputError(f"{request.output}: is the picture itself: want another name")
+    check_apart({"the view": request.output}, {"the picture itself": request.picture})
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
     taken = read_picture(request.picture, sensor)
     view = _view(request, taken)
@@ -95,13 +94,6 @@ def _check_options(request: UnwarpRequest) -> None:
     ):
         if value is not None and request.kind is not kind:
             raise OpticsError(f"{option}: is for --to {kind}, not for --to {request.kind}")
-
-
-def _is_same_file(one: Path, other: Path) -> bool:
-    try:
-        return one.samefile(other)
-    except OSError:  # one of them is not there
-        return False
 
 
 def _view(request: UnwarpRequest, taken: TakenPicture) -> View:

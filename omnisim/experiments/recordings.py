@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from omnisim.errors import RunError
 from omnisim.experiments.real_setting import cluttered
 from omnisim.experiments.run_data import RunData, read_run
 from omnisim.scene import load_scene
@@ -61,7 +62,7 @@ def real_camera() -> Degradation:
 
 
 def record_all(folder: Path, device: int | None, progress: Progress) -> Recordings:
-    """Record what is missing in a folder that is there.
+    """Record what is missing in a folder that is there, and anew what another version recorded.
 
     Raises:
         OmnisimError: no OpenGL, or another run is in a folder.
@@ -88,7 +89,11 @@ def _record(
     drive = Drive(scene, vehicle, Route(path), device=device, channels=("instance",))
     plan = drive.plan()
     steps = plan.record(folder)
-    done = next(steps)
+    try:
+        done = next(steps)
+    except RunError:  # of another scene, robot or version: the experiments' own folder is renewed
+        steps = plan.record(folder, force=True)
+        done = next(steps)
     total = len(plan.truth)
     # how many are there before each following one
     counted = progress(f"drive: {folder.name}", total)(range(total))

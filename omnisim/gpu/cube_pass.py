@@ -141,9 +141,9 @@ class CubePass:
     def _order(self, placement: Placement) -> NDArray[np.intp]:
         """Draws in the order to draw them: opaque ones from near to far, so that most of what is
         hidden is never shaded; then blended ones from far to near."""
-        distances = np.linalg.norm(placement.centres_m, axis=1)
-        opaque = self._opaque[np.argsort(distances[self._opaque], kind="stable")]
-        blended = self._blended[np.argsort(-distances[self._blended], kind="stable")]
+        opaque = self._buffers.from_near_to_far(self._opaque, placement)
+        distances = np.linalg.norm(placement.centres_m[self._blended], axis=1)
+        blended = self._blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_blended(self._buffers.draws[index], placement.here_from_mesh[index])
         return np.concatenate((opaque, blended))

@@ -144,6 +144,11 @@ class SceneBuffers:
         world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
         return Placement(world_from_mesh, normal_from_mesh, centres_m - viewpoint_m)
 
+    def from_near_to_far(self, draws: NDArray[np.intp], placement: Placement) -> NDArray[np.intp]:
+        """Draws (n,), near ones first and what surrounds them all last: little is painted twice."""
+        reach_m = np.linalg.norm(placement.centres_m[draws], axis=1) + self.radii_m[draws]
+        return draws[np.argsort(reach_m, kind="stable")]
+
     def shown(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
         """Which draws (n,) are left without the movers' instances of these names.
 

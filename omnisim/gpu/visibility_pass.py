@@ -114,9 +114,7 @@ class VisibilityPass:
             draw = self.buffers.draws[index]
             self._program_of_draw[index].draw(draw, index, clip_from_mesh)
 
-        # near things first, what surrounds them all last: little is painted twice
-        reach_m = np.linalg.norm(placement.centres_m, axis=1) + self.buffers.radii_m
-        order = self._shown[np.argsort(reach_m[self._shown], kind="stable")]
+        order = self.buffers.from_near_to_far(self._shown, placement)
         self._drawing.draw(target, world_from_rig, placement, order, paint)
         self._drawing.end(target)
         for program in self._programs.values():

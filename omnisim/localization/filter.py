@@ -73,6 +73,19 @@ class Estimate:
     steps_rejected: int = 0
 
 
+class _Pair(NamedTuple):
+    """A sighting and a landmark that it may be."""
+
+    sighting: int
+    landmark: str
+    distance_squared: float  # of Mahalanobis; infinite where there is no inverse
+    by_pose: tuple[float, ...]  # Jacobian: range by x, y, yaw, then bearing
+    noise_m2: float
+    noise_rad2: float
+    off_m: float  # measured less expected
+    off_rad: float
+
+
 class LocalizationFilter:
     """Keeps the estimate of one robot.
 
@@ -166,40 +179,35 @@ class LocalizationFilter:
         """Correct a prediction by what is seen."""
         if not sightings:
             return _estimate(time_s, pose, covariance, steps_rejected=steps_rejected)
-        owners = [k for k, sighting in enumerate(sightings) for _ in sighting.candidates]
-        names = [name for sighting in sightings for name in sighting.candidates]
-        here, corners = tuple(pose.tolist()), self._landmarks.corners
-        told = np.array([_numbers(sighting) for sighting in sightings])
-        if len(owners) > len(sightings):
-            told = told[owners]
-        model = np.array([expect(here, self._camera_m, corners(name)) for name in names])
-        model = model.reshape(-1, 2, 4)
-        expected, by_pose = model[..., 0], model[..., 1:]
-        innovations = told[:, :2] - expected
-        innovations[:, 1] = np.remainder(innovations[:, 1] + math.pi, 2.0 * math.pi) - math.pi
-        noise = self._noise(told)
-        spread = by_pose @ covariance
-        own = spread @ by_pose.transpose(0, 2, 1)
-        distances = _mahalanobis(innovations, own, noise)
-        off, far = innovations.tolist(), distances.tolist()
-        verdicts, chosen = self._judge(owners, names, far)
+        for sighting in sightings:
+            _check(sighting)
+        here, spread = tuple(pose.tolist()), covariance.tolist()
+        pairs = [
+            self._pair(number, sighting, name, here, spread)
+            for number, sighting in enumerate(sightings)
+            for name in sighting.candidates
+        ]
+        chosen, verdicts = self._judge(pairs)
         judgements = tuple(
             Judgement(
-                names[row],
-                sighting.range_m,
-                sighting.bearing_rad,
-                *off[row],
-                far[row],
+                pair.landmark,
+                sightings[pair.sighting].range_m,
+                sightings[pair.sighting].bearing_rad,
+                pair.off_m,
+                pair.off_rad,
+                pair.distance_squared,
                 verdict,
             )
-            for sighting, row, verdict in zip(sightings, chosen, verdicts, strict=True)
+            for pair, verdict in zip(chosen, verdicts, strict=True)
         )
-        taken = [row for row, verdict in zip(chosen, verdicts, strict=True) if verdict == ACCEPTED]
+        taken = [
+            pair for pair, verdict in zip(chosen, verdicts, strict=True) if verdict == ACCEPTED
+        ]
         if not taken:
             return _estimate(time_s, pose, covariance, judgements, steps_rejected + 1)
-        h = by_pose[taken].reshape(-1, 3)
-        r = noise[taken].reshape(-1)
-        nu = innovations[taken].reshape(-1)
+        h = np.array([pair.by_pose for pair in taken]).reshape(-1, 3)
+        rest = np.array([pair[-4:] for pair in taken])  # noise and innovation of both
+        r, nu = rest[:, :2].reshape(-1), rest[:, 2:].reshape(-1)
         across = h @ covariance
         s = across @ h.T
         s.flat[:: len(r) + 1] += r
@@ -217,38 +225,67 @@ class LocalizationFilter:
         nis = float(nu @ weights @ nu)
         return _estimate(time_s, pose + gain @ nu, corrected, judgements, 0, nis, len(nu))
 
-    def _noise(self, told: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Variances (n, 2) of range and bearing: what sightings say, and what the file adds."""
+    def _pair(
+        self,
+        number: int,
+        sighting: Sighting,
+        name: str,
+        pose: tuple[float, float, float],
+        covariance: list[list[float]],
+    ) -> _Pair:
+        """Hold a sighting against a landmark, in plain floats: one at a time NumPy is slow."""
+        range_m, a0, a1, a2, bearing, b0, b1, b2 = expect(
+            pose, self._camera_m, self._landmarks.corners(name)
+        )
         extra = self._parameters.measurement
-        noise = np.square(told[:, 2:])
-        noise[:, 0] += np.square(extra.range_sigma_share * told[:, 0]) + extra.range_sigma_m**2
-        noise[:, 1] += math.radians(extra.bearing_sigma_deg) ** 2
-        return noise
+        noise_m2 = (
+            sighting.range_sigma_m**2
+            + (extra.range_sigma_share * sighting.range_m) ** 2
+            + extra.range_sigma_m**2
+        )
+        noise_rad2 = sighting.bearing_sigma_rad**2 + math.radians(extra.bearing_sigma_deg) ** 2
+        (p00, p01, p02), (_, p11, p12), (_, _, p22) = covariance
+        # the covariance times the bearing's row of the Jacobian
+        q0 = p00 * b0 + p01 * b1 + p02 * b2
+        q1 = p01 * b0 + p11 * b1 + p12 * b2
+        q2 = p02 * b0 + p12 * b1 + p22 * b2
+        cross = a0 * q0 + a1 * q1 + a2 * q2
+        far = noise_m2 + p00 * a0 * a0 + p11 * a1 * a1 + p22 * a2 * a2
+        far += 2.0 * (p01 * a0 * a1 + p02 * a0 * a2 + p12 * a1 * a2)
+        turn = noise_rad2 + b0 * q0 + b1 * q1 + b2 * q2
+        off_m = sighting.range_m - range_m
+        off_rad = math.remainder(sighting.bearing_rad - bearing, 2.0 * math.pi)
+        determinant = far * turn - cross * cross
+        distance = math.inf
+        if determinant > _SINGULAR * far * turn:
+            weighted = turn * off_m * off_m - 2.0 * cross * off_m * off_rad + far * off_rad**2
+            distance = weighted / determinant
+        return _Pair(
+            number, name, distance, (a0, a1, a2, b0, b1, b2), noise_m2, noise_rad2, off_m, off_rad
+        )
 
-    def _judge(
-        self, owners: list[int], names: list[str], distances: list[float]
-    ) -> tuple[list[Verdict], list[int]]:
-        """A verdict for each sighting, and which of its candidates it is taken for."""
+    def _judge(self, pairs: list[_Pair]) -> tuple[list[_Pair], list[Verdict]]:
+        """Which landmark each sighting is taken for, in their order, and its verdict."""
         gate = self._parameters.measurement.gate
-        best: dict[int, int] = {}
-        for k, (owner, distance) in enumerate(zip(owners, distances, strict=True)):
-            if owner not in best or distance < distances[best[owner]]:
-                best[owner] = k
-        chosen = list(best.values())
-        holders: dict[str, int] = {}  # of a landmark: which sighting fits it best
-        for k in chosen:
-            holder = holders.get(names[k])
-            if holder is None or distances[k] < distances[holder]:
-                holders[names[k]] = k
+        best: dict[int, _Pair] = {}
+        for pair in pairs:
+            other = best.get(pair.sighting)
+            if other is None or pair.distance_squared < other.distance_squared:
+                best[pair.sighting] = pair
+        holders: dict[str, _Pair] = {}  # of a landmark: which sighting fits it best
+        for pair in best.values():
+            holder = holders.get(pair.landmark)
+            if holder is None or pair.distance_squared < holder.distance_squared:
+                holders[pair.landmark] = pair
         verdicts: list[Verdict] = []
-        for k in chosen:
-            if not math.isfinite(distances[k]):
+        for pair in best.values():
+            if pair.distance_squared == math.inf:
                 verdicts.append(SINGULAR)
-            elif distances[k] > gate:
+            elif pair.distance_squared > gate:
                 verdicts.append("gated")
             else:
-                verdicts.append(ACCEPTED if holders[names[k]] == k else "outdone")
-        return verdicts, chosen
+                verdicts.append(ACCEPTED if holders[pair.landmark] is pair else "outdone")
+        return list(best.values()), verdicts
 
 
 ACCEPTED: Verdict = "accepted"
@@ -260,31 +297,17 @@ def wrapped(angle_rad: float) -> float:
     return math.remainder(angle_rad, 2.0 * math.pi)
 
 
-def _numbers(sighting: Sighting) -> tuple[float, float, float, float]:
-    numbers = (
-        sighting.range_m,
-        sighting.bearing_rad,
-        sighting.range_sigma_m,
-        sighting.bearing_sigma_rad,
-    )
-    if not all(map(math.isfinite, numbers)) or min(numbers[2:]) < 0.0 or not sighting.candidates:
+def _check(sighting: Sighting) -> None:
+    if not (
+        sighting.candidates
+        and math.isfinite(sighting.range_m)
+        and math.isfinite(sighting.bearing_rad)
+        and 0.0 <= sighting.range_sigma_m < math.inf
+        and 0.0 <= sighting.bearing_sigma_rad < math.inf
+    ):
         raise LocalizationError(
             f"sighting {sighting}: want a candidate, finite numbers, and sigmas of 0 or more"
         )
-    return numbers
-
-
-def _mahalanobis(
-    innovations: NDArray[np.float64], own: NDArray[np.float64], noise: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Squared distances (n,) of innovations (n, 2) by their covariances: the prediction's own
-    (n, 2, 2) and the noise's variances (n, 2); infinite where there is no inverse."""
-    a, b, c = own[:, 0, 0] + noise[:, 0], own[:, 0, 1], own[:, 1, 1] + noise[:, 1]
-    determinant = a * c - b * b
-    sound = determinant > _SINGULAR * a * c
-    u, v = innovations[:, 0], innovations[:, 1]
-    weighted = c * u * u - 2.0 * b * u * v + a * v * v
-    return np.where(sound, weighted / np.where(sound, determinant, 1.0), np.inf)
 
 
 def _estimate(

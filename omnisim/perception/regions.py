@@ -56,7 +56,11 @@ def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> l
         smallest_px: regions of less are left out.
     """
     width = classes.shape[1]
-    doubled = wrapped_around(classes)
+    colored = np.flatnonzero(classes.any(axis=1))
+    if not len(colored):
+        return []
+    above = int(colored[0])  # rows above and below without any colour are not looked at
+    doubled = wrapped_around(classes[above : int(colored[-1]) + 1])
     # the middle of each thing is within one turn that starts a quarter from the left
     first = width // 4
     found = []
@@ -70,5 +74,5 @@ def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> l
             if not first <= (columns.start + columns.stop) // 2 < first + width:
                 continue
             mask = labels[slices] == index
-            found.append(Region(color, rows.start, columns.start, mask))
+            found.append(Region(color, above + rows.start, columns.start, mask))
     return found

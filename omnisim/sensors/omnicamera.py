@@ -78,7 +78,7 @@ class OmniCamera:
             if not isinstance(self.camera, HyperbolicCamera):
                 raise OpticsError(
                     f"polygons = {self.polygons}: a camera of model {self.camera.model!r} has no "
-                    "mirror with a mesh: want 'exact', None"
+                    "mirror with a mesh: want 'exact'"
                 )
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(

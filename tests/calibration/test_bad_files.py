@@ -1,6 +1,11 @@
 """What is wrong with a file: the file, the key, the value, and what was wanted, in one line."""
 
+import json
+import re
+import time
+
 import pytest
+import yaml
 
 from omnisim.calibration import fit, load_calibration
 from omnisim.errors import CalibrationError
@@ -36,6 +41,8 @@ BAD = [
      "mirror_parameters: missing"),
     ("kitti360_image_02.yaml", "   k2: ", "   k3: 0.1\n   k2: ",
      "distortion_parameters.k3: unknown key"),
+    ("kitti360_image_02.yaml", "   p2: 4.2462134260997584e-04", "   p2: -1e300",
+     "image_02: no pixel of this camera sees anything"),
     ("woodscape_fv.json", '"poly_order": 4', '"poly_order": 5',
      "intrinsic: poly_order = 5: want 4"),
     ("gazebo.sdf", "<horizontal_fov>", "<distortion><k1>0.1</k1></distortion><horizontal_fov>",
@@ -61,12 +68,16 @@ BAD = [
      "line 4: MODEL = MODEL_T: want one of SIMPLE_PINHOLE"),
     ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536",
      "line 5: PINHOLE: 3 numbers, .*: want 4: fx, fy, cx, cy"),
+    ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536 nan",
+     "line 5: 'nan': want a number"),
     ("colmap_cameras.txt", "2048 1024 2048 1024", "2048 1024 2048 1000",
      r"line 9: EQUIRECTANGULAR of \[2048.0, 1000.0\] in a picture of \(2048, 1024\)"),
     ("colmap_cameras.txt", "2 PINHOLE", "1 PINHOLE", "two cameras are named '1'"),
     ("transforms.json", '"OPENCV_FISHEYE"', '"ORTHOPHOTO"',
      "camera_model = 'ORTHOPHOTO': want one of PINHOLE"),
     ("transforms.json", '"fl_x": 1072.0,', "", "fl_x: missing"),
+    ("transforms.json", '"fl_x": 1072.0,', '"camera_angle_x": 9,',
+     "camera_angle_x = 9: want more than 0, less than π"),
     ("transforms.json", "[0.0, 0.0, -1.0, -2.0]", "[0.0, 0.0, -2.0, -2.0]",
      "frames.0: transform_matrix = .*: want a rotation"),
     ("woodscape_fv.json", '"k1": 339.749', '"k1": -339.749',
@@ -83,6 +94,8 @@ BAD = [
     ("gazebo.sdf", "</sdf>", "", "not XML: no element found"),
     ("camera_info.yaml", "plumb_bob", "thin_prism",
      "distortion_model = 'thin_prism': want plumb_bob, rational_polynomial or equidistant"),
+    ("camera_info.yaml", "distortion_model: plumb_bob\n", "", "distortion_model: missing"),
+    ("camera_info.yaml", "image_width", "width", "image_width: missing"),
     ("foxglove.json", '"kannala_brandt"', '"fisheye62"',
      "distortion_model = 'fisheye62': want one of plumb_bob"),
     ("foxglove.json", "-0.0003]", "-0.0003, 1.0]", "D: 5 numbers, .*: want 4: k1, k2, k3, k4"),
@@ -123,8 +136,12 @@ def test_a_file_of_another_format_is_named():
         CalibrationError, match=r"this looks like a colmap file .*pass --format colmap"
     ):
         load_calibration(path, "kalibr")
-    with pytest.raises(CalibrationError, match="format 'kalbr': want one of"):
-        load_calibration(path, "kalbr")
+    with pytest.raises(CalibrationError, match="format 'Kalbr': did you mean 'kalibr'"):
+        load_calibration(path, "Kalbr")
+    with pytest.raises(CalibrationError, match=r"'opencv_pinhole' or 'opencv_.*' or 'opencv_"):
+        load_calibration(path, "opencv")
+    with pytest.raises(CalibrationError, match="format 'word': want one of omnisim, kalibr"):
+        load_calibration(path, "word")
     with pytest.raises(CalibrationError, match="no camera 'cam0': want one of 1, 2, 3"):
         load_calibration(path, camera="cam0")
     with pytest.raises(CalibrationError, match=r"nothing\.yaml: cannot be read: No such file"):
@@ -140,6 +157,75 @@ def test_numbers_that_only_yaml_1_2_takes_for_numbers_are_read(tmp_path):
     one, other = (load_calibration(tmp_path / f"{name}.yaml").cameras[0].camera for name in "ab")
     assert one == other
     assert one.coefficients[0] == 3.5e-3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        (r'<camera name="[^"]*"', '<camera name="eye"', ["fisheye", "stereographic", "pinhole"]),
+        (r' name="[^"]*"', "", ["camera0", "camera1", "camera2"]),
+        (r' name="[^"]*"', ' name="eye"', ["camera0", "camera1", "camera2"]),
+    ],
+)
+def test_gazebo_cameras_of_one_name_are_told_apart(old, new, names, tmp_path):
+    text = re.sub(old, new, (FOLDER / "gazebo.sdf").read_text())
+    (tmp_path / "a.sdf").write_text(text)
+    assert load_calibration(tmp_path / "a.sdf").names == names
+
+
+def test_yaml_in_its_other_ways_of_writing_is_read(tmp_path):
+    plain = FOLDER / "kalibr_tum_vi.yaml"
+    cameras = yaml.safe_load(plain.read_text())
+    quoted = "".join(f'"{name}": {json.dumps(told)}\n' for name, told in cameras.items())
+    (tmp_path / "quoted.yaml").write_text(quoted)
+    (tmp_path / "crlf.yaml").write_bytes(
+        b"\xef\xbb\xbf" + plain.read_bytes().replace(b"\n", b"\r\n")
+    )
+    for name in ("quoted", "crlf"):
+        found = load_calibration(tmp_path / f"{name}.yaml")
+        assert [one.camera for one in found.cameras] == [
+            one.camera for one in load_calibration(plain).cameras
+        ]
+
+
+def _aliases(levels, opening, item, closing):
+    """A YAML text whose aliases make it nine times larger at each level."""
+    lines = [f"a0: &a0 {opening}{item.format(0)}{closing}"]
+    for level in range(1, levels):
+        inner = ", ".join(item.format(f"*a{level - 1}").replace("#", str(at)) for at in range(9))
+        lines.append(f"a{level}: &a{level} {opening}{inner}{closing}")
+    return "\n".join(lines) + f"\ncam0:\n  camera_model: pinhole\n  intrinsics: *a{levels - 1}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_aliases(8, "[", "{}", "]"), "its aliases make it grow without bound"),
+        (_aliases(8, "{{", "k#: {}", "}}"), "its aliases make it grow without bound"),
+        ("model_type: &a [*a]\n", "its aliases make it grow without bound"),
+        ("model_type: " + "[" * 5000 + "]" * 5000 + "\n", "nested too deeply"),
+        ('{"fl_x": ' + "[" * 200_000 + "]" * 200_000 + "}", "nested too deeply"),
+        ('{"fl_x": ' + "9" * 5000 + "}", "a number of thousands of digits"),
+        ("model_type: " + "9" * 5000 + "\n", "a number of thousands of digits"),
+    ],
+)
+def test_files_made_to_be_endless_are_refused(text, words, tmp_path):
+    (tmp_path / "bomb.yaml").write_text(text.replace("{{", "{").replace("}}", "}"))
+    with pytest.raises(CalibrationError, match=rf"bomb\.yaml: not (YAML|JSON): {words}"):
+        load_calibration(tmp_path / "bomb.yaml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["\n" * 200_000 + "x: 1", '{"fl_x": 0' + ',"k": 0' * 60_000 + "}"],
+    ids=["lines", "keys"],
+)
+def test_long_files_take_time_by_their_length_alone(text, tmp_path):
+    (tmp_path / "long").write_text(text)
+    start = time.perf_counter()
+    with pytest.raises(CalibrationError):
+        load_calibration(tmp_path / "long")
+    assert time.perf_counter() - start < 5.0  # a tenth at most; minutes by the length's square
 
 
 def test_a_lens_that_none_of_our_models_is_says_how_near_it_is(monkeypatch):

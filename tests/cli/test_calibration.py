@@ -1,12 +1,14 @@
 """`omnisim calibration`, and `omnisim render --camera`, as a person uses them."""
 
+import os
+
 import numpy as np
 import pytest
 
 from omnisim.calibration import calibration_of, load_calibration
 from omnisim.cameras import MirroredCamera
 from omnisim.errors import SensorFileError
-from omnisim.image_files import read_image
+from omnisim.image_files import read_image, write_image
 from omnisim.sensors import OmniCamera
 from omnisim.simulation.sensor_toml import sensor_toml
 from tests.calibration.sample_files import FOLDER
@@ -97,8 +99,10 @@ def test_the_formats_are_listed(omnisim):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': want one of omnisim"),
-        (["convert", TUM_VI, "--to", "ros", "-o", "x"], "sees 115.6° from its axis"),
+        (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': did you mean 'kalibr'?"),
+        (["convert", TUM_VI, "--to", "ros", "-o", "x"], "yaml: cam0: sees 115.6° from its axis"),
+        (["convert", KITTI, "--to", "gazebo", "-o", "x"], "yaml: image_02: gazebo cannot say"),
+        (["convert", "empty.yaml", "--to", "ros", "-o", "empty.yaml"], "is the file to convert"),
         (["convert", TUM_VI, "--to", "colmap", "-o", "no/x"], "the folder no does not exist"),
         (["convert", "none.yaml", "--to", "ros", "-o", "x"], "none.yaml: cannot be read"),
         (["convert", "empty.yaml", "--to", "ros", "-o", "x"], "empty.yaml: is an empty file"),
@@ -106,10 +110,14 @@ def test_the_formats_are_listed(omnisim):
         (["convert", TUM_VI, "--to", "colmap", "-o", "x", "--model", "gazebo"], "colmap has"),
         (["show", TUM_VI, "--format", "colmap"], "looks like a kalibr file"),
         (["show", "picture.png"], "picture.png"),
+        (["show", "foreign.png"], "foreign.png: does not say what camera took it"),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is no regular file"),
     ],
 )
 def test_wrong_arguments_are_one_line(omnisim, tmp_path, arguments, words):
     (tmp_path / "empty.yaml").touch()
+    os.mkfifo(tmp_path / "pipe")
+    write_image(tmp_path / "foreign.png", np.zeros((2, 2, 3), np.uint8))
     status, out, err = omnisim("calibration", *arguments)
     assert status == 1
     assert words in err

@@ -53,6 +53,10 @@ def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
         (["--rays", "rays.png"], "rays.png: rays are written as .exr"),
         (["--rays", "none/rays.exr"], "the folder none does not exist"),
         (["--calibration", "none/a.json"], "the folder none does not exist"),
+        (["--calibration", "a.png"], "a.png: is the picture already: want another name"),
+        (["--rays", "b.exr", "--calibration", "./b.exr"], "b.exr: is --rays already"),
+        (["--camera", "c.yaml", "--calibration", "c.yaml"], "c.yaml: is the camera's file"),
+        (["--sensor", "c.toml", "--calibration", "c.toml"], "c.toml: is the sensor file"),
     ],
 )
 def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arguments, words):
@@ -65,19 +69,14 @@ def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arg
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["-o", "a.exr", "--rays", "a.exr"], "--rays a.exr: -o writes a file of this name"),
-        (["-o", "a.png", "--calibration", "./a.png"], "--calibration a.png: -o writes"),
-        (
-            ["-o", "a.png", "--rays", "b.exr", "--calibration", "b.exr"],
-            "--calibration b.exr: --rays writes a file of this name: want another",
-        ),
+        (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the picture already"),
         (
             ["-o", "a.png", "--also", "position", "--rays", "a.position.exr"],
-            "--rays a.position.exr: --also writes",
+            "a.position.exr: is a file of --also already: want another name for --rays",
         ),
         (
-            ["-o", "a.png", "--also", "range", "--calibration", "a.channels.json"],
-            "--calibration a.channels.json: --also writes",
+            ["-o", "a.png", "--also", "range", "--calibration", "./a.channels.json"],
+            "a.channels.json: is a file of --also already",
         ),
     ],
 )

@@ -9,10 +9,18 @@ from typer.testing import CliRunner
 
 from omnisim.cli.app import app
 from omnisim.errors import OmnisimError
+from omnisim.experiments.localizing import localize, sighting_of
 from omnisim.experiments.run_data import read_run
 from omnisim.experiments.run_labels import RunLabels, landmark_colors
+from omnisim.experiments.track_files import write_track
 from omnisim.experiments.training import train_on_run
+from omnisim.image_files import read_image, write_image
+from omnisim.localization.parameters import read_parameters
+from omnisim.localization.sightings import LandmarkMap
+from omnisim.localization.track import notices
 from omnisim.perception.color_model import Costs
+from omnisim.perception.color_model_file import load_model
+from omnisim.perception.landmark_detector import LandmarkDetector
 
 STEPS = 5
 
@@ -111,6 +119,19 @@ def test_a_run_without_ground_truth_is_localized_without_errors(run, model, tmp_
     assert not any("error" in number["name"] for number in told["numbers"])
 
 
+def _track(folder, model):
+    """What `omnisim localize` finds, without its page."""
+    data, parameters = read_run(folder), read_parameters()
+    colors, landmarks = load_model(model)
+    detector = LandmarkDetector(colors, landmarks, data.mount)
+    sightings = [
+        [sighting_of(each, parameters.measurement) for each in detector(picture)]
+        for picture in data.pictures()
+    ]
+    known = LandmarkMap.of_scene(data.landmarks)
+    return localize(data.odometry, sightings, known, parameters, data.mount.position_m)
+
+
 def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):
     """With a wrong truth beside them pictures and wheels lead to the same place."""
     shutil.copytree(run, tmp_path / "lied")
@@ -123,24 +144,20 @@ def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):
         for cells in [line.split()]
     ]
     (tmp_path / "lied" / "ground_truth.tum").write_text("\n".join(moved) + "\n")
-    done = _omnisim("localize", tmp_path / "lied", "-o", tmp_path / "out", "--model", model)
-    assert done.exit_code == 0, done.output
-    name = "estimate.tum"
-    assert (tmp_path / "out" / name).read_bytes() == (localized / name).read_bytes()
+    write_track(tmp_path, _track(tmp_path / "lied", model))
+    for name in ("estimate.tum", "estimate.csv", "measurements.csv"):
+        assert (tmp_path / name).read_bytes() == (localized / name).read_bytes()
 
 
 def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path):
     blank = shutil.copytree(run, tmp_path / "blank")
-    from omnisim.image_files import read_image, write_image
-
     for step in range(STEPS):
         pixels, told = read_image(blank / "omnicam" / f"{step:06d}.png")
         write_image(blank / "omnicam" / f"{step:06d}.png", np.full_like(pixels, 90), told)
-    done = _omnisim("localize", blank, "-o", tmp_path / "out", "--model", model)
-    assert done.exit_code == 0, done.output
-    assert "4 of 4 steps show no landmark" in " ".join(done.output.split())
-    rows = np.genfromtxt(tmp_path / "out" / "estimate.csv", delimiter=",", names=True)
-    assert np.all(np.diff(rows["xx_m2"] + rows["yy_m2"]) > 0.0)
+    track = _track(blank, model)
+    assert notices(track, read_parameters()) == ["4 of 4 steps show no landmark: 1, 2, 3, 4"]
+    np.testing.assert_allclose(track.poses[:, :2], track.reckoned[:, :2], atol=1e-9)
+    assert np.all(np.diff(np.trace(track.covariances, axis1=1, axis2=2)) > 0.0)
 
 
 @pytest.mark.parametrize(

@@ -187,8 +187,9 @@ def test_times_must_increase(time_s):
     ("sighting", "words"),
     [
         (Sighting(("nobody",), 1.0, 0.0, 0.1, 0.1), "'nobody': not on the map, which has a, b"),
-        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "want a candidate, finite numbers"),
+        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "finite numbers, and sigmas"),
         (Sighting(("a",), 1.0, 0.0, -0.1, 0.1), "sigmas of 0 or more"),
+        (Sighting((), 1.0, 0.0, 0.1, 0.1), "want a candidate"),
     ],
 )
 def test_a_sighting_that_is_none_is_refused(sighting, words):
@@ -237,7 +238,7 @@ def _simulate(parameters, generator, steps=60):
 
 def test_it_is_as_sure_as_it_should_be():
     parameters = _parameters(measurement__gate=1e9)  # a gate cuts the tail off
-    runs, steps = 40, 60
+    runs, steps = 20, 60
     generator = np.random.default_rng(2)
     found = [_simulate(parameters, generator, steps) for _ in range(runs)]
     each = np.mean([run[0] for run in found], axis=0)

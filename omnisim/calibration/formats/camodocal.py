@@ -91,7 +91,7 @@ class _Fisheye(_Head):
 
 
 def _looks_like(text: str) -> bool:
-    return bool(re.search(r"^\s*model_type\s*:", text, re.M))
+    return bool(re.search(r"""^[ \t]*["']?model_type["']?[ \t]*:""", text, re.M))
 
 
 def _read(text: str, source: str) -> list[Said]:

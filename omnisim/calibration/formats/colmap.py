@@ -55,7 +55,7 @@ MODELS = {
     "EQUIRECTANGULAR": "w h",
 }
 CENTRE_PX = 0.5  # of the first pixel
-_LINE = re.compile(r"^\s*\d+\s+[A-Z][A-Z_]+\s+\d+\s+\d+(\s+[-+.\deE]+)+\s*$", re.M)
+_LINE = re.compile(r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$", re.M)
 
 
 def _looks_like(text: str) -> bool:

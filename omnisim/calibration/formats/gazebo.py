@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
@@ -64,14 +64,25 @@ def _read(text: str, source: str) -> list[Said]:
     if not cameras:
         raise CalibrationError(f"{source}: no <camera> with a <horizontal_fov>")
     said = []
-    for index, camera in enumerate(cameras):
-        parent = parents.get(camera)
-        named = camera.get("name") or (parent.get("name") if parent is not None else None)
-        name = named or (f"camera{index}" if len(cameras) > 1 else "camera")
+    for name, camera in zip(_names(cameras, parents), cameras, strict=True):
         place = f"{source}: {name}"
         with making(place):
             said.append(Said(name, _lens(camera, place)))
     return said
+
+
+def _names(
+    cameras: Sequence[ElementTree.Element], parents: Mapping[ElementTree.Element, Any]
+) -> list[str]:
+    """Different names: the cameras' own, their sensors', or numbers where both are not enough."""
+    if len(cameras) == 1:
+        sensor = parents.get(cameras[0], cameras[0])
+        return [cameras[0].get("name") or sensor.get("name") or "camera"]
+    for elements in (cameras, [parents.get(camera, camera) for camera in cameras]):
+        names = [element.get("name") for element in elements]
+        if all(names) and len(set(names)) == len(names):
+            return [str(name) for name in names]
+    return [f"camera{index}" for index in range(len(cameras))]
 
 
 def _lens(camera: ElementTree.Element, place: str) -> CentralCamera:

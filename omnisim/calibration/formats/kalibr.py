@@ -63,8 +63,12 @@ class _Camera(Foreign):
     T_cam_imu: Matrix | None = None
 
 
+_MODEL = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
+
+
 def _looks_like(text: str) -> bool:
-    return bool(re.search(r"^\s*camera_model\s*:", text, re.M)) and "intrinsics" in text
+    is_json = text.lstrip().startswith("{")
+    return not is_json and bool(_MODEL.search(text)) and "intrinsics" in text
 
 
 def _read(text: str, source: str) -> list[Said]:

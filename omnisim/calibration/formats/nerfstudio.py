@@ -108,7 +108,11 @@ def _lens(part: _Intrinsics, place: str) -> tuple[CentralCamera, tuple[str, ...]
     if model == "EQUIRECTANGULAR":
         return EquirectangularCamera(*size), ()
     focal = part.fl_x
-    if focal is None and part.camera_angle_x is not None and 0.0 < part.camera_angle_x < math.pi:
+    if focal is None and part.camera_angle_x is not None:
+        if not 0.0 < part.camera_angle_x < math.pi:
+            raise CalibrationError(
+                f"{place}: camera_angle_x = {part.camera_angle_x:g}: want more than 0, less than π"
+            )
         focal = 0.5 * part.w / math.tan(0.5 * part.camera_angle_x)
     if focal is None:
         raise CalibrationError(f"{place}: fl_x: missing")

@@ -32,11 +32,11 @@ from omnisim.errors import CalibrationError
 BLOCKS = ("polynomial", "inverse polynomial", "centre", "affine parameters", "image size")
 INVERSE_WITHIN_PX = 0.01  # as the toolbox's findinvpoly
 MOST_INVERSE = 25
-_FROM_ONE = re.compile(r"^\s*#.*(starting from 1|matlab convention)", re.M | re.I)
+_FROM_ONE = re.compile(r"^[ \t]*#.*(starting from 1|matlab convention)", re.M | re.I)
 
 
 def _looks_like(text: str) -> bool:
-    if re.search(r"^\s*#.*(DIRECT mapping|polynomial coefficients)", text, re.M | re.I):
+    if re.search(r"^[ \t]*#.*(DIRECT mapping|polynomial coefficients)", text, re.M | re.I):
         return True
     lines = _lines(text)
     counts = [len(words) for _, words in lines]

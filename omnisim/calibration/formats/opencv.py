@@ -39,9 +39,9 @@ DISTORTION_KEYS = (
     "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
 )  # fmt: skip
 IS_YAML = re.compile(r"\A\s*%YAML|!!opencv-matrix")
-HAS_XI = re.compile(r"^\s*xi\s*:", re.M)
-IS_FISHEYE = re.compile(r"^\s*fisheye_model\s*:\s*1\b", re.M)
-IS_PINHOLE = re.compile(r"^\s*fisheye_model\s*:\s*0\b", re.M)
+HAS_XI = re.compile(r"^[ \t]*xi[ \t]*:", re.M)
+IS_FISHEYE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*1\b", re.M)
+IS_PINHOLE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*0\b", re.M)
 
 
 class _Picture(Foreign):

@@ -47,11 +47,11 @@ class _Camera(Foreign):
 
 
 def _looks_like(text: str) -> bool:
-    keys = ("camera_matrix", "distortion_model", "image_width")
+    keys = ("camera_matrix", "distortion_model|projection_matrix|rectification_matrix")
     return (
         not text.lstrip().startswith("{")
         and "!!opencv-matrix" not in text
-        and all(re.search(rf"^{key}\s*:", text, re.M) for key in keys)
+        and all(re.search(rf"^({key})[ \t]*:", text, re.M) for key in keys)
     )
 
 

@@ -35,7 +35,7 @@ RMS_BOUND_PX = 0.1
 LARGEST_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a depth of nothing
 LEAST_BOARDS = 3
 # With one sample a texel the boards' edges are jagged, which alone costs a corner 0.1 px.
-SAMPLES = 4
+SAMPLES, TEXELS = 4, 1.5
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _off_px(
     else:
         optical_from_boards = board_poses_in_front(count, lens.boards_up_to_rad)
     offs, shown = [np.empty(0)], None
-    sensor = OmniCamera(camera, polygons=None, samples=SAMPLES)
+    sensor = OmniCamera(camera, polygons=None, samples=SAMPLES, texels_per_pixel=TEXELS)
     with (
         tempfile.TemporaryDirectory() as folder,
         Renderer(board_scene(), sensor, unlit=True, device=bench.device) as renderer,

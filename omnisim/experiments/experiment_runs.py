@@ -1,0 +1,125 @@
+"""All that is computed of the paper's two experiments, before anybody looks at it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.experiments.detecting import Found, compare
+from omnisim.experiments.hand_picking import Hand, pick_landmarks
+from omnisim.experiments.localizing import sighting_of
+from omnisim.experiments.real_setting import put_down_wrongly
+from omnisim.experiments.run_data import RunData
+from omnisim.experiments.run_labels import RunLabels
+from omnisim.experiments.seeds import (
+    Progress,
+    detect_with_noise,
+    run_seeds,
+)
+from omnisim.experiments.training import PixelRates, Training, pixel_rates
+from omnisim.localization.parameters import FilterParameters, read_parameters
+from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.perception.color_model import count_colors
+from omnisim.perception.landmark_detector import Detection, LandmarkDetector
+from omnisim.simulation import Vehicle
+
+REAL_PARAMETERS = Path(__file__).with_name("real_setting.toml")
+SEEDS = 20
+
+
+class Simulated:
+    """Experiment 1: all that is computed of it."""
+
+    def __init__(
+        self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
+    ):
+        self.run, self.parameters = run, parameters
+        self.detector = LandmarkDetector(trained.model, run.landmarks, run.mount)
+        self.detections, self.milliseconds = _timed(run, self.detector, progress)
+        self.found = _compared(run, self.detections)
+        self.pixels = _pixel_rates(run, trained, progress)
+        self.wheels = Vehicle.load("p2at").odometry
+        noisy = detect_with_noise(run, self.detector, SEEDS, progress)
+        self.sightings = [sightings_of(each, parameters) for each in noisy]
+        self.seeds = run_seeds(run, self.wheels, self.sightings, parameters)
+
+
+class Real:
+    """Experiment 2: all that is computed of it."""
+
+    def __init__(
+        self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
+    ):
+        self.run = run
+        self.parameters = read_parameters(REAL_PARAMETERS)
+        self.detector = LandmarkDetector(trained.model, run.landmarks, run.mount)
+        self.detections, self.milliseconds = _timed(run, self.detector, progress)
+        self.found = _compared(run, self.detections)
+        self.pixels = _pixel_rates(run, trained, progress)
+        self.wheels = Vehicle.load("superscout").odometry
+        self.sightings = [_picked(run, seed) for seed in range(SEEDS)]
+        certain = np.zeros((3, 3))
+        self.seeds = run_seeds(
+            run, self.wheels, self.sightings, self.parameters, certain, put_down_wrongly
+        )
+        self.honest = run_seeds(
+            run, self.wheels, self.sightings, parameters, certain, put_down_wrongly
+        )
+        automatic = sightings_of(self.detections, parameters)
+        self.automatic = run_seeds(run, self.wheels, [automatic] * SEEDS, parameters)
+
+
+def _timed(
+    run: RunData, detector: LandmarkDetector, progress: Progress
+) -> tuple[list[list[Detection]], float]:
+    """Detections of all steps, and the median time of one picture in milliseconds.
+
+    Time of this thread: what else the machine does is not counted.
+    """
+    found, times = [], []
+    for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
+        picture = run.picture(step)
+        start = time.thread_time()
+        found.append(detector(picture))
+        times.append(time.thread_time() - start)
+    return found, 1e3 * float(np.median(times))
+
+
+def _compared(run: RunData, detections: Sequence[Sequence[Detection]]) -> list[Found]:
+    poses = run.true_poses
+    assert poses is not None
+    landmarks = LandmarkMap.of_scene(run.landmarks)
+    return compare(detections, poses, landmarks, run.mount.position_m)
+
+
+def _pixel_rates(run: RunData, trained: Training, progress: Progress) -> PixelRates:
+    labels = RunLabels(run, trained.model.colors)
+    covered = run.mount.covered
+    counts: NDArray[np.float64] | float = 0.0
+    for step in progress(f"pixels: {run.folder.path.name}", run.steps)(range(run.steps)):
+        pixels, classes = run.picture(step)[covered], labels(step)[covered]
+        counts = counts + count_colors(
+            pixels.reshape(-1, 3), classes.ravel(), 1 + len(trained.model.colors)
+        )
+    assert isinstance(counts, np.ndarray)
+    return pixel_rates(trained.model, counts)
+
+
+def sightings_of(
+    detections: Sequence[Sequence[Detection]], parameters: FilterParameters
+) -> list[list[Sighting]]:
+    """Detections of each step as the filter takes them."""
+    return [[sighting_of(each, parameters.measurement) for each in step] for step in detections]
+
+
+def _picked(run: RunData, seed: int) -> list[list[Sighting]]:
+    """What somebody picks by hand in the pictures of a run."""
+    generator = np.random.default_rng([3, seed])
+    landmarks = LandmarkMap.of_scene(run.landmarks)
+    poses = run.true_poses
+    assert poses is not None
+    return [pick_landmarks(pose, run.mount, landmarks, Hand(), generator) for pose in poses]
