@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,34 @@ from omnisim.atomic_file import whole_file
 from omnisim.errors import LocalizationError, OutputError
 from omnisim.perception.color_model import ColorModel
 from omnisim.scene.model import Band, Landmark
+from omnisim.scene.scene_file import Level, LinearRgb, Name, Point, Positive
+from omnisim.toml_file import Table, parse_table
 
 FORMAT = 1
 SUFFIX = ".npz"
+# What NumPy and zipfile raise of a file that is none, or that is damaged.
+_NO_MODEL = (
+    KeyError, TypeError, ValueError, OverflowError, RuntimeError, EOFError, MemoryError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+class _StoredBand(Table):
+    color: Name
+    linear_rgb: LinearRgb
+    bottom_m: Level
+    top_m: Positive
+
+
+class _StoredLandmark(Table):
+    name: Name
+    position_m: Point
+    footprint_m: tuple[Positive, Positive]
+    bands: tuple[_StoredBand, ...]
+
+
+class _StoredLandmarks(Table):
+    landmarks: tuple[_StoredLandmark, ...]
 
 
 def check_model_target(path: Path) -> None:
@@ -70,13 +96,13 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
                 tuple(float(theta) for theta in stored["thresholds"]),
                 float(stored["smoothing"]),
             )
-            landmarks = tuple(_landmark(told) for told in json.loads(str(stored["landmarks"])))
+            landmarks = _landmarks(json.loads(str(stored["landmarks"])))
     except OSError as reason:
         raise LocalizationError(
             f"{path}: cannot be read: {reason.strerror or 'not a model'}: want the .npz file of "
             "omnisim landmarks train"
         ) from None
-    except (KeyError, TypeError, ValueError, EOFError, zipfile.BadZipFile):
+    except _NO_MODEL:
         raise LocalizationError(
             f"{path}: is no model: want the .npz file of omnisim landmarks train"
         ) from None
@@ -86,9 +112,18 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
     return model, landmarks
 
 
-def _landmark(told: dict) -> Landmark:
-    bands = tuple(
-        Band(band["color"], tuple(band["linear_rgb"]), band["bottom_m"], band["top_m"])
-        for band in told["bands"]
+def _landmarks(told: object) -> tuple[Landmark, ...]:
+    try:
+        stored = parse_table({"landmarks": told}, _StoredLandmarks, LocalizationError, "it")
+    except LocalizationError as faults:  # one is enough: nobody mends such a file by hand
+        first = str(faults).partition("\n")[0].removeprefix("it: ")
+        raise LocalizationError(f"{first}: train it again") from None
+    return tuple(
+        Landmark(
+            each.name,
+            each.position_m,
+            each.footprint_m,
+            tuple(Band(b.color, b.linear_rgb, b.bottom_m, b.top_m) for b in each.bands),
+        )
+        for each in stored.landmarks
     )
-    return Landmark(told["name"], tuple(told["position_m"]), tuple(told["footprint_m"]), bands)
