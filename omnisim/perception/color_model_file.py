@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import whole_file
-from omnisim.errors import LocalizationError, OutputError
+from omnisim.atomic_file import check_suffix, whole_file
+from omnisim.errors import LocalizationError
 from omnisim.perception.color_model import ColorModel
 from omnisim.scene.model import Band, Landmark
 from omnisim.scene.scene_file import Level, LinearRgb, Name, Point, Positive
@@ -48,23 +48,13 @@ class _StoredLandmarks(Table):
     landmarks: tuple[_StoredLandmark, ...]
 
 
-def check_model_target(path: Path) -> None:
-    """Refuse a name that is not a model's.
-
-    Raises:
-        OutputError: another suffix.
-    """
-    if path.suffix.lower() != SUFFIX:
-        raise OutputError(f"{path}: want a name that ends in {SUFFIX}")
-
-
 def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -> None:
     """Write a model; the file appears only when it is whole.
 
     Raises:
         OutputError: another suffix, or it cannot be written.
     """
-    check_model_target(path)
+    check_suffix(path, SUFFIX)
     told = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
     with whole_file(path) as partial, partial.open("wb") as file:
         np.savez_compressed(

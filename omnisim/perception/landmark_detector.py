@@ -60,11 +60,13 @@ class LandmarkDetector:
 
     Args:
         model: their colours.
-        landmarks: what to look for; those that have none of the model's colours are left out.
+        landmarks: what to look for; those that the model's
+            colours do not tell are left out.
         mount: the camera.
 
     Attributes:
         panorama: that they are looked for in.
+        ignored: names of landmarks that are left out.
 
     Raises:
         LocalizationError: nothing to look for, or two landmarks that look the same.
@@ -82,6 +84,8 @@ class LandmarkDetector:
                 _add(self._wide, shown[0], landmark)
             elif max(landmark.footprint_m) <= SLIM_M and len(shown) == 2 and all(classes[-2:]):
                 _add(self._pillars, (shown[0], shown[1]), landmark)
+        known = {each.name for each in (*self._pillars.values(), *self._wide.values())}
+        self.ignored = tuple(each.name for each in landmarks if each.name not in known)
         if not self._pillars and not self._wide:
             raise LocalizationError(
                 "landmarks: none that can be told by their colours: want pillars whose two upper "
