@@ -145,7 +145,8 @@ class Accuracy:
 
     Attributes:
         recall: share of what is there that is found.
-        precision: share of what is found that is there.
+        precision: share of what is found that is there; by where the landmark truly is, not by
+            where it is found.
         bearing_rms_rad, range_rms_share, range_eq2_rms_share: of what is rightly found.
         eq2_mean_m: range by Eq. 2 less that by the exact relation, mean.
         count: how many were rightly found.
