@@ -68,6 +68,16 @@ def check_apart(writes: Mapping[str, Path | None], reads: Mapping[str, Path | No
         known[target] = f"{what} already"
 
 
+def check_suffix(path: Path, suffix: str) -> None:
+    """Refuse another suffix than that of what is going to be written: it may be another file's.
+
+    Raises:
+        OutputError: another suffix.
+    """
+    if path.suffix.lower() != suffix:
+        raise OutputError(f"{path}: want a name that ends in {suffix}")
+
+
 def _check_target(path: Path, may_make_folder: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: want the name of a file")

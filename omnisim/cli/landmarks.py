@@ -65,8 +65,16 @@ def _detect(
     ] = None,
     scene: SceneOption = None,
     camera: CameraOption = None,
+    sensor: Annotated[
+        Path | None,
+        typer.Option(
+            "--sensor",
+            metavar="FILE",
+            help="Camera of a picture that says nothing of its own: .toml.",
+        ),
+    ] = None,
 ) -> None:
     """Find landmarks with range and bearing in a picture or in all pictures of a run."""
     from omnisim.cli.landmarks_detect import run as detect
 
-    detect(picture, model, output, show, height, scene, camera, out, err)
+    detect(picture, model, output, show, height, scene, camera, sensor, out, err)

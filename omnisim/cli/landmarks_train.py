@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from omnisim.atomic_file import check_target
+from omnisim.atomic_file import check_suffix, check_target
 from omnisim.cli.options import counted
 from omnisim.cli.progress import count_along
 from omnisim.errors import LocalizationError
 from omnisim.experiments.run_data import read_run
 from omnisim.experiments.training import train_on_run
 from omnisim.perception.color_model import Costs
-from omnisim.perception.color_model_file import check_model_target, save_model
+from omnisim.perception.color_model_file import SUFFIX, save_model
+
+# Past any that makes sense, and far from where a float ends.
+LARGEST_COST = 1e9
 
 
 def run(
@@ -33,9 +36,11 @@ def run(
         OmnisimError: anything that the user can put right.
     """
     for name, cost in (("--missed", missed), ("--false-alarm", false_alarm)):
-        if not 0.0 < cost < float("inf"):
-            raise LocalizationError(f"{name} {cost:g}: want a finite number above 0")
-    check_model_target(output)
+        if not 1.0 / LARGEST_COST <= cost <= LARGEST_COST:
+            raise LocalizationError(
+                f"{name} {cost:g}: want a number from {1.0 / LARGEST_COST:g} to {LARGEST_COST:g}"
+            )
+    check_suffix(output, SUFFIX)
     check_target(output)
     learned = read_run(folder, scene, camera)
     trained = train_on_run(
@@ -43,6 +48,8 @@ def run(
         Costs(missed, false_alarm),
         lambda steps: count_along(steps, "learning", learned.steps, err),
     )
+    if learned.unfinished:
+        err.print("note: ", learned.unfinished, sep="", markup=False)
     save_model(output, trained.model, learned.landmarks)
     colors, pictures = len(trained.model.colors), counted(trained.pictures, "picture")
     out.print(f"{output}: {colors} colours from {pictures}", markup=False)

@@ -43,19 +43,26 @@ def run(
     chosen = read_parameters(parameters)
     data = read_run(folder, scene, camera)
     colors = _colors(model, folder)
-    detector = LandmarkDetector(
-        colors if colors is not None else train_on_run(data, Costs()).model,
-        data.landmarks,
-        data.mount,
-    )
+    told = [] if data.unfinished is None else [data.unfinished]
+    if colors is None:
+        told.append("colours were learned from this run's own labels, which no robot has")
+        colors = train_on_run(data, Costs()).model
+    try:
+        detector = LandmarkDetector(colors, data.landmarks, data.mount)
+    except LocalizationError as reason:
+        raise LocalizationError(f"{model or folder} for {folder}: {reason}") from None
     at = set(np.linspace(0, data.steps - 1, min(SHOWN, data.steps)).round().astype(int).tolist())
     detections, shown = [], []
     for step in count_along(range(data.steps), "looking", data.steps, err):
         panorama = detector.panorama(data.picture(step))
         detections.append(detector.find(panorama))
         if step in at:
-            told = f"step {step}: {counted(len(detections[-1]), 'landmark')}"
-            shown.append((told, panorama, detections[-1]))
+            title = f"step {step}: {counted(len(detections[-1]), 'landmark')}"
+            shown.append((title, panorama, detections[-1]))
+    if detector.ignored:
+        told.append(
+            f"{', '.join(detector.ignored)}: not looked for: the model has not their colours"
+        )
     sightings = [[sighting_of(each, chosen.measurement) for each in found] for found in detections]
     found = localize(
         data.odometry,
@@ -64,7 +71,7 @@ def run(
         chosen,
         data.mount.position_m,
     )
-    page = write_localized(output, data, found, chosen, detections, shown)
+    page = write_localized(output, data, found, chosen, detections, shown, told)
     (section,) = page.sections
     for notice in section.notices:
         err.print("note: ", notice, sep="", markup=False)

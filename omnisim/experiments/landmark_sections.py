@@ -13,9 +13,7 @@ from omnisim.experiments.experiment_runs import Real, Simulated
 from omnisim.experiments.page import Number, Picture, Section, Table
 from omnisim.experiments.recordings import Recordings
 from omnisim.experiments.run_labels import RunLabels
-from omnisim.experiments.seeds import (
-    Progress,
-)
+from omnisim.experiments.seeds import Progress
 from omnisim.experiments.sweep import CAUSES, Outcome, sweep
 from omnisim.experiments.training import Training
 from omnisim.localization.parameters import FilterParameters
@@ -145,8 +143,9 @@ def detection(simulated: Simulated, real: Real) -> Section:
     return Section(
         "Landmarks",
         "Range and bearing of what is found, against the truth. A beacon's range comes from the "
-        "edges of its bands, a goal's from its nearest foot. What is more than 3° or a quarter of "
-        "its range off counts as a false one.",
+        "edges of its bands, a goal's from its nearest foot. What is more than 3° off, or by "
+        "more than a quarter of its range and three of its own sigmas, counts as a false one; "
+        "distances are the true ones.",
         numbers,
         (Table("Within 4 m, clean.",
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),

@@ -30,8 +30,18 @@ def write_localized(
     parameters: FilterParameters,
     detections: Sequence[Sequence[Detection]],
     shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
+    told: Sequence[str] = (),
 ) -> Page:
     """Write everything that is known of a localized run; returns the page.
+
+    Args:
+        folder: to write to, made where it is missing.
+        run: with its truth, if anybody knows it: only errors are counted by it.
+        track: estimates of its steps.
+        parameters: of the filter.
+        detections: of each step.
+        shown: panoramas with what was found in them: title, (height, width, 3) sRGB, detections.
+        told: what somebody should know of how it was localized.
 
     Raises:
         OutputError: it cannot be written.
@@ -46,7 +56,7 @@ def write_localized(
         f"Localization of {run.name}",
         "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
         "in its pictures.",
-        (_section(run, track, parameters, shown),),
+        (_section(run, track, parameters, shown, told),),
         {"parameters": parameters.model_dump(), "steps": len(track.estimates)},
     )
     page.write(folder)
@@ -58,6 +68,7 @@ def _section(
     track: Track,
     parameters: FilterParameters,
     shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
+    before: Sequence[str],
 ) -> Section:
     truth = run.true_poses
     panel = PathPanel(run.name, track, truth, run.landmarks)
@@ -67,7 +78,7 @@ def _section(
         Picture("fig12-paths", paths_figure([panel]),
                 "From above: the estimate, with ellipses of three sigma, and the wheels alone."),
     ]  # fmt: skip
-    told = notices(track, parameters)
+    told = [*before, *notices(track, parameters)]
     if truth is None:
         told.append("The run has no ground truth: nobody knows the errors, and none are shown.")
     else:

@@ -68,9 +68,34 @@ class RunData:
 
         Raises:
             OutputError: the picture is damaged.
+            RunError: it is not one of this camera: of another size, or not of 8 bits and 3 colours.
         """
-        pixels, _ = read_image(self.folder.file(self.camera, step, ".png"))
+        path = self.folder.file(self.camera, step, ".png")
+        pixels, _ = read_image(path)
+        height, width, channels = pixels.shape
+        camera = self.mount.camera
+        wanted = (camera.height_px, camera.width_px)
+        if (height, width) != wanted or channels < 3 or pixels.dtype != np.uint8:
+            raise RunError(
+                f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: want this "
+                f"camera's {camera.width_px} × {camera.height_px} px of 3 × uint8"
+            )
         return np.ascontiguousarray(pixels[..., :3])
+
+    @property
+    def unfinished(self) -> str | None:
+        """What somebody should know of a run that is not whole, or None: it is.
+
+        Steps after the first that misses a file are not looked at, though they may have theirs.
+        """
+        total = self.folder.manifest["steps"]
+        if self.steps == total:
+            return None
+        missing = self.folder.missing_file(self.steps)
+        return (
+            f"{missing}: is missing: the first {self.steps} of {total} steps are looked at; drive "
+            "again to have the others"
+        )
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:
         """All pictures, one after the other."""

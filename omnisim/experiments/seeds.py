@@ -35,7 +35,7 @@ def detect_with_noise(
     """Detections of each seed and step, in pictures with noise of their own."""
     pictures = list(run.pictures())
     found = []
-    for seed in progress("pictures with noise of 20 seeds", seeds)(range(seeds)):
+    for seed in progress(f"pictures with noise of {seeds} seeds", seeds)(range(seeds)):
         generator = np.random.default_rng([1, seed])
         found.append([detector(noisy(picture, generator)) for picture in pictures])
     return found

@@ -16,8 +16,10 @@ from omnisim.toml_file import Number, Table, read_toml
 
 DEFAULT = Path(__file__).with_name("default.toml")
 
-NotNegative = Annotated[Number, Field(ge=0.0)]
-Positive = Annotated[Number, Field(gt=0.0)]
+# Past anything that makes sense, and far from where a float's square ends.
+_LARGEST = 1e12
+NotNegative = Annotated[Number, Field(ge=0.0, le=_LARGEST)]
+Positive = Annotated[Number, Field(gt=0.0, le=_LARGEST)]
 
 
 class Start(Table):

@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike
 from omnisim.errors import LocalizationError
 from omnisim.scene.model import Landmark
 
-# A footprint up to this wide is a point. The widest beacon, seen from 1 m, spans 11°.
-SLIM_M = 0.2
 # From nearer than this a bearing means nothing: the camera would be inside of the landmark.
 NEAREST_M = 1e-6
 
@@ -82,7 +80,7 @@ class LandmarkMap:
         for landmark in landmarks:
             middle = np.array(landmark.position_m[:2]) + (offsets_m or {}).get(landmark.name, 0.0)
             half = 0.5 * np.array(landmark.footprint_m)
-            if max(landmark.footprint_m) <= SLIM_M:
+            if landmark.is_slim:
                 corners[landmark.name] = middle[None]
             else:
                 signs = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])

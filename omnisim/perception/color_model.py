@@ -72,7 +72,8 @@ class ColorModel:
         smoothing: see `likelihood_ratios`.
 
     Raises:
-        LocalizationError: no pixel of a colour or none of neg, or a threshold that is not above 0.
+        LocalizationError: no pixel of a colour or none of neg, two colours of one name, or a
+            threshold or a smoothing that is not above 0.
     """
 
     colors: tuple[str, ...]
@@ -98,6 +99,12 @@ class ColorModel:
         ):
             raise LocalizationError(
                 f"colour model: thresholds {self.thresholds}: want one above 0 for each colour"
+            )
+        if len(set(self.colors)) < len(self.colors):
+            raise LocalizationError(f"colour model: colors {self.colors}: want different names")
+        if not 0.0 < self.smoothing < np.inf:
+            raise LocalizationError(
+                f"colour model: smoothing = {self.smoothing:g}: want a finite number above 0"
             )
 
     @cached_property

@@ -9,27 +9,43 @@ from __future__ import annotations
 import dataclasses
 import json
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import whole_file
-from omnisim.errors import LocalizationError, OutputError
+from omnisim.atomic_file import check_suffix, whole_file
+from omnisim.errors import LocalizationError
 from omnisim.perception.color_model import ColorModel
 from omnisim.scene.model import Band, Landmark
+from omnisim.scene.scene_file import Level, LinearRgb, Name, Point, Positive
+from omnisim.toml_file import Table, parse_table
 
 FORMAT = 1
 SUFFIX = ".npz"
+# What NumPy and zipfile raise of a file that is none, or that is damaged.
+_NO_MODEL = (
+    KeyError, TypeError, ValueError, OverflowError, RuntimeError, EOFError, MemoryError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 
-def check_model_target(path: Path) -> None:
-    """Refuse a name that is not a model's.
+class _StoredBand(Table):
+    color: Name
+    linear_rgb: LinearRgb
+    bottom_m: Level
+    top_m: Positive
 
-    Raises:
-        OutputError: another suffix.
-    """
-    if path.suffix.lower() != SUFFIX:
-        raise OutputError(f"{path}: want a name that ends in {SUFFIX}")
+
+class _StoredLandmark(Table):
+    name: Name
+    position_m: Point
+    footprint_m: tuple[Positive, Positive]
+    bands: tuple[_StoredBand, ...]
+
+
+class _StoredLandmarks(Table):
+    landmarks: tuple[_StoredLandmark, ...]
 
 
 def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -> None:
@@ -38,7 +54,7 @@ def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -
     Raises:
         OutputError: another suffix, or it cannot be written.
     """
-    check_model_target(path)
+    check_suffix(path, SUFFIX)
     told = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
     with whole_file(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
@@ -70,13 +86,13 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
                 tuple(float(theta) for theta in stored["thresholds"]),
                 float(stored["smoothing"]),
             )
-            landmarks = tuple(_landmark(told) for told in json.loads(str(stored["landmarks"])))
+            landmarks = _landmarks(json.loads(str(stored["landmarks"])))
     except OSError as reason:
         raise LocalizationError(
             f"{path}: cannot be read: {reason.strerror or 'not a model'}: want the .npz file of "
             "omnisim landmarks train"
         ) from None
-    except (KeyError, TypeError, ValueError, EOFError, zipfile.BadZipFile):
+    except _NO_MODEL:
         raise LocalizationError(
             f"{path}: is no model: want the .npz file of omnisim landmarks train"
         ) from None
@@ -86,9 +102,18 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
     return model, landmarks
 
 
-def _landmark(told: dict) -> Landmark:
-    bands = tuple(
-        Band(band["color"], tuple(band["linear_rgb"]), band["bottom_m"], band["top_m"])
-        for band in told["bands"]
+def _landmarks(told: object) -> tuple[Landmark, ...]:
+    try:
+        stored = parse_table({"landmarks": told}, _StoredLandmarks, LocalizationError, "it")
+    except LocalizationError as faults:  # one is enough: nobody mends such a file by hand
+        first = str(faults).partition("\n")[0].removeprefix("it: ")
+        raise LocalizationError(f"{first}: train it again") from None
+    return tuple(
+        Landmark(
+            each.name,
+            each.position_m,
+            each.footprint_m,
+            tuple(Band(b.color, b.linear_rgb, b.bottom_m, b.top_m) for b in each.bands),
+        )
+        for each in stored.landmarks
     )
-    return Landmark(told["name"], tuple(told["position_m"]), tuple(told["footprint_m"]), bands)

@@ -13,6 +13,7 @@ COLUMNS = (
     "step,landmark,bearing_deg,range_m,range_eq2_m,bearing_sigma_deg,range_sigma_m,"
     "left_px,right_px,top_px,bottom_px,area_px"
 )
+SUFFIX = ".csv"
 
 
 def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) -> None:

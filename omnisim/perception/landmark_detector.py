@@ -22,7 +22,6 @@ from omnisim.perception.panorama import CameraMount, Panorama
 from omnisim.perception.regions import Region, find_regions, wrapped_around
 from omnisim.scene.model import Landmark
 
-SLIM_M = 0.2  # a footprint up to this is a pillar's
 SMALLEST_PX = 4  # of a region: less is a speck
 
 
@@ -60,11 +59,13 @@ class LandmarkDetector:
 
     Args:
         model: their colours.
-        landmarks: what to look for; those that have none of the model's colours are left out.
+        landmarks: what to look for; those that the model's
+            colours do not tell are left out.
         mount: the camera.
 
     Attributes:
         panorama: that they are looked for in.
+        ignored: names of landmarks that are left out.
 
     Raises:
         LocalizationError: nothing to look for, or two landmarks that look the same.
@@ -78,10 +79,12 @@ class LandmarkDetector:
         for landmark in landmarks:
             classes = [model.color_class(band.color) for band in landmark.bands]
             shown = [color for color in classes if color]
-            if max(landmark.footprint_m) > SLIM_M and len(shown) == 1:
+            if not landmark.is_slim and len(shown) == 1:
                 _add(self._wide, shown[0], landmark)
-            elif max(landmark.footprint_m) <= SLIM_M and len(shown) == 2 and all(classes[-2:]):
+            elif landmark.is_slim and len(shown) == 2 and all(classes[-2:]):
                 _add(self._pillars, (shown[0], shown[1]), landmark)
+        known = {each.name for each in (*self._pillars.values(), *self._wide.values())}
+        self.ignored = tuple(each.name for each in landmarks if each.name not in known)
         if not self._pillars and not self._wide:
             raise LocalizationError(
                 "landmarks: none that can be told by their colours: want pillars whose two upper "

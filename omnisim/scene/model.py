@@ -187,6 +187,10 @@ class Band:
     top_m: float
 
 
+# A landmark of a footprint up to this wide is slim. The widest, seen from 1 m, spans 11°.
+SLIM_M = 0.2
+
+
 @dataclass(frozen=True)
 class Landmark:
     """Something that can be recognised by its colours, and where it is.
@@ -207,6 +211,11 @@ class Landmark:
     def height_m(self) -> float:
         """From its base to the top of its last band."""
         return self.bands[-1].top_m
+
+    @property
+    def is_slim(self) -> bool:
+        """Whether it is a pillar, whose place is that of its axis, and no wall or goal."""
+        return max(self.footprint_m) <= SLIM_M
 
 
 @dataclass(frozen=True)

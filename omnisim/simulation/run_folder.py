@@ -164,10 +164,14 @@ class RunFolder:
 
     def is_done(self, step: int) -> bool:
         """Whether a step has all its files."""
+        return self.missing_file(step) is None
+
+    def missing_file(self, step: int) -> Path | None:
+        """The first of a step's files that is missing or empty, or None: all are there."""
         files = [self.file(name, step, ".csv") for name in self.manifest["scanners"]]
         for name in self.manifest["cameras"]:
             files += self.camera_files(name, step)
-        return all(is_written(file) for file in files)
+        return next((file for file in files if not is_written(file)), None)
 
     def channels_at(self, step: int) -> tuple[str, ...]:
         """The channels of ground truth of a step: from the last one, nothing flows anywhere."""

@@ -1,5 +1,6 @@
 """A short drive from its pictures to the page, by the command line."""
 
+import dataclasses
 import json
 import shutil
 
@@ -169,10 +170,15 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
         (("landmarks", "train", "RUN", "-o", "OUT.txt"), "want a name that ends in .npz"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "-1"), "--missed -1"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--camera", "omni"), "'omnicam'?"),
+        (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "1e300"), "to 1e+09"),
+        (("landmarks", "detect", "RUN", "--model", "MODEL", "-o", "MODEL"), "ends in .csv"),
+        (("landmarks", "detect", "PNG", "--model", "MODEL", "--camera", "omnicam"), "for a run"),
+        (("landmarks", "detect", "RUN", "--model", "MODEL", "--sensor", "PNG"), "for a picture"),
     ],
 )
-def test_bad_input_is_one_line(run, tmp_path, words, told):
-    places = {"RUN": run, "OUT": tmp_path / "out", "OUT2": tmp_path / "out2"}
+def test_bad_input_is_one_line(run, model, tmp_path, words, told):
+    places = {"RUN": run, "MODEL": model, "PNG": run / "omnicam" / "000001.png"}
+    places |= {"OUT": tmp_path / "out", "OUT2": tmp_path / "out2"}
     places |= {f"OUT{suffix}": tmp_path / f"out{suffix}" for suffix in (".npz", ".txt")}
     done = _omnisim(*(places.get(word, word) for word in words))
     assert isinstance(done.exception, OmnisimError)
@@ -187,3 +193,54 @@ def test_a_run_without_labels_teaches_nothing(run, tmp_path):
     (plain / "manifest.json").write_text(json.dumps(manifest | {"channels": []}))
     with pytest.raises(OmnisimError, match="has no labels to learn from: drive it again"):
         train_on_run(read_run(plain), Costs())
+
+
+def test_a_picture_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_path):
+    pixels, _ = read_image(run / "omnicam" / "000001.png")
+    write_image(tmp_path / "plain.png", pixels, None)
+    words = ("landmarks", "detect", tmp_path / "plain.png", "--model", model)
+    assert "pass the sensor file" in str(_omnisim(*words).exception)
+    done = _omnisim(*words, "--sensor", run / "omnicam" / "sensor.toml")
+    own = _omnisim("landmarks", "detect", run / "omnicam" / "000001.png", "--model", model)
+    assert done.exit_code == 0, done.output
+    found = [line for line in done.output.splitlines() if " m, " in line]
+    assert found == [line for line in own.output.splitlines() if " m, " in line]
+    assert len(found) >= 4
+
+
+def test_a_run_with_a_picture_missing_says_which(run, model, tmp_path):
+    broken = shutil.copytree(run, tmp_path / "broken")
+    (broken / "omnicam" / "000003.png").unlink()
+    told = "000003.png: is missing: the first 3 of 5 steps are looked at; drive again"
+    for words in (
+        ("localize", broken, "-o", tmp_path / "out", "--model", model),
+        ("landmarks", "detect", broken, "--model", model),
+    ):
+        done = _omnisim(*words)
+        assert done.exit_code == 0, done.output
+        assert told in " ".join(done.output.split()).replace("- ", "-")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda pixels: pixels[::2, ::2], "180 × 180 px of 3 × uint8"),
+        (lambda pixels: pixels[..., :1], "px of 1 × uint8"),
+        (lambda pixels: pixels.astype(np.uint16) * 257, "px of 3 × uint16"),
+    ],
+)
+def test_a_picture_of_another_camera_is_named(run, monkeypatch, spoil, told):
+    data = read_run(run)
+    stored = read_image(run / "omnicam" / "000002.png")[0]
+    monkeypatch.setattr("omnisim.experiments.run_data.read_image", lambda _: (spoil(stored), None))
+    with pytest.raises(OmnisimError, match=rf"000002.png: has .*{told}.*: want .* 3 × uint8"):
+        data.picture(2)
+
+
+def test_landmarks_that_the_model_cannot_tell_are_named(run, model):
+    data = read_run(run)
+    colors, landmarks = load_model(model)
+    renamed = dataclasses.replace(colors, colors=("pink", "green", "yellow"))
+    detector = LandmarkDetector(renamed, landmarks, data.mount)
+    assert detector.ignored == ("goal_blue", "beacon_left_blue", "beacon_right_blue")
+    assert LandmarkDetector(colors, landmarks, data.mount).ignored == ()

@@ -1,5 +1,7 @@
 """Colour histograms: Eq. 3, its thresholds, and models on disk."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from omnisim.perception.color_model import (
 )
 from omnisim.perception.color_model_file import load_model, save_model
 from omnisim.scene import load_scene
+from omnisim.scene.model import Band, Landmark
 
 YELLOW, BLUE, GREY = (240, 210, 8), (8, 180, 240), (120, 120, 120)
 
@@ -114,3 +117,60 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
     model = ColorModel(("yellow",), _counts({GREY: 9}, {YELLOW: 5}), (3.0,))
     with pytest.raises(OutputError, match=r"want a name that ends in .npz"):
         save_model(tmp_path / "model.txt", model, ())
+
+
+def _stored(file, **changed):
+    model = ColorModel(("red",), _flat_counts(), (2.0,))
+    landmarks = (Landmark("post", (1.0, 2.0, 0.0), (0.1, 0.1), (Band("red", (1, 0, 0), 0, 1),)),)
+    save_model(file, model, landmarks)
+    with np.load(file) as there:
+        values = {**there, **changed}
+    np.savez(file, **values)
+    return json.loads(str(values["landmarks"]))
+
+
+def _flat_counts():
+    return np.ones((2, BINS**3))
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"format": np.inf}, "is no model"),
+        ({"smoothing": 0.0}, "smoothing = 0: want a finite number above 0"),
+        ({"smoothing": np.nan}, "smoothing = nan: want"),
+        ({"colors": ["red", "red"], "counts": np.ones((3, BINS**3)), "thresholds": [1, 1]},
+         "want different names"),
+        ({"landmarks": "{}"}, "landmarks = {}: want"),
+        ({"colors": np.array([{}])}, "is no model"),  # would have to be unpickled
+    ],
+)  # fmt: skip
+def test_a_model_that_cannot_be_is_refused_in_one_line(tmp_path, changed, told):
+    _stored(tmp_path / "model.npz", **changed)
+    with pytest.raises(LocalizationError) as caught:
+        load_model(tmp_path / "model.npz")
+    message = str(caught.value)
+    assert message.startswith(str(tmp_path / "model.npz"))
+    assert told in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("value", [["a", 0, 0], [float("nan"), 0, 0], [0, 0]])
+def test_landmarks_of_a_model_are_checked(tmp_path, value):
+    landmarks = _stored(tmp_path / "model.npz")
+    landmarks[0]["position_m"] = value
+    _stored(tmp_path / "model.npz", landmarks=json.dumps(landmarks))
+    with pytest.raises(LocalizationError, match=r"landmarks.0.position_m.*train it again"):
+        load_model(tmp_path / "model.npz")
+
+
+def test_a_model_with_flipped_bits_is_refused(tmp_path):
+    _stored(tmp_path / "model.npz")
+    with np.load(tmp_path / "model.npz") as there:
+        np.savez_compressed(tmp_path / "model.npz", **there)
+    data = bytearray((tmp_path / "model.npz").read_bytes())
+    for at in range(60, len(data) // 2, 3):
+        data[at] ^= 0x55
+    (tmp_path / "model.npz").write_bytes(data)
+    with pytest.raises(LocalizationError, match="is no model"):
+        load_model(tmp_path / "model.npz")
