@@ -6,16 +6,13 @@ python .ci/renew_experiments.py out/experiments
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 
-from PIL import Image
+from readme import ROOT, renew_figures, renew_table
 
-ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "omnisim" / "experiments" / "figures"
 SHOWN = ("fig11-pictures", "fig12-paths", "fig13-errors", "seeds", "seeds-ahead", "degradations")
-WIDEST_PX = 1100
 
 
 def main() -> None:
@@ -30,22 +27,8 @@ def main() -> None:
     ]
     if missed:
         sys.exit(f"{folder}: want a report in which every bound holds, not {'; '.join(missed)}")
-    FIGURES.mkdir(exist_ok=True)
-    for name in SHOWN:
-        picture = Image.open(folder / f"{name}.png").convert("RGB")
-        picture.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
-        picture.save(FIGURES / f"{name}.jpg", quality=88, optimize=True)
-    readme = ROOT / "README.md"
-    text, count = re.subn(
-        r"(<!-- experiments -->\n).*?(<!-- end of experiments -->)",
-        lambda match: match[1] + _table(report) + match[2],
-        readme.read_text(encoding="utf-8"),
-        flags=re.DOTALL,
-    )
-    if count == 1:
-        readme.write_text(text, encoding="utf-8")
-    else:  # nobody has made room for it yet
-        print(_table(report))
+    renew_figures(folder, FIGURES, SHOWN)
+    renew_table("experiments", _table(report))
 
 
 def _table(report: dict) -> str:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 
-from PIL import Image
+from readme import ROOT, renew_figures, renew_table
 
-ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "omnisim" / "validation" / "figures"
 SHOWN = (
     "fig7-rings",
@@ -21,7 +19,6 @@ SHOWN = (
     "orientation-panorama",
     "unwarped",
 )
-WIDEST_PX = 1100
 
 
 def main() -> None:
@@ -30,21 +27,8 @@ def main() -> None:
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     if not report["passed"] or report["quick"] or report["skipped"] or report["left_out"]:
         sys.exit(f"{folder}: want a whole report in which every bound holds")
-    FIGURES.mkdir(exist_ok=True)
-    for name in SHOWN:
-        picture = Image.open(folder / f"{name}.png").convert("RGB")
-        picture.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
-        picture.save(FIGURES / f"{name}.jpg", quality=88, optimize=True)
-    readme = ROOT / "README.md"
-    text, count = re.subn(
-        r"(<!-- proof -->\n).*?(<!-- end of proof -->)",
-        lambda match: match[1] + _table(report) + match[2],
-        readme.read_text(encoding="utf-8"),
-        flags=re.DOTALL,
-    )
-    if count != 1:
-        sys.exit("README.md: want one place for the proof, between its two comments")
-    readme.write_text(text, encoding="utf-8")
+    renew_figures(folder, FIGURES, SHOWN)
+    renew_table("proof", _table(report))
 
 
 def _table(report: dict) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.perception.color_model import Roc
 from omnisim.perception.landmark_detector import Detection
-from omnisim.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED
+from omnisim.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED, label_axes
 
 _BOX = "#111111"
 
@@ -75,7 +75,7 @@ def rates_figure(rates: Mapping[str, Rates]) -> Figure:
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
     for column, name in enumerate(("recall", "precision")):
         axes = figure.add_subplot(1, 2, column + 1)
-        _style(axes, f"{name} against distance", "distance (m)", name)
+        label_axes(axes, f"{name} against distance", "distance (m)", name)
         for color, (label, told) in zip((BLUE, ORANGE, GREEN, RED), rates.items(), strict=False):
             middles = 0.5 * (told.edges_m[:-1] + told.edges_m[1:])
             axes.plot(middles, getattr(told, name), "-o", ms=3.5, color=color, label=label)
@@ -89,7 +89,7 @@ def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure
     figure = Figure(figsize=(6.4 * len(curves), 4.2), dpi=DPI, layout="constrained")
     for column, (title, panel) in enumerate(curves.items()):
         axes = figure.add_subplot(1, len(curves), column + 1)
-        _style(axes, title, "false positives, share of neg's pixels", "true positives")
+        label_axes(axes, title, "false positives, share of neg's pixels", "true positives")
         for color, (name, curve, theta) in zip((BLUE, RED, ORANGE), panel, strict=False):
             rates = np.maximum(curve.false_positives, 1e-7)
             label = f"{name}, Θ = {theta:.0f}"
@@ -113,20 +113,10 @@ def curves_figure(
     colors = (BLUE, ORANGE, GREEN, RED, GREY, "#8054a0", "#b59a2e", "#3aa6a6")
     for column, (title, lines) in enumerate(panels.items()):
         axes = figure.add_subplot(1, len(panels), column + 1)
-        _style(axes, title, "level", "")
+        label_axes(axes, title, "level", "")
         for color, (label, values) in zip(colors, lines, strict=False):
             axes.plot(np.arange(len(values)), values, "-o", ms=3.5, color=color, label=label)
         axes.set_xticks(range(len(levels)), levels)
         if column == 0:
             axes.legend(frameon=False, fontsize=7)
     return figure
-
-
-def _style(axes: Axes, title: str, x_label: str, y_label: str) -> None:
-    axes.set_title(title, fontsize=10)
-    axes.set_xlabel(x_label)
-    axes.set_ylabel(y_label)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)

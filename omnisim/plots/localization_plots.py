@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.localization.consistency import Band
 from omnisim.localization.track import Track
-from omnisim.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED
+from omnisim.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED, label_axes
 from omnisim.scene.model import Landmark
 from omnisim.srgb import srgb_from_linear
 
@@ -49,7 +49,7 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
     figure = Figure(figsize=(6.4 * len(panels), 5.6), dpi=DPI, layout="constrained")
     for column, panel in enumerate(panels):
         axes = figure.add_subplot(1, len(panels), column + 1)
-        _style(axes, panel.title, "x (m)", "y (m)")
+        label_axes(axes, panel.title, "x (m)", "y (m)")
         _draw_landmarks(axes, panel.landmarks)
         track = panel.track
         axes.plot(
@@ -80,7 +80,7 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
     for column, panel in enumerate(panels):
         assert panel.true_poses is not None
         axes = figure.add_subplot(grid[0, column])
-        _style(axes, panel.title, "", "distance from the truth (m), logarithmic")
+        label_axes(axes, panel.title, "", "distance from the truth (m), logarithmic")
         steps = np.arange(len(panel.track.estimates))
         for errors, line, color, label in (
             (panel.track.reckoned_errors_m(panel.true_poses), "--", ORANGE, "odometry alone"),
@@ -97,7 +97,7 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
         axes.set_ylim(SMALLEST_M, 10.0)
         axes.legend(frameon=False, fontsize=7, ncols=2, loc="upper left")
         below = figure.add_subplot(grid[1, column], sharex=axes)
-        _style(below, "", "step", "landmarks")
+        label_axes(below, "", "step", "landmarks")
         accepted, rejected = panel.track.counts(True), panel.track.counts(False)
         below.bar(steps, accepted, color=GREEN, width=0.9, label="let through")
         below.bar(steps, -rejected, color=RED, width=0.9, label="rejected")
@@ -114,7 +114,7 @@ def seeds_figure(
     """Errors (seeds, steps) of the estimate and of the wheels alone: median and 95 % band."""
     figure = Figure(figsize=(8.0, 4.2), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    _style(axes, title, "step", "distance from the truth (m), logarithmic")
+    label_axes(axes, title, "step", "distance from the truth (m), logarithmic")
     steps = np.arange(errors_m.shape[1])
     for values, color, label in (
         (reckoned_m, ORANGE, "odometry alone"),
@@ -151,7 +151,7 @@ def consistency_figure(
         )
     ):
         axes = figure.add_subplot(1, 2, column + 1)
-        _style(axes, title, "step", "")
+        label_axes(axes, title, "step", "")
         steps = np.arange(1, len(values))  # at the start nothing was estimated yet
         axes.fill_between(steps, low[1:], high[1:], color=GREEN, alpha=0.2, lw=0, label="95 % band")
         axes.plot(steps, values[1:], color=BLUE, lw=1.3, label="measured")
@@ -159,16 +159,6 @@ def consistency_figure(
         axes.set_ylim(bottom=0.0)
         axes.legend(frameon=False, fontsize=8)
     return figure
-
-
-def _style(axes: Axes, title: str, x_label: str, y_label: str) -> None:
-    axes.set_title(title, fontsize=10)
-    axes.set_xlabel(x_label)
-    axes.set_ylabel(y_label)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.srgb import srgb_from_linear
 
 DPI = 110
+TITLE_PT = 12.0  # of a plot alone
 BLUE, ORANGE, GREEN, GREY, RED = "#2c6fbb", "#e07b39", "#3a8f4d", "#777777", "#c23b3b"
 
 
@@ -22,14 +23,20 @@ def plot(
     """A figure with one pair of labelled axes and a light grid."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    axes.set_title(title)
+    label_axes(axes, title, x_label, y_label)
+    axes.title.set_fontsize(TITLE_PT)
+    return figure, axes
+
+
+def label_axes(axes: Axes, title: str, x_label: str, y_label: str) -> None:
+    """Title and labels, a light grid behind what is drawn, and no box around it."""
+    axes.set_title(title, fontsize=10)
     axes.set_xlabel(x_label)
     axes.set_ylabel(y_label)
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    return figure, axes
 
 
 def gallery(pictures: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3.3) -> Figure:
