@@ -177,17 +177,8 @@ def read_channels(path: Path) -> Channels:
     Raises:
         OutputError: the file is missing or not one.
     """
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
-    try:
-        spec = source.spec()
-        pixels = source.read_image(oiio.FLOAT)
-        if pixels is None:
-            raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
-        found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
-    finally:
-        source.close()
+    spec, pixels = _stored(path, oiio.FLOAT)
+    found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
     names = spec.channelnames
     text = found.pop(METADATA_KEY, None)
     return Channels(
@@ -257,10 +248,8 @@ def _one_line(error: str) -> str:
     return " ".join(error.split()) or "no reason given"
 
 
-def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
-    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
-
-    The metadata is None where the picture has none of ours.
+def _stored(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec, NDArray[Any]]:
+    """What a file says of itself, and its pixels (height, width, channels), as stored or as `kind`.
 
     Raises:
         OutputError: the file is missing or not a picture.
@@ -270,10 +259,22 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
         raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
     try:
         spec = source.spec()
-        pixels = source.read_image(spec.format)
+        pixels = source.read_image(spec.format if kind is None else kind)
         if pixels is None:
             raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
-        text = spec.getattribute(METADATA_KEY)
+        return oiio.ImageSpec(spec), pixels
     finally:
         source.close()
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
+    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
+
+    The metadata is None where the picture has none of ours.
+
+    Raises:
+        OutputError: the file is missing or not a picture.
+    """
+    spec, pixels = _stored(path)
+    text = spec.getattribute(METADATA_KEY)
     return pixels, _metadata_of(text)
