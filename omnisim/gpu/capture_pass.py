@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.gpu.face_plan import LEVEL_BIAS, MOST_TILES, FacePlan
+from omnisim.gpu.face_plan import MOST_TILES, FacePlan
 from omnisim.gpu.shader_files import build_program, included_files
 from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
@@ -161,7 +161,7 @@ def connect_cube(
         program["u_atlas"] = 0
     if "u_max_level" in program:  # what is no colour has no mip levels
         program["u_max_level"] = float(plan.max_level)
-        program["u_level_bias"] = LEVEL_BIAS
+        program["u_level_bias"] = plan.level_bias
     program["u_rig_from_optical"].write(columns_first(rig_from_optical))
     for name, values in (
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),

@@ -21,9 +21,6 @@ from omnisim.gpu.face_need import GRID, FaceNeed, Need
 # The finest place lies between two samples at worst: 1 % to spare.
 SPARE = 1.01
 MIN_FACE_PX = 16
-# Added to the level at which a texel is as wide as what looks it up: lookups are bilinear, so that
-# two texels apart they leave nothing out yet, and the finer level is much sharper.
-LEVEL_BIAS = -1.0
 MOST_TILES = 64
 # What one more tile costs: triangles at its edge are drawn once more. In texels, and as a share of
 # all texels, so that tiles stay few in a large picture.
@@ -79,11 +76,13 @@ class FacePlan:
     Attributes:
         faces: the faces that the camera needs, or the parts of them, by face.
         max_level: mip levels beyond the first that lookups reach.
+        level_bias: added to the level at which a texel is as wide as what looks it up.
         width_px, height_px: size of the atlas.
     """
 
     faces: tuple[Face, ...]
     max_level: int
+    level_bias: float
     width_px: int
     height_px: int
 
@@ -101,6 +100,7 @@ def plan_faces(
     face_size_px: int | None = None,
     also_seen: NDArray[np.float64] | None = None,
     in_parts: bool = False,
+    level_bias: float = 0.0,
 ) -> FacePlan:
     """Plan the faces that a camera sees, and of each the rectangle that it sees.
 
@@ -115,6 +115,8 @@ def plan_faces(
         also_seen: directions (n, 3), optical frame, that are looked up although the camera model
             does not see them: a mesh's rim has corners.
         in_parts: cut faces into tiles of different fineness where that spares texels.
+        level_bias: added to the mip level at which a texel is as wide as a pixel: negative is
+            sharper. Lookups are bilinear, so that two texels apart, at −1, they leave nothing out.
 
     Raises:
         GraphicsError: the camera sees nothing at all.
@@ -152,13 +154,13 @@ def plan_faces(
         for _, need in needs
     ]
     coarsest = max(0.5 * size / need.coarsest for size, (_, need) in zip(sizes, needs, strict=True))
-    level = round(math.log2(coarsest) + LEVEL_BIAS)
+    level = round(math.log2(coarsest) + level_bias)
     level = max(0, min(level, int(math.log2(min(sizes)))))
     tiles = [
         _tile(index, size, need.window, 1 << level, need.core)
         for size, (index, need) in zip(sizes, needs, strict=True)
     ]
-    return _placed(tiles, level)
+    return _placed(tiles, level, level_bias)
 
 
 def whole_faces(plan: FacePlan) -> FacePlan:
@@ -168,7 +170,7 @@ def whole_faces(plan: FacePlan) -> FacePlan:
     for face in plan.faces:
         sizes[face.index] = max(face.size_px, sizes.get(face.index, 0))
     everything = np.array(WHOLE)
-    return _placed([_tile(index, size, everything, 1) for index, size in sizes.items()], 0)
+    return _placed([_tile(index, size, everything, 1) for index, size in sizes.items()], 0, 0.0)
 
 
 def _texels(need: Need, texels_per_pixel: float) -> float:
@@ -199,7 +201,7 @@ def _tile(
     return Face(index, size_px, (left, top), (width, height), core_of_tile)
 
 
-def _placed(tiles: list[Face], level: int) -> FacePlan:
+def _placed(tiles: list[Face], level: int, level_bias: float) -> FacePlan:
     """Put the tiles into rows, the high ones first, in an atlas about as wide as high."""
     widest = max(tile.tile_px[0] for tile in tiles)
     texels = sum(tile.tile_px[0] * tile.tile_px[1] for tile in tiles)
@@ -214,7 +216,7 @@ def _placed(tiles: list[Face], level: int) -> FacePlan:
         row_px = max(row_px, tile.tile_px[1])
     used_px = max(face.left_px + face.tile_px[0] for face in faces)
     faces.sort(key=lambda face: (face.index, face.core))
-    return FacePlan(tuple(faces), level, used_px, top_px + row_px)
+    return FacePlan(tuple(faces), level, level_bias, used_px, top_px + row_px)
 
 
 def _picture_rays(camera: CentralCamera) -> NDArray[np.float64]:

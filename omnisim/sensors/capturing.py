@@ -10,6 +10,10 @@ from omnisim.mirrors import tessellate
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import Stage
 
+# Of mip levels: half a level finer than a pixel's footprint is worth 1 to 2.5 dB where the pixel
+# looks once; where many looks are averaged, a whole level is, and most cameras then need none.
+ONE_LOOK_BIAS, MANY_LOOKS_BIAS = -0.5, -1.0
+
 
 def faces_of(
     sensor: OmniCamera,
@@ -42,6 +46,7 @@ def faces_of(
         face_size_px=face_size_px,
         also_seen=past_rim,
         in_parts=in_parts,
+        level_bias=ONE_LOOK_BIAS if sensor.supersampling == 1 else MANY_LOOKS_BIAS,
     )
 
 
