@@ -112,7 +112,7 @@ class FaceDrawing:
     ) -> NDArray[np.bool_]:
         """Which of some draws (n,) a face may see."""
         inside_m = placement.centres_m[draws] @ view.planes[:, :3].T + view.planes[:, 3]
-        seen: NDArray[np.bool_] = np.all(inside_m.T >= -self._buffers.radii_m[draws], axis=0)
+        seen: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[draws] >= 0.0, axis=0)
         return seen
 
     def cull(self, material: Material) -> None:
