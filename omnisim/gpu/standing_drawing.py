@@ -23,7 +23,7 @@ _SPARE = 1e-5
 # Chunks whose triangles look about so large hide others, and are drawn first.
 OCCLUDER_RAD = 0.02
 # Fewer triangles than this are drawn in less time than one finds out whether they are hidden.
-WORTH_A_TEST = 20_000
+WORTH_A_TEST = 80_000
 _INDEX_BYTES = 12  # of a triangle
 _NORMAL_FROM_ANCHOR = columns_first(np.eye(3))
 
