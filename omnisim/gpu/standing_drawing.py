@@ -20,7 +20,7 @@ from omnisim.gpu.uniforms import columns_first
 BANDS = 8
 # Boxes and cones are kept as float32: what is this close to a limit is drawn.
 _SPARE = 1e-5
-# Chunks whose triangles look about so large hide others, and are drawn first.
+# Chunks whose triangles look about so wide hide others, and are drawn first.
 OCCLUDER_RAD = 0.02
 # Fewer triangles than this are drawn in less time than one finds out whether they are hidden.
 WORTH_A_TEST = 80_000
@@ -65,8 +65,6 @@ class StandingDrawing:
         self._middles_m = 0.5 * (chunks.lows.astype(np.float64) + chunks.highs)
         self._halves_m = 0.5 * (chunks.highs.astype(np.float64) - chunks.lows)
         self._radii_m = np.linalg.norm(self._halves_m, axis=1)
-        # as if all triangles of a chunk were of the same size, beside each other
-        self._largest_triangles_m = self._radii_m / np.sqrt(np.maximum(chunks.count, 1))
         ends = np.stack((chunks.lows, chunks.highs), axis=1)
         self._corners_m = np.stack(
             [ends[:, (x, y, z), (0, 1, 2)] for x in (0, 1) for y in (0, 1) for z in (0, 1)], axis=1
@@ -101,7 +99,7 @@ class StandingDrawing:
         seen = _Draws(view_of_draw, fronts[found])
         self._views = views
         near_m = np.maximum(distances_m - self._radii_m, 1e-3)
-        is_large = self._largest_triangles_m > OCCLUDER_RAD * near_m
+        is_large = geometry.chunks.widths > OCCLUDER_RAD * near_m
         first = is_large[seen.chunk]
         counts = geometry.chunks.count[seen.chunk]
         self._rest: _Draws | None = seen.where(~first)
