@@ -100,9 +100,7 @@ def test_machine_says_what_draws(context):
     assert machine["renderer"] == context.info["GL_RENDERER"]
     assert machine["is_software"] is ("llvmpipe" in machine["renderer"])
     assert machine["name"]
-    assert not set(machine["name"]) - set(
-        "abcdefghijklmnopqrstuvwxyz0123456789-"
-    )
+    assert not set(machine["name"]) - set("abcdefghijklmnopqrstuvwxyz0123456789-")
     assert machine["renderer"] in in_words(machine)
 
 
