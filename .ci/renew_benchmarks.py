@@ -61,7 +61,8 @@ def main() -> None:
             figure = (kept / f"{suite}.jpg").relative_to(ROOT)
             lines = [
                 f"On {in_words(report['machine'])}:", "", f"![{suite}]({figure})", "",
-                *table(report), "", *_verdicts(report), *(f"- {remark}" for remark in report.get("remarks", ())),
+                *table(report), "", *_verdicts(report),
+                *(f"- {remark}" for remark in report.get("remarks", ())),
             ]  # fmt: skip
             renew_table(suite, "\n".join(lines) + "\n")
 
