@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def _fps_table(report: dict[str, Any]) -> list[str]:
-    """A row for each sensor, a column for each map and setting, at the smaller size: the paper's."""
+    """A row for each sensor, a column for each map and setting, at the paper's size."""
     size_px = min(row["size_px"] for row in report["rows"])
     rows = [row for row in report["rows"] if row["size_px"] == size_px]
     groups = list(dict.fromkeys((row["scene"], row["setting"]) for row in rows))

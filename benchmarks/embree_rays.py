@@ -38,6 +38,8 @@ class EmbreeRays:
         rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
         seen = rays.directions[rays.valid] @ camera.rig_from_optical.T
         self._rays_rig = seen.astype(np.float32)
+        self._origins_m = np.empty_like(self._rays_rig)
+        self._directions = np.empty_like(self._rays_rig)
 
     @property
     def count(self) -> int:
@@ -46,7 +48,8 @@ class EmbreeRays:
 
     def cast(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
         """Numbers (n,) of the triangles that are hit from a pose (4, 4); −1: none."""
-        directions = self._rays_rig @ world_from_rig[:3, :3].T.astype(np.float32)
-        origins = np.tile(world_from_rig[:3, 3].astype(np.float32), (len(directions), 1))
-        hit: NDArray[np.int32] = self._scene.run(origins, directions)
+        turn = world_from_rig[:3, :3].T.astype(np.float32)
+        np.matmul(self._rays_rig, turn, out=self._directions)
+        self._origins_m[:] = world_from_rig[:3, 3]
+        hit: NDArray[np.int32] = self._scene.run(self._origins_m, self._directions)
         return hit
