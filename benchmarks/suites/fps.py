@@ -102,7 +102,7 @@ def lines(report: dict[str, Any]) -> list[str]:
         rows = [row for row in report["rows"] if _group(row) == (scene, size_px, setting)]
         told.append(f"{scene}, {size_px}² {setting}, {rows[0]['rounds']} rounds")
         told.append(
-            f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'costs (95 %)':26}"
+            f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'costs (95 %)':32}"
             f"{f'FPS/FPS({POLYGONS[0]}) (95 %)':23}{'processor':>9}{'mesh off by':>13}"
         )
         told += [f"  {_title(row):16} {_told(row)}" for row in rows]
@@ -203,7 +203,7 @@ def _row(timings: Timings, variant: str) -> dict[str, Any]:
 def _told(row: dict[str, Any]) -> str:
     times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
     cost = f"{row['cost_ms']:.1f} ms ({row['cost_ms_low']:.1f} – {row['cost_ms_high']:.1f})"
-    told = f"{row['fps']:7.2f}   {times}   {cost:26}"
+    told = f"{row['fps']:7.2f}   {times}   {cost:32}"
     if row["share"] is None:
         return told.rstrip()
     share = f"{row['share']:.3f} ({row['share_low']:.3f} – {row['share_high']:.3f})"
