@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.face_drawing import FaceDrawing
+from omnisim.gpu.face_drawing import FaceDrawing, FaceView
 from omnisim.gpu.face_plan import Face, FacePlan
-from omnisim.gpu.reversed_depth import float_depth
+from omnisim.gpu.reversed_depth import float_depth, gl_function
 from omnisim.gpu.scene_buffers import Placement, SceneBuffers, is_blended
+from omnisim.gpu.standing_drawing import StandingDrawing
 from omnisim.gpu.surface_program import SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
 
@@ -29,6 +30,7 @@ class CubePass:
         unlit: show plain base colours.
         background: linear RGB where nothing is hit.
         hidden: names of the movers' instances that are not drawn.
+        plain: draw one instance after the other, whole: slower, but there is little to go wrong.
 
     Attributes:
         plan: the faces and their places.
@@ -51,6 +53,7 @@ class CubePass:
         unlit: bool,
         background: tuple[float, float, float],
         hidden: Collection[str] = (),
+        plain: bool = False,
     ):
         self._context, self._buffers, self.plan = context, buffers, plan
         self._background = background
@@ -83,11 +86,20 @@ class CubePass:
                 f"samples do not fit on this GPU ({reason}): make the picture, "
                 "virtual_cameras.size_px or virtual_cameras.samples smaller"
             ) from None
-        self._programs = [surfaces[variant_of(draw.material, unlit)] for draw in buffers.draws]
-        blended = [is_blended(draw.material) for draw in buffers.draws]
-        shown = buffers.shown(hidden)
-        self._opaque = np.flatnonzero(shown & ~np.array(blended))
-        self._blended = np.flatnonzero(shown & np.array(blended))
+        variants = [variant_of(draw.material, unlit) for draw in buffers.draws]
+        self._programs = [surfaces[variant] for variant in variants]
+        arrays = {one: buffers.vertex_array(surfaces[one].program) for one in set(variants)}
+        self._vertex_arrays = [arrays[variant] for variant in variants]
+        self._flush = gl_function("glFlush")
+        self._standing = (
+            None if plain else StandingDrawing(context, buffers.standing, surfaces, unlit)
+        )
+        alone = buffers.shown(hidden)
+        if not plain:
+            alone &= ~buffers.standing.taken
+        blended = np.array([is_blended(draw.material) for draw in buffers.draws])
+        self._opaque = np.flatnonzero(alone & ~blended)
+        self._blended = np.flatnonzero(alone & blended)
 
     def render(
         self,
@@ -100,26 +112,40 @@ class CubePass:
         placement = self._buffers.place(viewpoint_m, world_from_movers)
         for program in set(self._programs):
             program.set_viewpoint(viewpoint_m)
-        order = self._order(placement)
+        opaque = self._buffers.from_near_to_far(self._opaque, placement)
+        views = self._drawing.views(world_from_rig)
+        blended = self._from_far_to_near(views, placement)
         here_matrices = columns_first(placement.here_from_mesh)
         normal_matrices = columns_first(placement.normal_from_mesh)
+
+        def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+            draw, program = self._buffers.draws[index], self._programs[index]
+            program.set_matrices(clip_from_mesh, here_matrices[index], normal_matrices[index])
+            program.set_look(draw.material, draw.texture)
+            self._vertex_arrays[index].render(
+                moderngl.TRIANGLES, vertices=draw.count, first=draw.first
+            )
 
         self._drawing.begin(target, (*self._background, 1.0))
         context.blend_func = (
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
-
-        def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            draw = self._buffers.draws[index]
-            blended = is_blended(draw.material)
-            target.depth_mask = not blended
-            toggle = context.enable if blended else context.disable
-            toggle(moderngl.BLEND)
-            self._programs[index].draw(
-                draw, clip_from_mesh, here_matrices[index], normal_matrices[index]
-            )
-
-        self._drawing.draw(target, world_from_rig, placement, order, paint)
+        if self._standing is not None:
+            self._standing.prepare(views, viewpoint_m)
+        for number, view in enumerate(views):
+            self._drawing.aim(target, view)
+            self._drawing.draw(view, placement, opaque, paint)
+            if self._standing is not None:
+                self._standing.draw(number)
+                # tile by tile: a software renderer keeps what it was told of all tiles in memory
+                # otherwise, and is slower by up to a seventh
+                self._flush()
+            if blended.size:
+                target.depth_mask = False
+                context.enable(moderngl.BLEND)
+                self._drawing.draw(view, placement, blended, paint)
+                context.disable(moderngl.BLEND)
+                target.depth_mask = True
         self._drawing.end(target)
         if self._resolved is not None:
             context.copy_framebuffer(self._resolved, target)
@@ -138,15 +164,19 @@ class CubePass:
         framebuffer.read_into(pixels, region, components=3, dtype="f4")
         return pixels
 
-    def _order(self, placement: Placement) -> NDArray[np.intp]:
-        """Draws in the order to draw them: opaque ones from near to far, so that most of what is
-        hidden is never shaded; then blended ones from far to near."""
-        opaque = self._buffers.from_near_to_far(self._opaque, placement)
-        distances = np.linalg.norm(placement.centres_m[self._blended], axis=1)
-        blended = self._blended[np.argsort(-distances, kind="stable")]
+    def _from_far_to_near(
+        self, views: Sequence[FaceView], placement: Placement
+    ) -> NDArray[np.intp]:
+        """Blended draws that are seen, in the order to draw them, with their triangles sorted."""
+        if not self._blended.size:
+            return self._blended
+        seen = [self._drawing.sees(view, placement, self._blended) for view in views]
+        blended = self._blended[np.any(seen, axis=0)]
+        distances = np.linalg.norm(placement.centres_m[blended], axis=1)
+        blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_blended(self._buffers.draws[index], placement.here_from_mesh[index])
-        return np.concatenate((opaque, blended))
+        return blended
 
 
 def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -14,9 +15,27 @@ from omnisim.gpu.face_plan import Face, FacePlan
 from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene_buffers import Placement, SceneBuffers
 from omnisim.gpu.uniforms import columns_first
+from omnisim.scene.model import Material
+
+_NO_FAR_M = 1e30
 
 # Draws a draw of an index by its matrix clip_from_mesh (4, 4), columns first.
 Paint = Callable[[int, NDArray[np.float32]], None]
+
+
+class FaceView(NamedTuple):
+    """One face in one frame. "Here" has the world's axes and its origin in the viewpoint.
+
+    Attributes:
+        face: the face.
+        clip_from_here: (4, 4).
+        planes: (6, 4), unit normals inwards and distances, here, of left, right, top, bottom, near
+            and far. What is at (x, y, z) is on the inner side where n · (x, y, z) + d ≥ 0.
+    """
+
+    face: Face
+    clip_from_here: NDArray[np.float64]
+    planes: NDArray[np.float64]
 
 
 class FaceDrawing:
@@ -41,7 +60,9 @@ class FaceDrawing:
         far_m: float,
     ):
         self._context, self._buffers, self._plan = context, buffers, plan
-        self._near_m, self._far_m = near_m, far_m
+        self._faces_from_rig = FACE_FROM_RIG[[face.index for face in plan.faces]]
+        self._clips_from_face = np.stack([projection(face, near_m, far_m) for face in plan.faces])
+        self._planes_of_faces = np.stack([_planes(face, near_m, far_m) for face in plan.faces])
 
     def begin(self, target: moderngl.Framebuffer, color: Iterable[float]) -> None:
         """Clear a target and use it, with depth."""
@@ -56,48 +77,54 @@ class FaceDrawing:
         # y of the clip space runs down the picture, so triangles turn the other way round
         context.cull_face = "back"
 
+    def views(self, world_from_rig: NDArray[np.float64]) -> list[FaceView]:
+        """The faces from a pose (4, 4)."""
+        here_from_rig = world_from_rig[:3, :3]
+        faces_from_here = self._faces_from_rig @ here_from_rig.T
+        clips_from_here = self._clips_from_face.copy()
+        clips_from_here[..., :3] = self._clips_from_face[..., :3] @ faces_from_here
+        planes = self._planes_of_faces.copy()
+        planes[..., :3] = self._planes_of_faces[..., :3] @ faces_from_here
+        faces = self._plan.faces
+        return [FaceView(*one) for one in zip(faces, clips_from_here, planes, strict=True)]
+
+    def aim(self, target: moderngl.Framebuffer, view: FaceView) -> None:
+        """Draw into a face's tile from now on."""
+        face = view.face
+        target.viewport = target.scissor = (face.left_px, face.top_px, *face.tile_px)
+
     def draw(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        placement: Placement,
-        order: NDArray[np.intp],
-        paint: Paint,
+        self, view: FaceView, placement: Placement, order: NDArray[np.intp], paint: Paint
     ) -> None:
-        """Draw every face: those draws of `order` that it may see, in that order."""
-        for face in self._plan.faces:
-            self._draw_face(face, target, world_from_rig, placement, order, paint)
+        """Draw those draws of `order` (n,) that a face may see, in that order."""
+        if not order.size:
+            return
+        order = order[self.sees(view, placement, order)]
+        clip_matrices = columns_first(view.clip_from_here @ placement.here_from_mesh[order])
+        for index, clip_from_mesh in zip(order, clip_matrices, strict=True):
+            draw = self._buffers.draws[index]
+            self._context.front_face = "ccw" if draw.mirrored else "cw"
+            self.cull(draw.material)
+            paint(index, clip_from_mesh)
+
+    def sees(
+        self, view: FaceView, placement: Placement, draws: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Which of some draws (n,) a face may see."""
+        inside_m = placement.centres_m[draws] @ view.planes[:, :3].T + view.planes[:, 3]
+        seen: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[draws] >= 0.0, axis=0)
+        return seen
+
+    def cull(self, material: Material) -> None:
+        """Draw one side or both, as a material asks for."""
+        toggle = self._context.disable if material.double_sided else self._context.enable
+        toggle(moderngl.CULL_FACE)
 
     def end(self, target: moderngl.Framebuffer) -> None:
         """Leave everything as the passes after this one expect it."""
         target.scissor = None
         target.depth_mask = True
         self._context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
-
-    def _draw_face(
-        self,
-        face: Face,
-        target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        placement: Placement,
-        order: NDArray[np.intp],
-        paint: Paint,
-    ) -> None:
-        context, draws = self._context, self._buffers.draws
-        face_from_here = np.eye(4)
-        face_from_here[:3, :3] = FACE_FROM_RIG[face.index] @ world_from_rig[:3, :3].T
-        clip_from_face = projection(face, self._near_m, self._far_m)
-        clip_from_mesh = (clip_from_face @ face_from_here) @ placement.here_from_mesh
-        clip_matrices = columns_first(clip_from_mesh)
-        centres = placement.centres_m @ face_from_here[:3, :3].T
-        seen = reaches(face, centres, self._buffers.radii_m, self._near_m, self._far_m)
-        tile = (face.left_px, face.top_px, *face.tile_px)
-        target.viewport = target.scissor = tile
-        for index in order[seen[order]]:
-            context.front_face = "ccw" if draws[index].mirrored else "cw"
-            toggle = context.disable if draws[index].material.double_sided else context.enable
-            toggle(moderngl.CULL_FACE)
-            paint(index, clip_matrices[index])
 
 
 def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
@@ -122,18 +149,18 @@ def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
     )
 
 
-def reaches(
-    face: Face,
-    centres: NDArray[np.float64],
-    radii: NDArray[np.float64],
-    near_m: float,
-    far_m: float,
-) -> NDArray[np.bool_]:
-    """Which spheres (n,), centres (n, 3) in the face's frame, may touch what a tile shows."""
-    x, y, z = centres.T
-    seen = (z + radii >= near_m) & (z - radii <= far_m)
-    for across, first, last in zip((x, y), *face.tangents, strict=True):
-        # signed distances to the planes through the viewpoint and the tile's edges
-        seen &= (across - first * z) / math.hypot(1.0, first) >= -radii
-        seen &= (last * z - across) / math.hypot(1.0, last) >= -radii
-    return seen
+def _planes(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
+    """The planes (6, 4) around what a tile shows, in the face's frame, see `FaceView`."""
+    (left, top), (right, bottom) = face.tangents
+    planes = np.array(
+        [
+            [1.0, 0.0, -left, 0.0],
+            [-1.0, 0.0, right, 0.0],
+            [0.0, 1.0, -top, 0.0],
+            [0.0, -1.0, bottom, 0.0],
+            [0.0, 0.0, 1.0, -near_m],
+            [0.0, 0.0, -1.0, min(far_m, _NO_FAR_M)],
+        ]
+    )
+    planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return planes

@@ -18,16 +18,10 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError, SceneError
 from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
+from omnisim.gpu.standing_geometry import StandingGeometry
+from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
 
-_VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
-    [
-        ("in_position", "<f4", 3),
-        ("in_normal", "<f4", 3),  # zero: flat, the triangle's own
-        ("in_texture_coordinate", "<f4", 2),
-        ("in_color", "<f2", 4),
-    ]
-)
 _SRGB8_ALPHA8 = 0x8C43
 
 
@@ -177,6 +171,11 @@ class SceneBuffers:
             found[first : first + draw.count // 3] = of_mesh[id(draw.mesh)]
         return self._context.buffer(found)
 
+    @cached_property
+    def standing(self) -> StandingGeometry:
+        """What does not move, a second time: as one draws much of it quickly."""
+        return StandingGeometry(self._context, self.draws)
+
     def check_readable(self, purpose: str) -> None:
         """Refuse a scene whose triangles shaders cannot read.
 
@@ -192,17 +191,7 @@ class SceneBuffers:
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         """The vertex array that feeds a program; attributes it does not use are skipped."""
-        formats = {3: "3f4", 2: "2f4", 4: "4f2"}
-        layout, names = [], []
-        for name in _VERTEX.names:
-            kind, _ = _VERTEX.fields[name]
-            if name in program:
-                layout.append(formats[kind.shape[0]])
-                names.append(name)
-            else:
-                layout.append(f"{kind.itemsize}x")
-        content = [(self.vertices, " ".join(layout), *names)]
-        return self._context.vertex_array(program, content, self.indices, index_element_size=4)
+        return vertex_array(self._context, program, self.vertices, self.indices)
 
     def sort_blended(self, draw: Draw, here_from_mesh: NDArray[np.float64]) -> None:
         """Put the triangles of a blended draw into the index buffer from far to near.
@@ -226,14 +215,14 @@ class SceneBuffers:
         Instances of a mesh share its indices, but blended ones, whose order is their own.
         """
         count = sum(len(mesh.positions) for part in parts for mesh in part.meshes)
-        vertices = np.zeros(count, dtype=_VERTEX)
+        vertices = np.zeros(count, dtype=VERTEX)
         indices: list[NDArray[np.uint32]] = []
         places: list[list[tuple[int, int]]] = []
         base = first = 0
         for part in parts:
             bases = []
             for mesh in part.meshes:
-                _fill(vertices[base : base + len(mesh.positions)], mesh)
+                fill_vertices(vertices[base : base + len(mesh.positions)], mesh)
                 bases.append(base)
                 base += len(mesh.positions)
             shared: dict[int, int] = {}
@@ -307,17 +296,6 @@ class SceneBuffers:
                 texture.write(level_pixels.tobytes(), level=level)
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
-
-
-def _fill(vertices: NDArray[np.void], mesh: Mesh) -> None:
-    vertices["in_position"] = mesh.positions
-    vertices["in_color"] = 1.0
-    if mesh.normals is not None:
-        vertices["in_normal"] = mesh.normals
-    if mesh.texture_coordinates is not None:
-        vertices["in_texture_coordinate"] = mesh.texture_coordinates
-    if mesh.colors is not None:
-        vertices["in_color"] = mesh.colors
 
 
 def is_blended(material: Material) -> bool:

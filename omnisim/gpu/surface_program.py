@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.scene_buffers import Draw, SceneBuffers
+from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_program
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Light, Lighting, LightKind, Material
 
@@ -40,17 +40,11 @@ def variant_of(material: Material, unlit: bool) -> SurfaceVariant:
 
 
 class SurfaceProgram:
-    """One compiled variant with its vertex array."""
+    """One compiled variant with its uniforms."""
 
-    def __init__(
-        self,
-        program: moderngl.Program,
-        buffers: SceneBuffers,
-        lighting: Lighting,
-        variant: SurfaceVariant,
-    ):
-        self._program, self._variant, self._lighting = program, variant, lighting
-        self._vertex_array = buffers.vertex_array(program)
+    def __init__(self, program: moderngl.Program, lighting: Lighting, variant: SurfaceVariant):
+        self.program = program
+        self._variant, self._lighting = variant, lighting
         self._clip_from_mesh = program["u_clip_from_mesh"]
         self._base_color = program["u_base_color"]
         program["u_texture"] = 0
@@ -71,28 +65,29 @@ class SurfaceProgram:
             positions = [lamp.position_m - viewpoint_m for lamp in self._lamps]
             self._lamp_positions.write(np.array(positions, dtype=np.float32))
 
-    def draw(
+    def set_matrices(
         self,
-        draw: Draw,
         clip_from_mesh: NDArray[np.float32],
         here_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Draw one instance; matrices (4, 4) and (3, 3), columns first."""
+        """Say where what is drawn next is; matrices (4, 4) and (3, 3), columns first."""
         self._clip_from_mesh.write(clip_from_mesh)
-        self._base_color.value = draw.material.base_color
-        if self._variant.alpha_mode is AlphaMode.MASK:
-            self._alpha_cutoff.value = draw.material.alpha_cutoff
         if self._here_from_mesh is not None:
             self._here_from_mesh.write(here_from_mesh)
         if self._normal_from_mesh is not None:
             self._normal_from_mesh.write(normal_from_mesh)
-        draw.texture.use(0)
-        self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
+
+    def set_look(self, material: Material, texture: moderngl.Texture) -> None:
+        """Say how what is drawn next looks."""
+        self._base_color.write(np.array(material.base_color, dtype=np.float32))
+        if self._variant.alpha_mode is AlphaMode.MASK:
+            self._alpha_cutoff.value = material.alpha_cutoff
+        texture.use(0)
 
     def _set_lights(self) -> None:
         suns, lamps = _by_kind(self._lighting)
-        self._program["u_ambient"] = self._lighting.ambient
+        self.program["u_ambient"] = self._lighting.ambient
         for name, lights in (("sun", suns), ("lamp", lamps)):
             if not lights:
                 continue
@@ -101,7 +96,7 @@ class SurfaceProgram:
             self._write(f"u_{name}_direction", [one.direction for one in lights])
         if lamps:
             self._lamps = lamps
-            self._lamp_positions = self._program["u_lamp_position"]
+            self._lamp_positions = self.program["u_lamp_position"]
             cones = [
                 one.cone_cosines if one.kind is LightKind.SPOT else _ALL_AROUND for one in lamps
             ]
@@ -109,7 +104,7 @@ class SurfaceProgram:
             self._write("u_lamp_limits", np.column_stack((ranges_m, cones)))
 
     def _write(self, name: str, values: ArrayLike) -> None:
-        self._program[name].write(np.asarray(values, dtype=np.float32))
+        self.program[name].write(np.asarray(values, dtype=np.float32))
 
 
 def _by_kind(lighting: Lighting) -> tuple[list[Light], list[Light]]:
@@ -140,7 +135,5 @@ class SurfacePrograms:
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
         if variant not in self._programs:
             program = build_program(self._buffers.context, *variant.files(self._lighting))
-            self._programs[variant] = SurfaceProgram(
-                program, self._buffers, self._lighting, variant
-            )
+            self._programs[variant] = SurfaceProgram(program, self._lighting, variant)
         return self._programs[variant]

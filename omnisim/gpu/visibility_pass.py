@@ -115,7 +115,9 @@ class VisibilityPass:
             self._program_of_draw[index].draw(draw, index, clip_from_mesh)
 
         order = self.buffers.from_near_to_far(self._shown, placement)
-        self._drawing.draw(target, world_from_rig, placement, order, paint)
+        for view in self._drawing.views(world_from_rig):
+            self._drawing.aim(target, view)
+            self._drawing.draw(view, placement, order, paint)
         self._drawing.end(target)
         for program in self._programs.values():
             program.end()

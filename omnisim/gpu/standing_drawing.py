@@ -1,0 +1,159 @@
+"""Draws what stands still into the faces: of each face the chunks that it sees, near ones first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.face_drawing import FaceView
+from omnisim.gpu.standing_geometry import StandingGeometry
+from omnisim.gpu.surface_program import SurfacePrograms, variant_of
+from omnisim.gpu.uniforms import columns_first
+
+# Chunks are drawn look by look, which are few calls, but not near ones first, which spares what is
+# hidden from being shaded. So they are drawn in so many bands of distance, each look by look.
+BANDS = 8
+# Boxes and cones are kept as float32: what is this close to a limit is drawn.
+_SPARE = 1e-5
+_NORMAL_FROM_ANCHOR = columns_first(np.eye(3))
+
+
+class StandingDrawing:
+    """Draws standing geometry for one camera; everything on the GPU is made once.
+
+    Args:
+        context: where.
+        geometry: what stands still; others may draw from it, too.
+        surfaces: programs.
+        unlit: show plain base colours.
+
+    Attributes:
+        triangles: submitted for the last frame.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        geometry: StandingGeometry,
+        surfaces: SurfacePrograms,
+        unlit: bool,
+    ):
+        self._context, self._geometry = context, geometry
+        variants = [variant_of(look.material, unlit) for look in geometry.looks]
+        self._programs = [surfaces[variant] for variant in variants]
+        arrays = {one: geometry.vertex_array(surfaces[one].program) for one in set(variants)}
+        self._vertex_arrays = [arrays[variant] for variant in variants]
+        chunks = geometry.chunks
+        self._middles_m = 0.5 * (chunks.lows.astype(np.float64) + chunks.highs)
+        self._halves_m = 0.5 * (chunks.highs.astype(np.float64) - chunks.lows)
+        self._radii_m = np.linalg.norm(self._halves_m, axis=1)
+        double_sided = np.array([look.material.double_sided for look in geometry.looks], dtype=bool)
+        self._spreads = np.where(double_sided[geometry.look_of_chunk], 2.0, chunks.spreads)
+        self._commands = context.buffer(reserve=max(geometry.command_bytes, 1))
+        self._calls: list[list[tuple[int, int, int]]] = []
+        self.triangles = 0
+
+    def prepare(self, views: Sequence[FaceView], viewpoint_m: NDArray[np.float64]) -> None:
+        """Find what each view sees from a viewpoint (3,), world."""
+        geometry = self._geometry
+        here_from_anchor = np.eye(4)
+        here_from_anchor[:3, 3] = geometry.anchor_m - viewpoint_m
+        self._here_from_anchor = columns_first(here_from_anchor)
+        self._clip_from_anchor = columns_first(
+            np.stack([view.clip_from_here for view in views]) @ here_from_anchor
+        )
+        middles_m = self._middles_m + here_from_anchor[:3, 3]
+        distances_m = np.linalg.norm(middles_m, axis=1)
+        fronts = np.flatnonzero(~self._all_turned_away(middles_m, distances_m))
+        in_view = self._in_view(views, middles_m[fronts], self._halves_m[fronts])
+        view_of_draw, found = np.nonzero(in_view)
+        chunk_of_draw = fronts[found]
+        self._plan(view_of_draw, chunk_of_draw, distances_m + self._radii_m, len(views))
+
+    def draw(self, number: int) -> None:
+        """Draw what a view sees."""
+        context, geometry = self._context, self._geometry
+        context.front_face = "cw"
+        placed, last = set(), -1
+        for look, first, count in self._calls[number]:
+            program, (material, texture) = self._programs[look], geometry.looks[look]
+            if program not in placed:
+                placed.add(program)
+                program.set_matrices(
+                    self._clip_from_anchor[number], self._here_from_anchor, _NORMAL_FROM_ANCHOR
+                )
+            if look != last:
+                program.set_look(material, texture)
+                toggle = context.disable if material.double_sided else context.enable
+                toggle(moderngl.CULL_FACE)
+                last = look
+            self._vertex_arrays[look].render_indirect(
+                self._commands, moderngl.TRIANGLES, count, first=first
+            )
+
+    def _all_turned_away(
+        self, middles_m: NDArray[np.float64], distances_m: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Which chunks (n,) show the viewpoint nothing but back sides, which nobody sees.
+
+        A normal is within the spread of the axis, and the direction to a triangle within the radius
+        of the direction to the chunk's middle.
+        """
+        along_m = np.sum(self._geometry.chunks.axes * middles_m, axis=1)
+        away_m = self._spreads * distances_m + self._radii_m
+        return along_m > away_m + _SPARE * distances_m
+
+    def _in_view(
+        self,
+        views: Sequence[FaceView],
+        middles_m: NDArray[np.float64],
+        halves_m: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """Which boxes (views, n) a view may see: none of its planes has all of a box behind it."""
+        planes = np.stack([view.planes for view in views])  # (views, 6, 4)
+        normals = planes[..., :3].reshape(-1, 3)
+        inside_m = normals @ middles_m.T + np.abs(normals) @ halves_m.T
+        inside_m += planes[..., 3].reshape(-1, 1) + _SPARE
+        return (inside_m >= 0.0).reshape(*planes.shape[:2], -1).all(axis=1)
+
+    def _plan(
+        self,
+        view_of_draw: NDArray[np.intp],
+        chunk_of_draw: NDArray[np.intp],
+        far_ends_m: NDArray[np.float64],
+        views: int,
+    ) -> None:
+        """Put draws into an order, and those of one call beside each other."""
+        self._calls = [[] for _ in range(views)]
+        self.triangles = 0
+        if not chunk_of_draw.size:
+            return
+        geometry = self._geometry
+        far_m = far_ends_m[chunk_of_draw]
+        band = _bands(far_m, self._radii_m[chunk_of_draw])
+        look = geometry.look_of_chunk[chunk_of_draw]
+        call = (view_of_draw * BANDS + band) * max(len(geometry.looks), 1) + look
+        order = np.lexsort((far_m, call))
+        call = call[order]
+        begins = np.flatnonzero(np.diff(call, prepend=-1))
+        counts = np.diff(begins, append=len(call))
+        for begin, count in zip(begins.tolist(), counts.tolist(), strict=True):
+            draw = order[begin]
+            self._calls[view_of_draw[draw]].append((int(look[draw]), begin, count))
+        commands = geometry.commands(chunk_of_draw[order])
+        self.triangles = int(commands["count"].sum()) // 3
+        if commands.nbytes > self._commands.size:
+            self._commands = self._context.buffer(reserve=2 * commands.nbytes)
+        self._commands.write(commands)
+
+
+def _bands(far_m: NDArray[np.float64], radii_m: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Bands (n,) of distance: each hides about as much of what is behind it as the next."""
+    order = np.argsort(far_m, kind="stable")
+    nearer = np.cumsum((radii_m[order] / np.maximum(far_m[order], 1e-9)) ** 2)
+    bands = np.empty(len(far_m), dtype=np.intp)
+    bands[order] = np.minimum(BANDS * nearer / max(float(nearer[-1]), 1e-30), BANDS - 1)
+    return bands

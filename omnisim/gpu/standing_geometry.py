@@ -1,0 +1,145 @@
+"""What stands still, ready to draw: in the world's axes, by look, in compact chunks.
+
+The scene's draws are one instance each, with matrices of its own: hundreds of draws a face, each
+culled as a whole. Here instances of one look are one piece of geometry, of which a face draws the
+chunks that it sees, with one call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.chunks import NO_CHUNKS, chunked, joined
+from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
+from omnisim.scene.model import AlphaMode, Material
+
+if TYPE_CHECKING:
+    from omnisim.gpu.scene_buffers import Draw
+
+# Each instance has its own copy here: what would take more triangles than this is drawn as it is,
+# as are places so far away that a float32 does not resolve a tenth of a millimetre there.
+MOST_TRIANGLES = 8_000_000
+FARTHEST_M = 1500.0
+_COMMAND = np.dtype(  # DrawElementsIndirectCommand of OpenGL
+    [(name, "<u4") for name in ("count", "instances", "first", "base_vertex", "base_instance")]
+)
+
+
+class Look(NamedTuple):
+    """What chunks of one call have in common."""
+
+    material: Material
+    texture: moderngl.Texture
+
+
+class StandingGeometry:
+    """Instances of opaque and masked materials that do not move.
+
+    Args:
+        context: where.
+        draws: all of the scene.
+
+    Attributes:
+        looks: of the chunks.
+        anchor_m: (3,) float64, origin of the positions, world.
+        chunks: compact pieces, look by look; boxes counted from the anchor.
+        look_of_chunk: (n,).
+        taken: (draws,), which of the draws are in here.
+    """
+
+    def __init__(self, context: moderngl.Context, draws: Sequence[Draw]):
+        self._context = context
+        self.anchor_m = _middle(draws)
+        self.taken = _taken(draws, self.anchor_m)
+        groups: dict[tuple[object, ...], list[Draw]] = {}
+        for draw, taken in zip(draws, self.taken, strict=True):
+            if taken:
+                groups.setdefault(_key(draw), []).append(draw)
+        self.looks = tuple(Look(group[0].material, group[0].texture) for group in groups.values())
+        self.chunks, self.look_of_chunk = NO_CHUNKS, np.zeros(0, dtype=np.intp)
+        if not groups:
+            return
+        vertices, indices, chunks, looks = [], [], [], []
+        base = 0
+        for look, group in enumerate(groups.values()):
+            for draw in group:
+                some_vertices, triangles = _in_the_world(draw, self.anchor_m)
+                order, some_chunks = chunked(some_vertices["in_position"][triangles])
+                vertices.append(some_vertices)
+                indices.append(triangles[order] + np.uint32(base))
+                chunks.append(some_chunks)
+                looks.append(np.full(len(some_chunks.first), look))
+                base += len(some_vertices)
+        self.chunks, self.look_of_chunk = joined(chunks), np.concatenate(looks)
+        self._vertices = context.buffer(np.concatenate(vertices))
+        self._indices = context.buffer(np.concatenate(indices).astype("<u4"))
+
+    def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        """The vertex array that feeds a program; attributes it does not use are skipped."""
+        return vertex_array(self._context, program, self._vertices, self._indices)
+
+    @property
+    def command_bytes(self) -> int:
+        """Bytes of the commands that draw all chunks once."""
+        return _COMMAND.itemsize * len(self.chunks.first)
+
+    def commands(self, chunks: NDArray[np.intp]) -> NDArray[np.void]:
+        """Records (n,) for indirect draws of chunks, in their order."""
+        records = np.zeros(len(chunks), dtype=_COMMAND)
+        records["count"] = 3 * self.chunks.count[chunks]
+        records["first"] = 3 * self.chunks.first[chunks]
+        records["instances"] = 1
+        return records
+
+
+def _key(draw: Draw) -> tuple[object, ...]:
+    material = draw.material
+    cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
+    return (
+        draw.texture.glo, material.base_color, material.alpha_mode, cutoff,
+        material.double_sided, material.unlit,
+    )  # fmt: skip
+
+
+def _middle(draws: Sequence[Draw]) -> NDArray[np.float64]:
+    """Middle (3,) of what does not move, world."""
+    still = [draw.centre_m for draw in draws if draw.mover is None]
+    if not still:
+        return np.zeros(3)
+    return 0.5 * (np.min(still, axis=0) + np.max(still, axis=0))
+
+
+def _taken(draws: Sequence[Draw], anchor_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    taken = np.zeros(len(draws), dtype=np.bool_)
+    triangles = 0
+    for index, draw in enumerate(draws):
+        if draw.mover is not None or draw.material.alpha_mode is AlphaMode.BLEND:
+            continue
+        if np.linalg.norm(draw.centre_m - anchor_m) + draw.radius_m > FARTHEST_M:
+            continue
+        if triangles + draw.count // 3 <= MOST_TRIANGLES:
+            triangles += draw.count // 3
+            taken[index] = True
+    return taken
+
+
+def _in_the_world(
+    draw: Draw, anchor_m: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
+    """Vertices (n,) in the world's axes, origin at the anchor, and triangles (m, 3) of them, which
+    turn the same way round in all draws."""  # fmt: skip
+    vertices = np.zeros(len(draw.mesh.positions), dtype=VERTEX)
+    fill_vertices(vertices, draw.mesh)
+    anchor_from_mesh = draw.own_from_mesh.copy()
+    anchor_from_mesh[:3, 3] -= anchor_m
+    positions = draw.mesh.positions.astype(np.float64)
+    vertices["in_position"] = positions @ anchor_from_mesh[:3, :3].T + anchor_from_mesh[:3, 3]
+    if draw.mesh.normals is not None:
+        vertices["in_normal"] = draw.mesh.normals.astype(np.float64) @ draw.normal_from_mesh.T
+    order = (0, 2, 1) if draw.mirrored else (0, 1, 2)
+    return vertices, draw.mesh.triangles[:, order]
