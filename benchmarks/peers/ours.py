@@ -1,0 +1,34 @@
+"""omnisim itself, in the two settings that are raced."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.peer import SENSOR, Peer
+from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.sensors.capturing import faces_of
+
+FAST = dataclasses.replace(SENSOR, supersampling=2, texels_per_pixel=1.0)
+DEFAULT = SENSOR
+
+
+class Omnisim(Peer):
+    """A renderer on a stage."""
+
+    def __init__(self, stage: Stage, sensor: OmniCamera, name: str, unlit: bool = False):
+        self.name = name
+        self._renderer = Renderer(stage, sensor, unlit=unlit)
+        self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
+        plan = faces_of(sensor, sensor.texels_per_pixel, sensor.face_size_px)
+        self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in plan.faces)
+
+    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """RGBA."""
+        return self._renderer.render(world_from_rig @ self._rig_from_base).rgba
+
+    def close(self) -> None:
+        """Close the renderer; the stage is somebody else's."""
+        self._renderer.close()
