@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.peer import SENSOR, Peer
 from omnisim.sensors import OmniCamera, Renderer, Stage
-from omnisim.sensors.capturing import faces_of
 
 FAST = dataclasses.replace(SENSOR, supersampling=2, texels_per_pixel=1.0)
 DEFAULT = SENSOR
@@ -22,7 +21,7 @@ class Omnisim(Peer):
         self.name = name
         self._renderer = Renderer(stage, sensor, unlit=unlit)
         self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
-        plan = faces_of(sensor, sensor.texels_per_pixel, sensor.face_size_px)
+        plan = self._renderer._cube.plan
         self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in plan.faces)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
