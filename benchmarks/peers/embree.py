@@ -17,7 +17,7 @@ _BEYOND = 1e-5
 class EmbreeRays(Peer):
     """Which triangle each valid pixel's ray hits, and nothing else."""
 
-    name = "embree, geometry"
+    name = "Embree, geometry"
 
     def __init__(self, scene: Scene, triangles: WorldTriangles | None = None):
         from embreex.mesh_construction import TriangleMesh
@@ -49,7 +49,7 @@ class EmbreeColors(EmbreeRays):
     A ray goes on where it hits a hole, the back of a surface that has none, or glass.
     """
 
-    name = "embree, colour"
+    name = "Embree, colour"
 
     def __init__(self, scene: Scene, triangles: WorldTriangles | None = None):
         super().__init__(scene, triangles)

@@ -47,7 +47,7 @@ _SIDES: NDArray[np.float64] = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1
 class GazeboWay(Peer):
     """One texture that is drawn into, one cube map that is looked up."""
 
-    name = "gazebo"
+    name = "Gazebo's way"
 
     def __init__(self, context: moderngl.Context, scene: Scene):
         self._context = context

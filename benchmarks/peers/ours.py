@@ -1,17 +1,12 @@
-"""omnisim itself, in the two settings that are raced."""
+"""omnisim itself."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.peer import Peer
 from omnisim.sensors import OmniCamera, Renderer, Stage
-
-FAST = dataclasses.replace(SENSOR, supersampling=2, texels_per_pixel=1.0)
-DEFAULT = SENSOR
 
 
 class Omnisim(Peer):
@@ -21,8 +16,8 @@ class Omnisim(Peer):
         self.name = name
         self._renderer = Renderer(stage, sensor, unlit=unlit)
         self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
-        plan = self._renderer._cube.plan
-        self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in plan.faces)
+        faces = self._renderer._cube.plan.faces
+        self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in faces)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         """RGBA."""

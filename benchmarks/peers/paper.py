@@ -41,7 +41,7 @@ FACES = tuple(range(5))  # all but the one that looks up
 class PaperWay(Peer):
     """Five framebuffers, no culling, no sorting; then the mesh of 1024 polygons."""
 
-    name = "paper"
+    name = "the paper's way"
 
     def __init__(self, context: moderngl.Context, scene: Scene):
         self._context = context

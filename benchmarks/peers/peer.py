@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import ClassVar
+from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.stage import Closing
 
 # The frame that all race for: the paper's camera, 360 × 360 px, rim at 105°.
 SENSOR = OmniCamera(polygons=None)
 
 
-class Peer(ABC):
+class Peer(Closing):
     """One way to the frame; everything that does not change with the pose is made once.
 
     Attributes:
@@ -25,7 +25,7 @@ class Peer(ABC):
         triangles: submitted for the last frame; None: not known, or not a matter of triangles.
     """
 
-    name: ClassVar[str]
+    name: str
     texels: int | None = None
     triangles: int | None = None
 
@@ -34,7 +34,7 @@ class Peer(ABC):
         """The picture (height, width, 3 or 4), sRGB, first row at the top, from a pose (4, 4)."""
 
     def close(self) -> None:
-        """Give back what it holds."""
+        """Give back what it holds: most have nothing that the context does not end with."""
 
 
 def mirror_rays(camera: HyperbolicCamera) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,13 +37,11 @@ class PyrenderFaces(Peer):
         import pyrender
 
         self.name = "pyrender" if lit else "pyrender, flat"
-        if device is not None:
-            os.environ["EGL_DEVICE_ID"] = str(device)
         self._flags = pyrender.RenderFlags.NONE if lit else pyrender.RenderFlags.FLAT
         self._stage: Any = stage_of(_without_masks(scene), lit)
         pinhole = pyrender.PerspectiveCamera(0.5 * np.pi, NEAR_M, FAR_M, aspectRatio=1.0)
         self._camera = self._stage.add(pinhole)
-        self._renderer = pyrender.OffscreenRenderer(FACE_PX, FACE_PX)
+        self._renderer = _offscreen(lit, device)
         self._maps = FaceMaps(SENSOR.camera, FACE_PX, len(FACES))
         self._faces = np.empty((FACE_PX, len(FACES) * FACE_PX, 3), dtype=np.uint8)
         self.texels = len(FACES) * FACE_PX**2
@@ -73,9 +72,19 @@ class PyrenderFaces(Peer):
             color, _ = self._renderer.render(self._stage, self._flags)
             faces[:, place * size : (place + 1) * size] = color
 
-    def close(self) -> None:
-        """Give its context back."""
-        self._renderer.delete()
+
+@cache
+def _offscreen(lit: bool, device: int | None) -> Any:
+    """A renderer with a context of its own, for all scenes, one after the other.
+
+    Its end would end the EGL display, and with it every other context of this process: it lives as
+    long as the process. What it holds of a scene it gives back when it draws the next.
+    """
+    import pyrender
+
+    if device is not None:
+        os.environ["EGL_DEVICE_ID"] = str(device)
+    return pyrender.OffscreenRenderer(FACE_PX, FACE_PX)
 
 
 def _without_masks(scene: Scene) -> Scene:
