@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
 from benchmarks.machine import in_words
 from omnisim.plots import style
@@ -40,3 +40,5 @@ def plain_log(axis: Axis, base: int = 10) -> None:
     axis.set_major_locator(LogLocator(base, steps))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
+    if base != 10:
+        axis.set_minor_locator(NullLocator())
