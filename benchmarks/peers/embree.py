@@ -38,8 +38,9 @@ class EmbreeRays(Peer):
         return self._embree.run(self._origins_m, self._directions)
 
     def _aim(self, world_from_rig: NDArray[np.float64]) -> None:
+        # no `matmul`: of so many rays BLAS makes work for threads, which then spin
         turn = world_from_rig[:3, :3].astype(np.float32)
-        np.matmul(self._rays_rig, turn.T, out=self._directions)
+        np.einsum("nj,ij->ni", self._rays_rig, turn, out=self._directions)
         self._origins_m[:] = world_from_rig[:3, 3]
 
 

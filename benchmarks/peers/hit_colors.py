@@ -1,5 +1,7 @@
 """What rays see where they hit: base colour, texture and light, in NumPy.
 
+No `matmul`: BLAS would hand it to threads, and one thread is what is raced.
+
 The surfaces and lights are those of `shaders/scene/surface.frag` and `shaders/scene/lighting.glsl`,
 but for the textures: four texels of the finest level, whatever the distance.
 """
@@ -91,10 +93,10 @@ class HitColors:
             points_m, directions: (n, 3) where, and along which way, world.
         """
         world = self._world
-        weights = np.stack((1.0 - u - v, u, v), axis=1)[:, None]
+        weights = np.stack((1.0 - u - v, u, v), axis=1)
 
         def between(corners: Floats) -> Floats:
-            return np.matmul(weights, corners[triangles])[:, 0]
+            return np.einsum("nk,nkc->nc", weights, corners[triangles])
 
         material = world.materials[triangles]
         color = self._base[material] * self._table.lookup(
@@ -125,8 +127,9 @@ class HitColors:
         total[:] = lighting.ambient
         for light in lighting.lights:
             color = np.float32(light.intensity * lighting.exposure) * np.float32(light.color)
+            axis = light.direction.astype(np.float32)
             if light.kind is LightKind.DIRECTIONAL:
-                level = np.maximum(normals @ -light.direction.astype(np.float32), 0.0)
+                level = np.maximum(-np.einsum("ij,j->i", normals, axis), 0.0)
             else:
                 away = points_m - light.position_m.astype(np.float32)
                 distance = np.maximum(np.linalg.norm(away, axis=1), np.float32(1e-3))
@@ -135,7 +138,7 @@ class HitColors:
                 level *= np.clip(1.0 - (distance / np.float32(light.range_m)) ** 4, 0.0, 1.0)
                 if light.kind is LightKind.SPOT:
                     inner, outer = light.cone_cosines
-                    inside = away @ light.direction.astype(np.float32) - np.float32(outer)
+                    inside = np.einsum("ij,j->i", away, axis) - np.float32(outer)
                     level *= np.clip(inside / np.float32(max(inner - outer, 1e-3)), 0.0, 1.0) ** 2
             total += level[:, None] * color
         return total

@@ -20,7 +20,7 @@ from benchmarks.peers.field import Field
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.path import race_poses
 from benchmarks.peers.peer import SENSOR
-from benchmarks.peers.quality import measured_db, references
+from benchmarks.peers.quality import TRUTH, measured_db, references
 from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
@@ -41,7 +41,6 @@ TRUTHS = {
     field.PYRENDER_FLAT: "64 samples, unlit",
     field.UNLIT: "64 samples, unlit",
 }
-TRUTH = "64 samples"
 # Flat pictures are compared with ours without lights.
 UNLIT_DEFAULT = "omnisim, default, unlit"
 UNLIT_OF = {field.FAST: field.UNLIT, field.DEFAULT: UNLIT_DEFAULT}
