@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.hit_colors import HitColors, WorldTriangles
-from benchmarks.peers.peer import SENSOR, Peer, mirror_rays
+from benchmarks.embree_rays import EmbreeRays
+from benchmarks.peers.hit_colors import HitColors
+from benchmarks.peers.peer import SENSOR, Peer
 from omnisim.scene.model import Scene
 
 MOST_LAYERS = 16  # surfaces on one ray that something behind is seen through
@@ -14,37 +15,21 @@ MOST_LAYERS = 16  # surfaces on one ray that something behind is seen through
 _BEYOND = 1e-5
 
 
-class EmbreeRays(Peer):
+class EmbreeGeometry(Peer):
     """Which triangle each valid pixel's ray hits, and nothing else."""
 
     name = "Embree, geometry"
 
-    def __init__(self, scene: Scene, triangles: WorldTriangles | None = None):
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self._world = WorldTriangles(scene) if triangles is None else triangles
-        self._embree = EmbreeScene()
-        self._mesh = TriangleMesh(self._embree, self._world.corners_m)
-        rays, self.valid = mirror_rays(SENSOR.camera)
-        self._rays_rig = rays[self.valid].astype(np.float32)
-        self._origins_m = np.empty_like(self._rays_rig)
-        self._directions = np.empty_like(self._rays_rig)
-        self.texels = len(self._rays_rig)
+    def __init__(self, scene: Scene):
+        self._rays = EmbreeRays(scene, SENSOR.camera)
+        self.texels = self._rays.count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
         """Numbers (n,) of the triangles that the valid pixels' rays hit; −1: none."""
-        self._aim(world_from_rig)
-        return self._embree.run(self._origins_m, self._directions)
-
-    def _aim(self, world_from_rig: NDArray[np.float64]) -> None:
-        # no `matmul`: of so many rays BLAS makes work for threads, which then spin
-        turn = world_from_rig[:3, :3].astype(np.float32)
-        np.einsum("nj,ij->ni", self._rays_rig, turn, out=self._directions)
-        self._origins_m[:] = world_from_rig[:3, 3]
+        return self._rays.cast(world_from_rig)
 
 
-class EmbreeColors(EmbreeRays):
+class EmbreeColors(Peer):
     """The picture: what is hit, lit and textured in NumPy.
 
     A ray goes on where it hits a hole, the back of a surface that has none, or glass.
@@ -52,21 +37,21 @@ class EmbreeColors(EmbreeRays):
 
     name = "Embree, colour"
 
-    def __init__(self, scene: Scene, triangles: WorldTriangles | None = None):
-        super().__init__(scene, triangles)
-        self._colors = HitColors(scene, self._world)
+    def __init__(self, scene: Scene):
+        self._rays = EmbreeRays(scene, SENSOR.camera)
+        self.texels = self._rays.count
+        self._colors = HitColors(scene)
         self._background = np.array(scene.background, dtype=np.float32)
-        self._levels = np.zeros((*self.valid.shape, 3), dtype=np.uint8)
+        self._levels = np.zeros((*self._rays.valid.shape, 3), dtype=np.uint8)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         """The picture (height, width, 3)."""
-        self._aim(world_from_rig)
-        total = np.zeros_like(self._directions)
+        origins_m, directions = self._rays.aim(world_from_rig)
+        total = np.zeros_like(directions)
         rays = np.arange(len(total))
         share = np.ones((len(rays), 1), dtype=np.float32)
-        origins_m, directions = self._origins_m, self._directions
         for _ in range(MOST_LAYERS):
-            found = self._embree.run(origins_m, directions, output=True)
+            found = self._rays.embree.run(origins_m, directions, output=True)
             hit = np.flatnonzero(found["primID"] >= 0)
             if len(hit) < len(rays):
                 missed = np.flatnonzero(found["primID"] < 0)
@@ -84,7 +69,7 @@ class EmbreeColors(EmbreeRays):
                 break
             rays, share, directions = rays[on], share[on], directions[on]
             origins_m = points_m[on] + _BEYOND * (1.0 + ranges_m[on]) * directions
-        self._levels[self.valid] = _levels(total)
+        self._levels[self._rays.valid] = _levels(total)
         return self._levels.copy()
 
 

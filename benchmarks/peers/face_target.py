@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from omnisim.gpu.surface_program import SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
 from omnisim.scene.model import Scene
 
+SHADERS = Path(__file__).parent / "shaders"
 NEAR_M = 0.05
 SRGB8_ALPHA8 = 0x8C43
 FRAMEBUFFER_SRGB = 0x8DB9
@@ -19,6 +22,12 @@ FRAMEBUFFER_SRGB = 0x8DB9
 CLIP_FROM_FACE: NDArray[np.float64] = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, NEAR_M], [0.0, 0.0, 1.0, 0.0]]
 )
+
+
+def peer_program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
+    """Compile two files of the peers' own shaders."""
+    vertex, fragment = ((SHADERS / name).read_text(encoding="utf-8") for name in (vertex, fragment))
+    return context.program(vertex_shader=vertex, fragment_shader=fragment)
 
 
 def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from benchmarks.peers.embree import EmbreeColors, EmbreeRays
+from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
 from benchmarks.peers.gazebo import GazeboWay
-from benchmarks.peers.hit_colors import WorldTriangles
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.paper import PaperWay
 from benchmarks.peers.peer import SENSOR, Peer
@@ -18,7 +17,7 @@ from omnisim.validation.oracles import why_missing
 FAST, DEFAULT = "omnisim, fast", "omnisim, default"
 PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
 PAPER, GAZEBO = PaperWay.name, GazeboWay.name
-EMBREE, EMBREE_COLOR = EmbreeRays.name, EmbreeColors.name
+EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
 NAMES = (FAST, DEFAULT, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
 
 
@@ -50,9 +49,8 @@ class Field(Closing):
         if rays := why_missing("embreex"):
             self.missing |= dict.fromkeys((EMBREE, EMBREE_COLOR), rays)
         else:
-            triangles = WorldTriangles(scene)
-            make[EMBREE] = lambda: EmbreeRays(scene, triangles)
-            make[EMBREE_COLOR] = lambda: EmbreeColors(scene, triangles)
+            make[EMBREE] = lambda: EmbreeGeometry(scene)
+            make[EMBREE_COLOR] = lambda: EmbreeColors(scene)
         self.peers: dict[str, Peer] = {}
         try:
             for name in NAMES:

@@ -16,9 +16,9 @@ from benchmarks.peers.face_target import (
     SRGB8_ALPHA8,
     ObjectDrawing,
     face_target,
+    peer_program,
     srgb_texture,
 )
-from benchmarks.peers.paper import SHADERS
 from benchmarks.peers.peer import SENSOR, Peer
 from omnisim.gpu.reversed_depth import gl_function
 from omnisim.gpu.uniforms import columns_first
@@ -65,10 +65,7 @@ class GazeboWay(Peer):
             [context.texture(size, 4, internal_format=SRGB8_ALPHA8)]
         )
         self._pixels = np.empty((camera.height_px, camera.width_px, 3), dtype=np.uint8)
-        program = context.program(
-            (SHADERS / "whole_target.vert").read_text(encoding="utf-8"),
-            (SHADERS / "warp.frag").read_text(encoding="utf-8"),
-        )
+        program = peer_program(context, "whole_target.vert", "warp.frag")
         for name, value in camera.uniforms().items():
             program[name] = value
         program["u_cube"] = 0

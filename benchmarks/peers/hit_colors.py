@@ -23,11 +23,11 @@ class WorldTriangles:
 
     Attributes:
         corners_m: (n, 3, 3) float32, world.
-        materials: (n,) index of each triangle's material; one more for each that has a texture
-            which a mesh has no coordinates for.
+        materials: (n,) index of each triangle's material.
         normals: (n, 3, 3) of the corners; zero: flat.
         coordinates: (n, 3, 2) of the texture.
         colors: (n, 3, 4) of the corners, linear RGBA.
+        is_textured: (n,) whether the mesh has coordinates.
     """
 
     def __init__(self, scene: Scene):
@@ -55,8 +55,9 @@ def _at_corners(mesh: Mesh, values: Floats | None, count: int, otherwise: float)
 class HitColors:
     """Colours of points on a scene's triangles; tables are made once."""
 
-    def __init__(self, scene: Scene, world: WorldTriangles):
-        self._world, self._lighting = world, scene.lighting
+    def __init__(self, scene: Scene):
+        self._world = world = WorldTriangles(scene)
+        self._lighting = scene.lighting
         edges = world.corners_m[:, 1:] - world.corners_m[:, :1]
         self._flat = np.cross(edges[:, 0], edges[:, 1])
         self._table = _TextureTable(scene.materials)

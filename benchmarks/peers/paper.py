@@ -5,8 +5,6 @@ Source: Schmits & Visser 2008, section 2.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +15,13 @@ from benchmarks.peers.face_target import (
     SRGB8_ALPHA8,
     ObjectDrawing,
     face_target,
+    peer_program,
     srgb_texture,
 )
 from benchmarks.peers.peer import SENSOR, Peer
 from omnisim.cube import (
     CELL_TANGENT,
     FACE_FROM_RIG,
-    FACE_NAMES,
     LAYOUT_CELLS,
     LAYOUT_COLUMNS,
     LAYOUT_ROWS,
@@ -33,7 +31,6 @@ from omnisim.mirrors.unfolding import unfold
 from omnisim.scene.model import Scene
 from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
-SHADERS = Path(__file__).parent
 FACE_PX = 360
 FACES = tuple(range(5))  # all but the one that looks up
 
@@ -56,10 +53,7 @@ class PaperWay(Peer):
             [context.texture(self._size, 4, internal_format=SRGB8_ALPHA8)]
         )
         self._pixels = np.empty((camera.height_px, camera.width_px, 4), dtype=np.uint8)
-        self._program = context.program(
-            (SHADERS / "mirror.vert").read_text(encoding="utf-8"),
-            (SHADERS / "mirror.frag").read_text(encoding="utf-8"),
-        )
+        self._program = peer_program(context, "mirror.vert", "mirror.frag")
         self._program["u_picture_size_px"] = self._size
         self._program["u_focal_length_px"] = camera.focal_length_px
         self._program["u_principal_point_px"] = camera.principal_point_px
@@ -94,7 +88,6 @@ class PaperWay(Peer):
                     index_element_size=4,
                 )
             )
-        assert len(parts) == len(FACE_NAMES) - 1
         return parts
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -71,7 +71,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
                 for group, turns in groups:
                     timed = _timings(stage, racers, group, path, turns, f"peers: {name}")
                     timings |= {one: (timed, turns.rounds) for one in group if one not in timings}
-                quality = _quality(stage, racers, path, looked_at)
+                quality = _quality(stage, racers, path, looked_at, options)
                 rows += [
                     {"scene": name, **_row(one, racers, timings, quality)} for one in field.NAMES
                 ]
@@ -133,16 +133,18 @@ def _timings(
     return take_turns(variants, turns.rounds, turns.warm_up, turns.progress, what)
 
 
-def _quality(stage: Stage, racers: Field, path: NDArray[np.float64], looked_at: int) -> Quality:
+def _quality(
+    stage: Stage, racers: Field, path: NDArray[np.float64], looked_at: int, options: Options
+) -> Quality:
     """PSNR of every racer that makes a picture."""
     numbers = np.arange(looked_at) * len(path) // looked_at
     few = numbers[:: -(-len(numbers) // LOOKED_AT_BY_PYRENDER)]
     lit = dict(zip(numbers, references(stage, path[numbers]), strict=True))
     unlit = dict(zip(few, references(stage, path[few], unlit=True), strict=True))
     quality: Quality = {}
-    for name, peer in racers.peers.items():
-        if name == field.EMBREE:
-            continue  # triangles are no picture
+    names = [name for name in racers.peers if name != field.EMBREE]  # triangles are no picture
+    for at in options.progress(range(len(names)), "peers: quality", len(names)):
+        name, peer = names[at], racers.peers[names[at]]
         if name == field.PYRENDER:
             against = {number: peer.reference(path[number]) for number in few}
         else:

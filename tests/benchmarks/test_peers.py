@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.peers import face_maps, field, pyrender_faces
 from benchmarks.peers.batching import batched
-from benchmarks.peers.embree import EmbreeColors, EmbreeRays
+from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
 from benchmarks.peers.field import Field
 from benchmarks.peers.path import HEIGHT_M, race_poses
 from benchmarks.peers.peer import SENSOR, mirror_rays
@@ -180,7 +180,7 @@ class TestEmbree:
 
     def test_geometry_is_the_number_of_the_triangle(self):
         scene = scene_of([room(), room()], poses=[np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
-        found = EmbreeRays(scene).render(SENSOR.base_pose((0.0, 0.0, 0.0)))
+        found = EmbreeGeometry(scene).render(SENSOR.base_pose((0.0, 0.0, 0.0)))
         assert set(found.tolist()) <= set(range(12))  # the inner room hides the outer
         assert found.shape == (mirror_rays(SENSOR.camera)[1].sum(),)
 
