@@ -42,6 +42,8 @@ def main() -> None:
         }
     except OmnisimError as reason:
         sys.exit(f"error: {reason}")
+    if not reports:
+        sys.exit(f"{folder}: has no reports: run `make bench` first")
     machines = {report["machine"]["name"] for report in reports.values()}
     commits = {report["machine"]["commit"] for report in reports.values()}
     if len(machines) != 1 or len(commits) != 1:
@@ -59,7 +61,8 @@ def main() -> None:
             figure = (kept / f"{suite}.jpg").relative_to(ROOT)
             lines = [
                 f"On {in_words(report['machine'])}:", "", f"![{suite}]({figure})", "",
-                *table(report), "", *_verdicts(report), *report.get("remarks", ()),
+                *table(report), "", *_verdicts(report),
+                *(f"- {remark}" for remark in report.get("remarks", ())),
             ]  # fmt: skip
             renew_table(suite, "\n".join(lines) + "\n")
 
@@ -80,7 +83,7 @@ def _fps_table(report: dict[str, Any]) -> list[str]:
 
 def _variant(row: dict[str, Any]) -> str:
     if row["polygons"] is None:
-        return f"view and {row['sensor'].upper()}" if row["sensor"] == "lms200" else "view alone"
+        return "view and LMS200" if row["sensor"] == "lms200" else "view alone"
     polygons = "exact" if row["polygons"] == "exact" else f"{row['polygons']} polygons"
     return f"view and camera, {polygons}"
 
@@ -107,12 +110,12 @@ def _raced(row: dict[str, Any]) -> str:
 
 def _verdicts(report: dict[str, Any]) -> list[str]:
     """The bounds, a list."""
-    lines = []
+    lines: list[str] = []
     for bound in report["bounds"]:
         sign = "≥" if bound["sense"] == "at least" else "≤"
         missed = "" if bound["passed"] else ": **missed**"
         lines.append(f"- {bound['name']}: {bound['value']:.3g} ({sign} {bound['bound']:g}){missed}")
-    return [*lines, ""]
+    return lines
 
 
 if __name__ == "__main__":

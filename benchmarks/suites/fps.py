@@ -102,15 +102,10 @@ def lines(report: dict[str, Any]) -> list[str]:
         rows = [row for row in report["rows"] if _group(row) == (scene, size_px, setting)]
         told.append(f"{scene}, {size_px}² {setting}, {rows[0]['rounds']} rounds")
         told.append(
-            f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'mesh off by':>11}"
-            "   costs (95 %)"
+            f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'costs (95 %)':26}"
+            f"{f'FPS/FPS({POLYGONS[0]}) (95 %)':23}{'processor':>9}{'mesh off by':>13}"
         )
-        for row in rows:
-            times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
-            cost = f"{row['cost_ms']:.1f} ms ({row['cost_ms_low']:.1f} – {row['cost_ms_high']:.1f})"
-            error = row["mesh_error_px"]
-            off = "" if error is None else f"{error:.2f} px"
-            told.append(f"  {_title(row):16} {row['fps']:7.2f}   {times}   {off:>11}   {cost}")
+        told += [f"  {_title(row):16} {_told(row)}" for row in rows]
     return told + bound_lines(report) + report["remarks"]
 
 
@@ -188,14 +183,31 @@ def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
 
 
 def _row(timings: Timings, variant: str) -> dict[str, Any]:
+    """A variant's times; of a camera's also its frames per second as a share of the first mesh's,
+    by the clock and by the processor's time."""  # fmt: skip
     is_camera = variant not in (NO_SENSOR, SCANNER)
+    share: dict[str, Any] = dict.fromkeys(("share", "share_low", "share_high", "processor_share"))
+    if is_camera:
+        share = timings.ratio(str(POLYGONS[0]), variant).flat("share")
+        share["processor_share"] = timings.processor_ratio(str(POLYGONS[0]), variant).median
     return {
         "sensor": "camera" if is_camera else variant,
         "polygons": (EXACT if variant == EXACT else int(variant)) if is_camera else None,
         **timings.frames_per_second(variant).flat("fps"),
         **{key: value for key, value in timings.row(variant).items() if key != "fps"},
         **timings.cost_ms(variant, NO_SENSOR).flat("cost_ms"),
+        **share,
     }
+
+
+def _told(row: dict[str, Any]) -> str:
+    times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
+    cost = f"{row['cost_ms']:.1f} ms ({row['cost_ms_low']:.1f} – {row['cost_ms_high']:.1f})"
+    told = f"{row['fps']:7.2f}   {times}   {cost:26}"
+    if row["share"] is None:
+        return told.rstrip()
+    share = f"{row['share']:.3f} ({row['share_low']:.3f} – {row['share_high']:.3f})"
+    return f"{told}{share:23}{row['processor_share']:9.3f}{row['mesh_error_px']:10.2f} px"
 
 
 def _remark(scene: str, setting: str, timings: Timings) -> str:

@@ -43,6 +43,8 @@ def test_bound_is_that_of_frames_per_second(report):
     bound = report["bounds"][0]
     assert "fast" in bound["name"]
     assert bound["value"] == pytest.approx(fast[4096]["fps"] / fast[16]["fps"])
+    assert bound["value"] == fast[4096]["share"]
+    assert fast[16]["share"] == 1.0
     told = fps.lines(report)
     assert sum(line.startswith(("holds", "FAILS")) for line in told) == 2
     assert sum("the paper found them alike" in line for line in told) == 2
