@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
-from omnisim.gpu.scene_buffers import SceneBuffers, is_blended
-from omnisim.gpu.surface_program import SurfacePrograms, variant_of
+from omnisim.gpu.scene_buffers import Draw, SceneBuffers, is_blended
+from omnisim.gpu.surface_program import SurfaceProgram, SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
-from omnisim.scene.model import Scene
+from omnisim.scene.model import Material, Scene
 
 SHADERS = Path(__file__).parent / "shaders"
 NEAR_M = 0.05
@@ -61,8 +61,10 @@ class ObjectDrawing:
         self._buffers = SceneBuffers(context, scene)
         surfaces = SurfacePrograms(self._buffers, scene.lighting)
         self.draws = self._buffers.draws
-        self._programs = [surfaces[variant_of(draw.material, unlit=False)] for draw in self.draws]
-        self._used = set(self._programs)
+        variants = [variant_of(draw.material, unlit=False) for draw in self.draws]
+        self._used = [surfaces[variant] for variant in set(variants)]
+        brushes = {one: _Brush(self._buffers, surfaces[one]) for one in set(variants)}
+        self._brushes = [brushes[variant] for variant in variants]
         self._is_blended = [is_blended(draw.material) for draw in self.draws]
         self.opaque = np.flatnonzero(~np.array(self._is_blended))
         self.blended = np.flatnonzero(self._is_blended)
@@ -114,7 +116,7 @@ class ObjectDrawing:
         clip_from_here = CLIP_FROM_FACE.copy()
         clip_from_here[:, :3] = CLIP_FROM_FACE[:, :3] @ face_from_world
         clip_matrices = columns_first(clip_from_here @ self._here_from_mesh)
-        front, culled, blended = None, True, False
+        front, texture, culled, blended = None, None, True, False
         for index in order:
             draw = self.draws[index]
             turns = "ccw" if draw.mirrored else "cw"  # y of the clip space runs down
@@ -127,9 +129,52 @@ class ObjectDrawing:
                 blended = not blended
                 (context.enable if blended else context.disable)(moderngl.BLEND)
                 target.depth_mask = not blended
-            self._programs[index].draw(
-                draw, clip_matrices[index], self._here_matrices[index], self._normal_matrices[index]
+            if draw.texture is not texture:
+                texture = draw.texture
+                texture.use(0)
+            brush = self._brushes[index]
+            brush.place(
+                clip_matrices[index], self._here_matrices[index], self._normal_matrices[index]
             )
+            brush.draw(draw)
         target.depth_mask = True
         context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
         context.disable_direct(FRAMEBUFFER_SRGB)
+
+
+class _Brush:
+    """A variant of the surface shader with its vertex array; says nothing to it twice."""
+
+    def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
+        program = getattr(surface, "program", None) or surface._program
+        self._vertex_array = buffers.vertex_array(program)
+        self._clip_from_mesh = program["u_clip_from_mesh"]
+        self._base_color = program["u_base_color"]
+        self._alpha_cutoff = program.get("u_alpha_cutoff", None)
+        # what has no lamps has neither
+        self._here_from_mesh = program.get("u_here_from_mesh", None)
+        self._normal_from_mesh = program.get("u_normal_from_mesh", None)
+        self._material: Material | None = None
+
+    def place(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        here_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Say where the next object is; matrices (4, 4) and (3, 3), columns first."""
+        self._clip_from_mesh.write(clip_from_mesh)
+        if self._here_from_mesh is not None:
+            self._here_from_mesh.write(here_from_mesh)
+        if self._normal_from_mesh is not None:
+            self._normal_from_mesh.write(normal_from_mesh)
+
+    def draw(self, draw: Draw) -> None:
+        """Draw it."""
+        material = draw.material
+        if material is not self._material:
+            self._material = material
+            self._base_color.value = material.base_color
+            if self._alpha_cutoff is not None:
+                self._alpha_cutoff.value = material.alpha_cutoff
+        self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
