@@ -10,6 +10,7 @@ from importlib.util import find_spec
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.peers.batching import in_world
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.scene import Scene
 
@@ -20,7 +21,12 @@ def has_embree() -> bool:
 
 
 class EmbreeRays:
-    """A scene and a camera's rays in it; everything that stays the same is made once."""
+    """A scene and a camera's rays in it; everything that stays the same is made once.
+
+    Attributes:
+        embree: the scene, with the triangles of all instances in their order.
+        valid: (height, width) pixels that have a ray.
+    """
 
     def __init__(self, scene: Scene, camera: CentralCamera):
         from embreex.mesh_construction import TriangleMesh
@@ -28,14 +34,14 @@ class EmbreeRays:
 
         positions, triangles, base = [], [], 0
         for instance in scene.instances:
-            mesh, world_from_mesh = scene.meshes[instance.mesh], instance.world_from_mesh
-            placed = mesh.positions @ world_from_mesh[:3, :3].T + world_from_mesh[:3, 3]
-            positions.append(placed.astype(np.float32))
-            triangles.append(mesh.triangles.astype(np.int32) + np.int32(base))
-            base += len(placed)
-        self._scene = EmbreeScene()
-        self._mesh = TriangleMesh(self._scene, np.concatenate(positions), np.concatenate(triangles))
+            placed = in_world(scene.meshes[instance.mesh], instance)
+            positions.append(placed.positions)
+            triangles.append(placed.triangles.astype(np.int32) + np.int32(base))
+            base += len(placed.positions)
+        self.embree = EmbreeScene()
+        self._mesh = TriangleMesh(self.embree, np.concatenate(positions), np.concatenate(triangles))
         rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+        self.valid = rays.valid
         seen = rays.directions[rays.valid] @ camera.rig_from_optical.T
         self._rays_rig = seen.astype(np.float32)
         self._origins_m = np.empty_like(self._rays_rig)
@@ -48,8 +54,16 @@ class EmbreeRays:
 
     def cast(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
         """Numbers (n,) of the triangles that are hit from a pose (4, 4); −1: none."""
-        turn = world_from_rig[:3, :3].T.astype(np.float32)
-        np.matmul(self._rays_rig, turn, out=self._directions)
-        self._origins_m[:] = world_from_rig[:3, 3]
-        hit: NDArray[np.int32] = self._scene.run(self._origins_m, self._directions)
+        hit: NDArray[np.int32] = self.embree.run(*self.aim(world_from_rig))
         return hit
+
+    def aim(
+        self, world_from_rig: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Origins and directions (n, 3), world, from a pose (4, 4): the same arrays each time."""
+        # No matrix product: of so many rays BLAS makes work for other threads, which then spin and
+        # slow down whatever is timed next.
+        turn = world_from_rig[:3, :3].astype(np.float32)
+        np.einsum("nj,ij->ni", self._rays_rig, turn, out=self._directions)
+        self._origins_m[:] = world_from_rig[:3, 3]
+        return self._origins_m, self._directions
