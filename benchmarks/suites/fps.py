@@ -78,13 +78,14 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
                     told = f"FPS({POLYGONS[-1]})/FPS({POLYGONS[0]}), {name}, {size_px}² {setting}"
                     bounds.append(Bound(told, share, LEAST, AT_LEAST))
                     remarks.append(_remark(name, setting, timings))
-            report = make_report(
-                "fps", options, stage.context, rows, bounds,
-                robot=vehicle.name,
-                view_px=list(VIEWPORT_PX),
-                poses=POSES,
-                remarks=remarks,
-            )  # fmt: skip
+            with stage.current():
+                report = make_report(
+                    "fps", options, stage.context, rows, bounds,
+                    robot=vehicle.name,
+                    view_px=list(VIEWPORT_PX),
+                    poses=POSES,
+                    remarks=remarks,
+                )  # fmt: skip
     return report
 
 
@@ -159,7 +160,8 @@ def _frame(
         view(base)
         if sensor is not None:
             sensor(base)
-        stage.context.finish()
+        with stage.current():
+            stage.context.finish()
 
     return work
 

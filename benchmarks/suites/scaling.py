@@ -79,10 +79,11 @@ def run(
         along = patrol(scene, vehicle, POSES) @ base_from_eye
         rows += _of_sizes(stage, along, sizes_px, options)
         rows += _of_cameras(stage, along, cameras, options)
-        return make_report(
-            "scaling", options, stage.context, rows, bounds,
-            scene=scene.name, setting=SETTING, has_embree=has_embree(),
-        )  # fmt: skip
+        with stage.current():
+            return make_report(
+                "scaling", options, stage.context, rows, bounds,
+                scene=scene.name, setting=SETTING, has_embree=has_embree(),
+            )  # fmt: skip
 
 
 def lines(report: dict[str, Any]) -> list[str]:
@@ -180,7 +181,8 @@ def _frame(
     def work() -> None:
         for take, poses in cycles:
             take(next(poses))
-        stage.context.finish()
+        with stage.current():
+            stage.context.finish()
 
     return work
 

@@ -57,5 +57,5 @@ def test_embree_hits_what_the_camera_sees(needs_opengl):
     assert rays.count == frame.valid.sum()
     hit = rays.cast(eye) >= 0
     seen = np.isfinite(frame.channels["range"][frame.valid])
-    # at silhouettes the two may differ: single-sided leaves and the last bit
-    assert np.mean(hit == seen) > 0.99
+    # at silhouettes the last bit decides: a ray in five thousand
+    assert np.mean(hit == seen) > 0.999
