@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from omnisim.plots import style
 
-_MOST = 3.0  # times the median: what is above is cut off
+_MOST = 4.0  # times the median: what is above is cut off
 
 
 def drive_figure(report: dict[str, Any]) -> Figure:
@@ -29,12 +29,14 @@ def drive_figure(report: dict[str, Any]) -> Figure:
             "", "frame (ms)",
         )  # fmt: skip
         axes.plot(series["frame"], color=style.BLUE, linewidth=0.8)
-        for percent, color in ((50, style.GREEN), (95, style.ORANGE), (99, style.RED)):
+        for percent, color, side in (
+            (50, style.GREEN, "center"), (95, style.ORANGE, "top"), (99, style.RED, "bottom")
+        ):  # fmt: skip
             value = row[f"p{percent}_ms"]
             axes.axhline(value, color=color, linewidth=1.2, linestyle="--", zorder=1)
             axes.annotate(
                 f"p{percent}", (1.0, value), xycoords=("axes fraction", "data"),
-                textcoords="offset points", xytext=(3, 0), va="center", fontsize=8, color=color,
+                textcoords="offset points", xytext=(3, 0), va=side, fontsize=8, color=color,
             )  # fmt: skip
         collected = np.flatnonzero(series["collector"])
         axes.plot(
@@ -44,7 +46,7 @@ def drive_figure(report: dict[str, Any]) -> Figure:
         axes.set_ylim(bottom=0.0)
         axes.tick_params(labelbottom=False)
         if collected.size:
-            axes.legend(frameon=False, fontsize=8, loc="lower right")
+            axes.legend(frameon=False, fontsize=8, loc="lower left")
         below = figure.add_subplot(grid[2 * at + 1], sharex=axes)
         style.label_axes(below, "", "frame", "× median")
         for name, label, color in (
@@ -55,5 +57,5 @@ def drive_figure(report: dict[str, Any]) -> Figure:
             values = series[name]
             below.plot(values / np.median(values), color=color, linewidth=0.8, label=label)
         below.set_ylim(0.0, _MOST)
-        below.legend(frameon=False, fontsize=8, ncols=3, loc="upper right")
+        below.legend(framealpha=0.85, edgecolor="none", fontsize=8, ncols=3, loc="upper left")
     return figure
