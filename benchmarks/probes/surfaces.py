@@ -61,7 +61,7 @@ def room_probe(scene: str, room: Stage) -> Probe:
 
 def room_name(scene: str) -> str:
     """Name of the probe."""
-    return f"our surfaces, a room with {scene}'s lamps"
+    return f"our surfaces, by the lamps of {scene}"
 
 
 def _walls() -> Mesh:

@@ -6,12 +6,13 @@ the other, each at its probe's rate:
 - the texels of the virtual cameras, each shaded once, as fast as those of an empty room with the
   scene's lamps;
 - the triangles that were submitted: those that the picture shows as fast as small triangles that
-  are seen, all others as fast as triangles that turn away;
+  are seen, all others as fast as triangles that turn away or are outside of the picture;
 - for each captured pixel of the mirror one bilinear lookup in an atlas of half floats;
 - the bytes of the picture, read.
 
-It is no bound of physics: what is drawn twice, what stands behind a wall, and what Python does all
-count as to be saved, but that a texel is shaded at all does not.
+It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a
+texel is shaded does not, and probe and frame take turns on a machine that does other things, too.
+Where the renderer is software, the share by processor time is the surer one.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def lines(report: dict[str, Any]) -> list[str]:
     told.append("")
     told.append(
         f"{'a frame, ms':24} {'whole':>7} {'faces':>7} {'capture':>8} {'read':>6} {'Python':>7}"
-        f" {'limit':>7}   share of the limit: whole (95 %), faces, capture, read"
+        f" {'limit':>7}   share of the limit: whole (95 %), processor, faces, capture, read"
     )
     frames = [row for row in report["rows"] if row["kind"] == "frame"]
     for row in frames:
@@ -94,6 +95,7 @@ def lines(report: dict[str, Any]) -> list[str]:
             f" {row['virtual_cameras_ms']:7.1f} {row['capture_ms']:8.1f} {row['readback_ms']:6.2f}"
             f" {row['around_ms']:7.2f} {row['limit_ms']:7.1f}   {row['share_of_limit']:.2f}"
             f" ({row['share_of_limit_low']:.2f} – {row['share_of_limit_high']:.2f}),"
+            f" {row['processor_share_of_limit']:.2f},"
             f" {row['virtual_cameras_share_of_limit']:.2f}, {row['capture_share_of_limit']:.2f},"
             f" {row['readback_share_of_limit']:.2f}"
         )

@@ -106,7 +106,8 @@ class LimitedFrame:
         whole = timings.seconds[self.name]
         # turns before the clock started are taken apart, too, and left out here
         parts = dict(zip(PARTS, np.array(self.taken_apart[-len(whole) :]).T, strict=True))
-        limits = self._limits(probes, timings)
+        limits = self._limits(probes, timings.seconds)
+        processor_limits = self._limits(probes, timings.processor_seconds)
         paired = Timings(
             {
                 "whole": whole,
@@ -118,7 +119,10 @@ class LimitedFrame:
                 "limit of readback": limits["readback"],
                 **parts,
             },
-            {},
+            {
+                "whole": timings.processor_seconds[self.name],
+                "limit": sum(processor_limits.values()),
+            },
         )
         faces = self.counts.virtual_cameras
         return {
@@ -130,6 +134,7 @@ class LimitedFrame:
             "limit_ms": paired.percentile_ms("limit", 50),
             **{f"limit_{name}_ms": 1e3 * float(np.median(limits[name])) for name in _LIMITED},
             **paired.ratio("limit", "whole").flat("share_of_limit"),
+            **paired.processor_ratio("limit", "whole").flat("processor_share_of_limit"),
             **{
                 f"{part}_share_of_limit": paired.ratio(f"limit of {part}", part).median
                 for part in PARTS if part != "around"
@@ -144,20 +149,26 @@ class LimitedFrame:
         }  # fmt: skip
 
     def _limits(
-        self, probes: Mapping[str, Probe], timings: Timings
+        self, probes: Mapping[str, Probe], seconds: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:
-        """Seconds (rounds,) that each of `_LIMITED` would take at the rates of the same round."""
+        """Seconds (rounds,) that each of `_LIMITED` would take at the rates of the same round.
 
-        def seconds(amount: float, name: str) -> NDArray[np.float64]:
-            return amount / probes[name].rates(timings.seconds[name])
+        Args:
+            probes: by name.
+            seconds: of the probes, by name.
+        """
 
-        unseen = max(0, self.counts.virtual_cameras.triangles - self.triangles_seen)
+        def least(amount: float, name: str) -> NDArray[np.float64]:
+            return amount / probes[name].rates(seconds[name])
+
+        faces = self.counts.virtual_cameras
+        inside = faces.triangles if faces.triangles_inside is None else faces.triangles_inside
+        unseen = max(0, inside - self.triangles_seen)
         return {
-            "texels": seconds(self.texels, room_name(self.scene)),
-            "triangles": seconds(self.triangles_seen, triangles.VISIBLE)
-            + seconds(unseen, triangles.TURNED_AWAY),
-            "lookups": seconds(self.captured_px, fill.lookup_name(fill.ATLAS, "bilinear")),
-            "readback": seconds(
-                self.picture_bytes, readback.readback_name(4, readback.SIDES_PX[0])
-            ),
+            "texels": least(self.texels, room_name(self.scene)),
+            "triangles": least(self.triangles_seen, triangles.VISIBLE)
+            + least(unseen, triangles.TURNED_AWAY)
+            + least(max(0, faces.triangles - inside), triangles.OUTSIDE),
+            "lookups": least(self.captured_px, fill.lookup_name(fill.ATLAS, "bilinear")),
+            "readback": least(self.picture_bytes, readback.readback_name(4, readback.SIDES_PX[0])),
         }
