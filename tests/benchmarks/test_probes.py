@@ -6,6 +6,7 @@ import pytest
 from benchmarks.gl_counters import count
 from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.probes import fill, probe, readback, submission, surfaces, triangles
+from benchmarks.settings import at_setting
 from omnisim import OmniCamera, Renderer
 from omnisim.scene import load_scene
 
@@ -92,7 +93,7 @@ def test_probes_are_repeated_until_a_clock_can_tell(context, monkeypatch):
 @pytest.mark.usefixtures("needs_opengl")
 def test_every_texel_of_the_empty_room_is_shaded_once():
     room = surfaces.empty_room(load_scene("rings"))
-    camera = OmniCamera(supersampling=1, texels_per_pixel=1.0).resized(48)
+    camera = at_setting(OmniCamera(), "fast").resized(48)
     samples = []
     with Renderer(room, camera) as renderer:
         for shift_m in (0.0, 0.4 * surfaces.HALF_M):  # the walls are elsewhere, but all around
