@@ -23,6 +23,8 @@ from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_plot import fps_figure
 from benchmarks.timer import Timings, take_turns
+from omnisim.mirrors import tessellate
+from omnisim.mirrors.mesh_error import mesh_error
 from omnisim.plots.plot_file import write_plot
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
@@ -52,6 +54,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
     """
     vehicle = Vehicle.load(ROBOT)
+    mesh_errors = _mesh_errors(vehicle)
     rows: list[dict[str, Any]] = []
     bounds: list[Bound] = []
     remarks: list[str] = []
@@ -69,6 +72,9 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
                         **what,
                         **_row(timings, variant),
                         "covered_px": covered_px.get(variant),
+                        "mesh_error_px": size_px * mesh_errors[variant]
+                        if variant in mesh_errors
+                        else None,
                         "rounds": turns.rounds,
                     }
                     for variant in timings.seconds
@@ -95,11 +101,16 @@ def lines(report: dict[str, Any]) -> list[str]:
     for scene, size_px, setting in dict.fromkeys(map(_group, report["rows"])):
         rows = [row for row in report["rows"] if _group(row) == (scene, size_px, setting)]
         told.append(f"{scene}, {size_px}² {setting}, {rows[0]['rounds']} rounds")
-        told.append(f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   costs (95 %)")
+        told.append(
+            f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'mesh off by':>11}"
+            "   costs (95 %)"
+        )
         for row in rows:
             times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
             cost = f"{row['cost_ms']:.1f} ms ({row['cost_ms_low']:.1f} – {row['cost_ms_high']:.1f})"
-            told.append(f"  {_title(row):16} {row['fps']:7.2f}   {times}   {cost}")
+            error = row["mesh_error_px"]
+            off = "" if error is None else f"{error:.2f} px"
+            told.append(f"  {_title(row):16} {row['fps']:7.2f}   {times}   {off:>11}   {cost}")
     return told + bound_lines(report) + report["remarks"]
 
 
@@ -164,6 +175,16 @@ def _frame(
             stage.context.finish()
 
     return work
+
+
+def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
+    """How far each mesh shifts what it shows, on average, as a share of the picture's width."""
+    mirror = vehicle.camera().sensor.camera.mirror
+    errors = {
+        str(polygons): mesh_error(mirror, tessellate(mirror, polygons), rim_radius_px=0.5).mean_px
+        for polygons in POLYGONS
+    }
+    return {**errors, EXACT: 0.0}
 
 
 def _row(timings: Timings, variant: str) -> dict[str, Any]:

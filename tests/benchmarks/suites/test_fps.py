@@ -29,6 +29,10 @@ def test_every_sensor_is_timed_at_both_settings(report, tmp_path):
     covered_px = [row["covered_px"] for row in report["rows"] if row["setting"] == "fast"][2:]
     assert covered_px == sorted(covered_px)  # a coarse mesh is smaller
     assert 0.8 * covered_px[-1] < covered_px[0] < 0.95 * covered_px[-1]
+    errors_px = [row["mesh_error_px"] for row in report["rows"] if row["setting"] == "fast"][2:]
+    # README's table of meshes is for 360 px
+    np.testing.assert_allclose(errors_px[:5], np.array([9.95, 2.37, 0.581, 0.144, 0.036]) / 6, 1e-2)
+    assert errors_px[5] == 0.0
     fps.plot(report, tmp_path / "fps.png")
     assert (tmp_path / "fps.png").stat().st_size > 0
 
