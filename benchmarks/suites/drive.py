@@ -109,7 +109,6 @@ def lines(report: dict[str, Any]) -> list[str]:
         for name, what in (
             ("without_collector", "without the collector"),
             ("processor", "by processor time"),
-            ("beside_machine", "beside constant work of all threads"),
             ("all_threads", "constant, all threads"),
             ("one_thread", "constant, one thread"),
         ):
@@ -218,7 +217,6 @@ def _frames_row(driven: _Driven) -> dict[str, Any]:
         "p99_to_p50": unevenness(seconds),
         "without_collector_p99_to_p50": unevenness(seconds - driven.collector_s),
         "processor_p99_to_p50": unevenness(busy),
-        "beside_machine_p99_to_p50": unevenness(seconds / machine),
         "all_threads_p99_to_p50": unevenness(machine),
         "one_thread_p99_to_p50": unevenness(timings.seconds[ONE_THREAD]),
         "slow": int(slow.sum()), "slow_by_view": int(by_view.sum()),

@@ -102,14 +102,14 @@ def lines(report: dict[str, Any]) -> list[str]:
     told.append("")
     told.append(
         f"{'what is drawn':24} {'texels':>9} {'samples':>9} {'a mirror pixel':>14}"
-        f" {'submitted':>10} {'inside':>8} {'seen':>7} {'draws':>6} {'calls':>6}"
+        f" {'submitted':>10} {'inside':>8} {'seen':>7} {'draws':>6} {'calls':>6} {'ms':>5}"
     )
     for row in frames:
         inside = "?" if row["triangles_inside"] is None else str(row["triangles_inside"])
         told.append(
             f"{row['scene'] + ', ' + row['setting']:24} {row['texels']:9} {row['samples']:9}"
             f" {row['samples_a_mirror_px']:14.2f} {row['triangles']:10} {inside:>8}"
-            f" {row['triangles_seen']:7} {row['draws']:6} {row['calls']:6}"
+            f" {row['triangles_seen']:7} {row['draws']:6} {row['calls']:6} {row['calls_ms']:5.1f}"
         )
     return told + bound_lines(report)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pipeline_parts import FrameCounts, PartSeconds, RepeatedFrame
-from benchmarks.probes import fill, readback, triangles
+from benchmarks.probes import fill, readback, submission, triangles
 from benchmarks.probes.probe import Probe
 from benchmarks.probes.surfaces import room_name
 from benchmarks.seen_triangles import count_seen_triangles
@@ -125,6 +125,8 @@ class LimitedFrame:
             },
         )
         faces = self.counts.virtual_cameras
+        call = probes[submission.DRAW_WITH_STATE]
+        calls_s = self.counts.calls / call.rates(timings.seconds[call.name])
         return {
             "kind": "frame", "scene": self.scene, "setting": self.setting,
             **timings.row(self.name),
@@ -143,6 +145,7 @@ class LimitedFrame:
             **dataclasses.asdict(faces),
             "triangles_seen": self.triangles_seen,
             "calls": self.counts.calls, "draws": self.counts.draws,
+            "calls_ms": 1e3 * float(np.median(calls_s)),  # each with state of its own
             "mirror_px": self.mirror_px, "captured_px": self.captured_px,
             "texels_a_mirror_px": self.texels / self.mirror_px,
             "samples_a_mirror_px": faces.samples / self.mirror_px,
