@@ -89,7 +89,10 @@ def lines(report: dict[str, Any]) -> list[str]:
     """The report in words: a table for each scene, and the bounds."""
     told = []
     for scene in dict.fromkeys(row["scene"] for row in report["rows"]):
-        told.append(f"{scene}, {report['picture_px']}², {report['poses']} poses")
+        told.append(
+            f"{scene}, {report['picture_px']}², {report['poses']} poses; "
+            f"{field.PYRENDER_FLAT} to {field.UNLIT}"
+        )
         told.append(
             f"  {'':20} {'p50':>9} {'p95':>9} {'p99':>9}   {'× fast (95 %)':22} {'cpu':>6} "
             f"{'PSNR':>6} {'worst':>6} {'texels':>9} {'triangles':>9}"
