@@ -1,33 +1,132 @@
-"""Run a suite: `python -m benchmarks lenses -o results.json`."""
+"""Run a suite, or all: `python -m benchmarks fps -o out/benchmarks`."""
 
 from __future__ import annotations
 
 import argparse
-import json
+import difflib
 import sys
+from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
+from typing import NoReturn
 
-from benchmarks.timer import ROUNDS
+from benchmarks.errors import BenchmarkError
+from benchmarks.machine import in_words
+from benchmarks.options import Options
+from benchmarks.report import write_report
+from benchmarks.timer import ROUNDS, WARM_UP
+from omnisim.atomic_file import check_target
+from omnisim.cli.consoles import err
+from omnisim.cli.progress import count_along
+from omnisim.errors import OmnisimError, OutputError
 
-SUITES = ("lenses",)
+# In the order in which `all` runs them: a module each, imported when it is run.
+SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses")
+ALL = "all"
+DEFAULT_FOLDER = Path("out") / "benchmarks"
 
 
-def main() -> None:
-    """Run the suite that is named, print what it found; status 1 where its bound does not hold."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("suite", choices=SUITES)
-    parser.add_argument("-o", "--output", type=Path, help="also write the whole report as JSON")
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with status 2."""
+        print(f"error: {message}", file=sys.stderr)
+        sys.exit(2)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what is named, print and write what was found.
+
+    Returns:
+        The exit status: 1 where a bound does not hold or a suite cannot be run, 2 where what is
+        asked for cannot be.
+    """
+    asked = _parser().parse_args(arguments)
+    try:
+        names = _chosen(asked.suite)
+        options = Options(
+            rounds=asked.rounds,
+            warm_up=asked.warm_up,
+            device=asked.device,
+            scenes=tuple(asked.scene),
+            progress=partial(count_along, err=err),
+        )
+        _make_folder(asked.output, names)
+    except OmnisimError as reason:
+        print(f"error: {reason}", file=sys.stderr)
+        return 2
+    # every suite is run before the status says that one of them failed
+    return 0 if all([_passes(name, options, asked.output) for name in names]) else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("suite", help=f"{', '.join(SUITES)}, or {ALL}")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, default=DEFAULT_FOLDER,
+        help=f"folder for <suite>.json and <suite>.png ({DEFAULT_FOLDER})",
+    )  # fmt: skip
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"timed rounds ({ROUNDS})")
-    arguments = parser.parse_args()
-    suite = import_module(f"benchmarks.suites.{arguments.suite}")
-    report = suite.run(arguments.rounds)
-    print("\n".join(suite.lines(report)))
-    if arguments.output is not None:
-        text = json.dumps(report, indent=2) + "\n"
-        arguments.output.write_text(text, encoding="utf-8")
-    sys.exit(not report["passed"])
+    parser.add_argument(
+        "--warm-up", type=int, default=WARM_UP, help=f"rounds before, not timed ({WARM_UP})"
+    )
+    parser.add_argument("--device", type=int, help="number of the GPU, see `omnisim info`")
+    parser.add_argument(
+        "--scene", nargs="+", action="extend", default=[], metavar="S",
+        help="built-in names or files, instead of the suite's own choice",
+    )  # fmt: skip
+    return parser
+
+
+def _chosen(suite: str) -> list[str]:
+    """The suites that are meant.
+
+    Raises:
+        BenchmarkError: there is none of that name.
+    """
+    there = [name for name in SUITES if find_spec(f"benchmarks.suites.{name}")]
+    if suite == ALL:
+        return there
+    if suite not in there:
+        near = difflib.get_close_matches(suite, there, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"want {', '.join(there)} or {ALL}"
+        raise BenchmarkError(f"suite {suite!r}: no such suite; {hint}")
+    return [suite]
+
+
+def _make_folder(folder: Path, names: list[str]) -> None:
+    """Refuse early what could only fail after the work is done.
+
+    Raises:
+        OutputError: the folder cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
+    for name in names:
+        for suffix in (".json", ".png"):
+            check_target(folder / f"{name}{suffix}")
+
+
+def _passes(name: str, options: Options, folder: Path) -> bool:
+    """Whether a suite could be run and all its bounds hold."""
+    try:
+        suite = import_module(f"benchmarks.suites.{name}")
+        report = suite.run(options)
+        print(f"{name}, on {in_words(report['machine'])}")
+        print("\n".join(suite.lines(report)), end="\n\n", flush=True)
+        write_report(folder, suite, report)
+    except OmnisimError as reason:
+        print(f"error: {name}: {reason}", file=sys.stderr)
+        return False
+    return bool(report["passed"])
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -4,30 +4,76 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import subprocess
-from importlib.metadata import version
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import moderngl
 
+from omnisim import __version__
+
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO")
+PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "embreex", "pyrender")
+# What draws without a GPU, as it calls itself.
+SOFTWARE = ("llvmpipe", "softpipe", "swrast", "lavapipe")
 
 
-def about(context: moderngl.Context) -> dict[str, Any]:
-    """Machine, driver, versions and commit."""
+def about(context: moderngl.Context, device: int | None = None) -> dict[str, Any]:
+    """Machine, driver, versions, commit and time.
+
+    Args:
+        context: what draws.
+        device: its number, if it was chosen by one.
+    """
+    renderer = context.info["GL_RENDERER"]
+    is_software = any(name in renderer.lower() for name in SOFTWARE)
     return {
+        "name": _name(renderer, is_software),
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "processor": _processor(),
-        "cores": os.cpu_count(),
+        "cores": _cores(),
         "load": os.getloadavg()[0],
         "system": platform.platform(),
-        "renderer": context.info["GL_RENDERER"],
+        "device": device,
+        "renderer": renderer,
+        "vendor": context.info["GL_VENDOR"],
         "opengl": context.info["GL_VERSION"],
+        "is_software": is_software,
         "python": platform.python_version(),
-        "packages": {name: version(name) for name in PACKAGES},
+        "omnisim": __version__,
+        "packages": {name: _version(name) for name in PACKAGES},
         "commit": _commit(),
     }
+
+
+def in_words(machine: dict[str, Any]) -> str:
+    """A line that says what drew, and on what."""
+    kind = "software" if machine["is_software"] else "GPU"
+    return (
+        f"{machine['renderer']} ({kind}), {machine['processor']}, {machine['cores']} cores, "
+        f"load {machine['load']:.1f}, commit {machine['commit'] or 'unknown'}"
+    )
+
+
+def _name(renderer: str, is_software: bool) -> str:
+    """A folder's name for results: what decides the numbers, and no host's name."""
+    plain = re.sub(r"[^a-z0-9]+", "-", re.split(r"[/(]", renderer.lower())[0]).strip("-")
+    return f"{plain}-{_cores()}-cores" if is_software else plain
+
+
+def _cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None  # an optional one
 
 
 def _processor() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,17 +16,22 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Ratio:
-    """How many times as long one variant takes as another: the median of paired rounds.
+class Estimate:
+    """A median over rounds, and how sure it is.
 
     Attributes:
         median: it.
-        low, high: an interval that holds the true median with at least 95 % probability.
+        low, high: an interval that holds the true median with at least 95 % probability, where
+            there are six rounds or more.
     """
 
     median: float
     low: float
     high: float
+
+    def flat(self, name: str) -> dict[str, float]:
+        """For a row of a report: `name`, `name_low` and `name_high`."""
+        return {name: self.median, f"{name}_low": self.low, f"{name}_high": self.high}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +57,41 @@ class Timings:
         of_round = np.mean(list(self.seconds.values()), axis=0)
         return min(self.seconds, key=lambda name: float(np.median(self.seconds[name] / of_round)))
 
-    def ratio(self, variant: str, to: str) -> Ratio:
-        """How many times as long `variant` takes as `to`."""
-        return _ratio(self.seconds[variant], self.seconds[to])
+    def row(self, variant: str) -> dict[str, float]:
+        """What a row of a report says of a variant alone."""
+        return {
+            "fps": self.frames_per_second(variant).median,
+            **{f"p{percent}_ms": self.percentile_ms(variant, percent) for percent in (50, 95, 99)},
+        }
 
-    def processor_ratio(self, variant: str, to: str) -> Ratio:
+    def frames_per_second(self, variant: str) -> Estimate:
+        """How many times in a second it could be done, one after the other."""
+        return _estimate(1.0 / self.seconds[variant])
+
+    def ratio(self, variant: str, to: str) -> Estimate:
+        """How many times as long `variant` takes as `to`, paired by rounds."""
+        return _estimate(self.seconds[variant] / self.seconds[to])
+
+    def processor_ratio(self, variant: str, to: str) -> Estimate:
         """How many times as much of the processor `variant` takes as `to`."""
-        return _ratio(self.processor_seconds[variant], self.processor_seconds[to])
+        return _estimate(self.processor_seconds[variant] / self.processor_seconds[to])
+
+    def cost_ms(self, variant: str, without: str) -> Estimate:
+        """How many milliseconds `variant` takes longer than `without`, paired by rounds."""
+        return _estimate(1e3 * (self.seconds[variant] - self.seconds[without]))
+
+
+def silently(steps: Iterable[int], what: str, total: int) -> Iterator[int]:
+    """The steps themselves: progress that is not shown."""
+    yield from steps
 
 
 def take_turns(
     variants: Mapping[str, Callable[[], object]],
     rounds: int = ROUNDS,
     warm_up: int = WARM_UP,
+    progress: Callable[[Iterable[int], str, int], Iterator[int]] = silently,
+    what: str = "",
 ) -> Timings:
     """Time variants in turns, A B C A B C, so that a slow minute of the machine meets them all.
 
@@ -72,25 +99,25 @@ def take_turns(
         variants: each does its work and waits until it is done.
         rounds: timed turns.
         warm_up: turns before, not timed: shaders compile at their first use.
+        progress: goes along all turns and may show how far it is.
+        what: the turns are for.
     """
-    for _ in range(warm_up):
-        for work in variants.values():
-            work()
     seconds = {name: np.empty(rounds) for name in variants}
     processor_seconds = {name: np.empty(rounds) for name in variants}
-    for turn in range(rounds):
+    for turn in progress(range(-warm_up, rounds), what, warm_up + rounds):
         for name, work in variants.items():
             start, busy = time.perf_counter(), time.process_time()
             work()
-            seconds[name][turn] = time.perf_counter() - start
-            processor_seconds[name][turn] = time.process_time() - busy
+            if turn >= 0:
+                seconds[name][turn] = time.perf_counter() - start
+                processor_seconds[name][turn] = time.process_time() - busy
     return Timings(seconds, processor_seconds)
 
 
-def _ratio(one: NDArray[np.float64], other: NDArray[np.float64]) -> Ratio:
-    ratios = np.sort(one / other)
-    outer = _outer(len(ratios))
-    return Ratio(float(np.median(ratios)), float(ratios[outer]), float(ratios[-1 - outer]))
+def _estimate(values: NDArray[np.float64]) -> Estimate:
+    values = np.sort(values)
+    outer = _outer(len(values))
+    return Estimate(float(np.median(values)), float(values[outer]), float(values[-1 - outer]))
 
 
 def _outer(count: int) -> int:

@@ -1,1 +1,1 @@
-"""The suites: a module each, with `run(rounds)`, which gives a report."""
+"""The suites: a module each, with `run(options)`, `lines(report)` and `plot(report, path)`."""

@@ -9,11 +9,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import about
+from benchmarks.options import Options
+from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
 from benchmarks.timer import take_turns
 from omnisim import frames
 from omnisim.cameras import CentralCamera, EquidistantCamera
@@ -24,7 +26,9 @@ from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.pipeline import Pipeline
 from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.surface_program import SurfacePrograms
-from omnisim.scene import load_scene
+from omnisim.plots import style
+from omnisim.plots.plot_file import write_plot
+from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
 
 SCENE = "courtyard"
@@ -34,66 +38,88 @@ FACE_SIZE_PX = 360  # six of them: fewer texels than the paper's camera needs, s
 MOST = 1.15  # of the cheapest
 
 
-def run(rounds: int) -> dict[str, Any]:
-    """Time all lenses; `passed` where none costs more than 1.15 times the cheapest."""
-    context = open_context()
-    pipelines = _pipelines(context)
-    scene_pose = frames.pose(load_scene(SCENE).start.position_m)
+def run(options: Options) -> dict[str, Any]:
+    """Time all lenses; `passed` where none costs more than 1.15 times the cheapest.
+
+    Raises:
+        GraphicsError: no OpenGL.
+        SceneError: the scene cannot be loaded.
+    """
+    scene = load_scene(options.scenes[0] if options.scenes else SCENE)  # one is enough
+    context = open_context(options.device)
+    pipelines = _pipelines(context, scene)
+    viewpoint = frames.pose(scene.start.position_m)
 
     def frame_of(pipeline: Pipeline) -> Any:
         def work() -> None:
-            pipeline.render(scene_pose)
+            pipeline.render(viewpoint)
             context.finish()
 
         return work
 
-    timings = take_turns({name: frame_of(pipeline) for name, pipeline in pipelines.items()}, rounds)
+    timings = take_turns(
+        {name: frame_of(pipeline) for name, pipeline in pipelines.items()},
+        options.rounds, options.warm_up, options.progress, "lenses",
+    )  # fmt: skip
     cheapest = timings.cheapest()
-    lenses = {}
-    for name in pipelines:
-        ratio = timings.ratio(name, cheapest)
-        lenses[name] = {
-            **{f"p{p}_ms": timings.percentile_ms(name, p) for p in (50, 95, 99)},
-            "ratio": dataclasses.asdict(ratio),
-            "processor_ratio": dataclasses.asdict(timings.processor_ratio(name, cheapest)),
+    rows = [
+        {
+            "lens": name,
+            **timings.row(name),
+            **timings.ratio(name, cheapest).flat("ratio"),
+            **timings.processor_ratio(name, cheapest).flat("processor_ratio"),
         }
-    worst = max(lenses, key=lambda name: lenses[name]["ratio"]["median"])
-    return {
-        "suite": "lenses",
-        "scene": SCENE,
-        "picture_px": SIZE_PX,
-        "supersampling": SUPERSAMPLING,
-        "face_px": FACE_SIZE_PX,
-        "rounds": rounds,
-        "cheapest": cheapest,
-        "worst": worst,
-        "bound": MOST,
-        "passed": lenses[worst]["ratio"]["median"] <= MOST,
-        "lenses": lenses,
-        "machine": about(context),
-    }
+        for name in pipelines
+    ]
+    rows.sort(key=lambda row: row["ratio"])
+    worst = rows[-1]
+    report = make_report(
+        "lenses", options, context, rows,
+        [Bound(f"{worst['lens']} to {cheapest}, the cheapest", worst["ratio"], MOST, AT_MOST)],
+        scene=scene.name,
+        picture_px=SIZE_PX,
+        supersampling=SUPERSAMPLING,
+        face_px=FACE_SIZE_PX,
+        cheapest=cheapest,
+    )  # fmt: skip
+    context.release()
+    return report
 
 
 def lines(report: dict[str, Any]) -> list[str]:
     """The report in words, cheapest first."""
-    lenses = report["lenses"]
-    rows = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)        processor"]
-    for name in sorted(lenses, key=lambda one: lenses[one]["ratio"]["median"]):
-        one = lenses[name]
-        times = " ".join(f"{one[f'p{p}_ms']:6.1f}ms" for p in (50, 95, 99))
-        ratio = one["ratio"]
-        rows.append(
-            f"{name:18} {times}   {ratio['median']:.3f} ({ratio['low']:.3f} – {ratio['high']:.3f})"
-            f"   {one['processor_ratio']['median']:.3f}"
+    told = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)        processor"]
+    for row in report["rows"]:
+        times = " ".join(f"{row[f'p{p}_ms']:6.1f}ms" for p in (50, 95, 99))
+        told.append(
+            f"{row['lens']:18} {times}   "
+            f"{row['ratio']:.3f} ({row['ratio_low']:.3f} – {row['ratio_high']:.3f})"
+            f"   {row['processor_ratio']:.3f}"
         )
-    worst = report["worst"]
-    verdict = "holds" if report["passed"] else "FAILS"
-    rows.append(f"at most {report['bound']} × the cheapest: {verdict} ({worst})")
-    return rows
+    return told + bound_lines(report)
 
 
-def _pipelines(context: Any) -> dict[str, Pipeline]:
-    scene = load_scene(SCENE)
+def plot(report: dict[str, Any], path: Path) -> None:
+    """Ratios to the cheapest with their intervals, the bound beside them.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    rows = report["rows"]
+    figure, axes = style.plot(
+        f"A frame through each lens, {report['picture_px']}², same faces", "times the cheapest", ""
+    )
+    for at, row in enumerate(rows):
+        axes.plot([row["ratio_low"], row["ratio_high"]], [at, at], color=style.BLUE, linewidth=2.5)
+        axes.plot(row["ratio"], at, "o", color=style.BLUE)
+    axes.axvline(report["bounds"][0]["bound"], color=style.RED, linestyle="--", label="bound")
+    axes.set_yticks(range(len(rows)), [row["lens"] for row in rows])
+    axes.invert_yaxis()
+    axes.legend(frameon=False)
+    write_plot(path, figure)
+
+
+def _pipelines(context: Any, scene: Scene) -> dict[str, Pipeline]:
     buffers = SceneBuffers(context, scene)
     fine = SIZE_PX * SUPERSAMPLING
     # the faces of a picture of the whole sphere: every lens finds all its directions there

@@ -6,11 +6,13 @@ differ by design.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
-from omnisim.scene.model import AlphaMode, Material, Mesh, Scene, Texture, Wrap
+from omnisim.scene.model import AlphaMode, Light, LightKind, Material, Mesh, Scene, Texture, Wrap
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
 NEAR_M, FAR_M = 0.05, 300.0
@@ -30,11 +32,7 @@ def rasterise(
     """
     import pyrender
 
-    stage = pyrender.Scene(bg_color=(*srgb_from_linear(scene.background), 1.0))
-    textures: dict[int, pyrender.Texture] = {}
-    meshes = [_mesh(scene, mesh, textures) for mesh in scene.meshes]
-    for instance in scene.instances:
-        stage.add(meshes[instance.mesh], pose=instance.world_from_mesh)
+    stage = stage_of(scene)
     u, v = camera.principal_point_px
     focal = camera.focal_length_px
     # its pixels count from the corner of the first one
@@ -48,14 +46,59 @@ def rasterise(
     return color
 
 
-def _mesh(scene: Scene, mesh: Mesh, textures: dict[int, object]) -> object:
+def stage_of(scene: Scene, lit: bool = False) -> Any:
+    """Its own scene of ours, without a camera: to be drawn flat, or lit.
+
+    Drawn flat it takes colours for sRGB values, so what is linear is encoded; lit it decodes
+    textures itself. Its diffuse light is our Lambert's: lamps are π times as strong, surfaces
+    rough and no metal. It knows no surfaces without light, and of many lamps four of a kind.
+    """
+    import pyrender
+
+    background = (*srgb_from_linear(scene.background), 1.0)
+    stage = pyrender.Scene(bg_color=background, ambient_light=scene.lighting.ambient)
+    textures: dict[int, Any] = {}
+    meshes = [_mesh(scene, mesh, textures, lit) for mesh in scene.meshes]
+    for instance in scene.instances:
+        stage.add(meshes[instance.mesh], pose=instance.world_from_mesh)
+    if lit:
+        for light in scene.lighting.lights:
+            _add_light(stage, light, np.pi * scene.lighting.exposure * light.intensity)
+    return stage
+
+
+def _add_light(stage: Any, light: Light, intensity: float) -> None:
+    import pyrender
+
+    world_from_light = np.eye(4)
+    world_from_light[:3, 3] = light.position_m
+    # it shines along −z; any axes across will do
+    across = np.eye(3)[np.argmin(np.abs(light.direction))]
+    right = np.cross(across, light.direction)
+    right /= np.linalg.norm(right)
+    world_from_light[:3, :3] = np.stack(
+        (right, np.cross(right, light.direction), -light.direction), axis=1
+    )
+    if light.kind is LightKind.DIRECTIONAL:
+        lamp = pyrender.DirectionalLight(light.color, intensity)
+    elif light.kind is LightKind.POINT:
+        lamp = pyrender.PointLight(light.color, intensity)
+    else:
+        inner, outer = np.arccos(light.cone_cosines)
+        lamp = pyrender.SpotLight(
+            light.color, intensity, innerConeAngle=inner, outerConeAngle=outer
+        )
+    stage.add(lamp, pose=world_from_light)
+
+
+def _mesh(scene: Scene, mesh: Mesh, textures: dict[int, Any], lit: bool) -> Any:
     import pyrender
 
     coordinates = mesh.texture_coordinates
     if coordinates is not None:  # v runs up there
         coordinates = coordinates * np.float32([1.0, -1.0]) + np.float32([0.0, 1.0])
     colors = mesh.colors
-    if colors is not None:
+    if colors is not None and not lit:
         colors = np.concatenate((srgb_from_linear(colors[:, :3]), colors[:, 3:]), axis=1)
     primitive = pyrender.Primitive(
         positions=mesh.positions,
@@ -63,24 +106,27 @@ def _mesh(scene: Scene, mesh: Mesh, textures: dict[int, object]) -> object:
         texcoord_0=coordinates,
         color_0=None if colors is None else colors.astype(np.float32),
         indices=mesh.triangles,
-        material=_material(scene.materials[mesh.material], textures),
+        material=_material(scene.materials[mesh.material], textures, lit),
     )
     return pyrender.Mesh([primitive])
 
 
-def _material(material: Material, textures: dict[int, object]) -> object:
-    """It takes factors for sRGB values, so ours is worked into the texture or encoded."""
+def _material(material: Material, textures: dict[int, Any], lit: bool) -> Any:
     import pyrender
 
     *color, alpha = material.base_color
-    factor, texture = (*srgb_from_linear(color), alpha), None
+    factor, texture = (*(color if lit else srgb_from_linear(color)), alpha), None
     if material.texture is not None:
+        in_texture = np.ones(3) if lit else np.array(color)  # factors of sRGB values would be wrong
         if id(material) not in textures:
-            textures[id(material)] = _texture(material.texture, np.array(color))
-        factor, texture = (1.0, 1.0, 1.0, alpha), textures[id(material)]
+            textures[id(material)] = _texture(material.texture, in_texture)
+        factor = material.base_color if lit else (1.0, 1.0, 1.0, alpha)
+        texture = textures[id(material)]
     modes = {AlphaMode.OPAQUE: "OPAQUE", AlphaMode.MASK: "MASK", AlphaMode.BLEND: "BLEND"}
     return pyrender.MetallicRoughnessMaterial(
         baseColorFactor=factor,
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
         baseColorTexture=texture,
         alphaMode=modes[material.alpha_mode],
         alphaCutoff=material.alpha_cutoff,
@@ -88,7 +134,7 @@ def _material(material: Material, textures: dict[int, object]) -> object:
     )
 
 
-def _texture(texture: Texture, factor: NDArray[np.float64]) -> object:
+def _texture(texture: Texture, factor: NDArray[np.float64]) -> Any:
     import pyrender
     from OpenGL.GL import GL_CLAMP_TO_EDGE, GL_REPEAT
 

@@ -1,0 +1,124 @@
+"""Keep the benchmarks' reports and figures, and put Fig. 10 and the race into README.
+
+python .ci/renew_benchmarks.py out/benchmarks [--results-only]
+
+They go to benchmarks/results/<machine>/; with --results-only README stays as it is: it shows one
+machine.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from readme import ROOT, renew_figures, renew_table
+
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.__main__ import SUITES
+from benchmarks.machine import in_words
+from benchmarks.report import read_report
+from omnisim.errors import OmnisimError
+
+RESULTS = ROOT / "benchmarks" / "results"
+USAGE = "usage: python .ci/renew_benchmarks.py DIR [--results-only]"
+
+
+def main() -> None:
+    """Read the reports in the folder that is named, and renew what is shown of them."""
+    arguments = sys.argv[1:]
+    is_results_only = "--results-only" in arguments
+    names = [argument for argument in arguments if argument != "--results-only"]
+    if len(names) != 1:
+        sys.exit(USAGE)
+    folder = Path(names[0])
+    try:
+        reports = {
+            suite: read_report(folder / f"{suite}.json")
+            for suite in SUITES
+            if (folder / f"{suite}.json").is_file()
+        }
+    except OmnisimError as reason:
+        sys.exit(f"error: {reason}")
+    if not reports:
+        sys.exit(f"{folder}: has no reports: run `make bench` first")
+    machines = {report["machine"]["name"] for report in reports.values()}
+    commits = {report["machine"]["commit"] for report in reports.values()}
+    if len(machines) != 1 or len(commits) != 1:
+        sys.exit(f"{folder}: want reports of one machine and one commit: run all suites again")
+    kept = RESULTS / machines.pop()
+    kept.mkdir(parents=True, exist_ok=True)
+    for suite in reports:
+        shutil.copyfile(folder / f"{suite}.json", kept / f"{suite}.json")
+    renew_figures(folder, kept, reports)
+    if is_results_only:
+        return
+    for suite, table in (("fps", _fps_table), ("peers", _peers_table)):
+        if suite in reports:
+            report = reports[suite]
+            figure = (kept / f"{suite}.jpg").relative_to(ROOT)
+            lines = [
+                f"On {in_words(report['machine'])}:", "", f"![{suite}]({figure})", "",
+                *table(report), "", *_verdicts(report),
+                *(f"- {remark}" for remark in report.get("remarks", ())),
+            ]  # fmt: skip
+            renew_table(suite, "\n".join(lines) + "\n")
+
+
+def _fps_table(report: dict[str, Any]) -> list[str]:
+    """A row for each sensor, a column for each map and setting, at the paper's size."""
+    size_px = min(row["size_px"] for row in report["rows"])
+    rows = [row for row in report["rows"] if row["size_px"] == size_px]
+    groups = list(dict.fromkeys((row["scene"], row["setting"]) for row in rows))
+    fps = {(_variant(row), (row["scene"], row["setting"])): f"{row['fps']:.1f}" for row in rows}
+    titles = [f"{scene}, {setting}" for scene, setting in groups]
+    lines = [
+        f"| frames per second, {size_px}² | {' | '.join(titles)} |",
+        f"| --- |{' --- |' * len(groups)}",
+    ]
+    for variant in dict.fromkeys(map(_variant, rows)):
+        lines.append(f"| {variant} | {' | '.join(fps[variant, group] for group in groups)} |")
+    return lines
+
+
+def _variant(row: dict[str, Any]) -> str:
+    if row["polygons"] is None:
+        return "view and LMS200" if row["sensor"] == "lms200" else "view alone"
+    polygons = "exact" if row["polygons"] == "exact" else f"{row['polygons']} polygons"
+    return f"view and camera, {polygons}"
+
+
+def _peers_table(report: dict[str, Any]) -> list[str]:
+    """A row for each racer, a column for each scene: time, its ratio to ours, quality."""
+    rows = [row for row in report["rows"] if row["missing"] is None]
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    cells = {(row["racer"], row["scene"]): _raced(row) for row in rows}
+    lines = [
+        f"| the same frame, {report['picture_px']}² | {' | '.join(scenes)} |",
+        f"| --- |{' --- |' * len(scenes)}",
+    ]
+    for racer in dict.fromkeys(row["racer"] for row in rows):
+        told = [cells.get((racer, scene), "") for scene in scenes]
+        lines.append(f"| {racer} | {' | '.join(told)} |")
+    return lines
+
+
+def _raced(row: dict[str, Any]) -> str:
+    told = f"{row['p50_ms']:.1f} ms, {row['ratio']:.3g} ×"
+    return told if row["psnr_db"] is None else f"{told}, {row['psnr_db']:.1f} dB"
+
+
+def _verdicts(report: dict[str, Any]) -> list[str]:
+    """The bounds, a list."""
+    lines: list[str] = []
+    for bound in report["bounds"]:
+        sign = "≥" if bound["sense"] == "at least" else "≤"
+        missed = "" if bound["passed"] else ": **missed**"
+        lines.append(f"- {bound['name']}: {bound['value']:.3g} ({sign} {bound['bound']:g}){missed}")
+    return lines
+
+
+if __name__ == "__main__":
+    main()

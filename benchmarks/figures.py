@@ -1,0 +1,44 @@
+"""Figures of several panels that say what they were measured on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+
+from benchmarks.machine import in_words
+from omnisim.plots import style
+
+PANEL_IN, HEIGHT_IN, NARROWEST_IN = 4.9, 5.6, 7.0
+SECOND_LINE_IN = 0.42  # from the figure's top
+
+
+def panels(
+    report: dict[str, Any], title: str, count: int, share_y: bool = False
+) -> tuple[Figure, Sequence[Axes]]:
+    """A figure with panels side by side; a line above says what was measured on."""
+    size = (max(NARROWEST_IN, PANEL_IN * count), HEIGHT_IN)
+    figure = Figure(figsize=size, dpi=style.DPI, layout="constrained")
+    axes = figure.subplots(1, count, sharey=share_y, squeeze=False)[0]
+    figure.suptitle(f"{title}\n", fontsize=style.TITLE_PT)  # the second line is the machine's
+    second_line = 1.0 - SECOND_LINE_IN / HEIGHT_IN
+    figure.text(
+        0.5, second_line, in_words(report["machine"]),
+        ha="center", va="center", fontsize=7.5, color=style.GREY,
+    )  # fmt: skip
+    return figure, axes
+
+
+def plain_log(axis: Axis, base: int = 10) -> None:
+    """A logarithmic axis with numbers as people write them."""
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    steps = (1.0, 2.0, 5.0) if base == 10 else (1.0,)
+    axis.set_major_locator(LogLocator(base, steps))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    if base != 10:
+        axis.set_minor_locator(NullLocator())

@@ -1,0 +1,78 @@
+"""What OpenGL counts while it draws: the same numbers in every run, whatever the machine does.
+
+moderngl has two of the counters. The others are OpenGL 4.6's, or an extension's, and are left out
+where a driver has neither.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+
+_STATISTICS = "GL_ARB_pipeline_statistics_query"
+_VERTEX_SHADER_INVOCATIONS, _FRAGMENT_SHADER_INVOCATIONS = 0x82F0, 0x82F4
+_CLIPPING_OUTPUT_PRIMITIVES = 0x82F7
+_QUERY_RESULT = 0x8866
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What was drawn.
+
+    Attributes:
+        samples: that passed the depth test; where it comes before the fragment shader, which is
+            the rule for what has no holes, as many as were shaded and kept.
+        triangles: that left the vertex stage: submitted.
+        triangles_inside: left by the edges of the picture; None: the driver does not count them.
+        vertices: how often the vertex shader ran; None likewise.
+        lanes: how often the fragment shader ran, by the driver's own way of counting: a software
+            renderer runs it for whole blocks, and counts them; None likewise.
+    """
+
+    samples: int
+    triangles: int
+    triangles_inside: int | None
+    vertices: int | None
+    lanes: int | None
+
+
+def count(context: moderngl.Context, draw: Callable[[], object]) -> Counts:
+    """Draw, and say what it took; the context must be current.
+
+    It is drawn once for each of OpenGL's counters.
+    """
+    query = context.query(samples=True, primitives=True)
+    with query:
+        draw()
+    has_statistics = context.version_code >= 460 or _STATISTICS in context.extensions
+
+    def counted(target: int) -> int | None:
+        return _counted(target, draw) if has_statistics else None
+
+    return Counts(
+        query.samples,
+        query.primitives,
+        counted(_CLIPPING_OUTPUT_PRIMITIVES),
+        counted(_VERTEX_SHADER_INVOCATIONS),
+        counted(_FRAGMENT_SHADER_INVOCATIONS),
+    )
+
+
+def _counted(target: int, draw: Callable[[], object]) -> int:
+    name, result = ctypes.c_uint(), ctypes.c_uint64()
+    _call("glGenQueries", ctypes.c_int(1), ctypes.byref(name))
+    _call("glBeginQuery", ctypes.c_uint(target), name)
+    draw()
+    _call("glEndQuery", ctypes.c_uint(target))
+    _call("glGetQueryObjectui64v", name, ctypes.c_uint(_QUERY_RESULT), ctypes.byref(result))
+    _call("glDeleteQueries", ctypes.c_int(1), ctypes.byref(name))
+    return result.value
+
+
+def _call(function: str, *arguments: ctypes._SimpleCData[int] | ctypes._CArgObject) -> None:
+    egl = ctypes.CDLL("libEGL.so.1")
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    ctypes.CFUNCTYPE(None)(egl.eglGetProcAddress(function.encode()))(*arguments)

@@ -1,0 +1,47 @@
+"""The robot that benchmarks drive, where it goes, and what a user sees of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera
+from omnisim.frames import pose
+from omnisim.scene import Scene
+from omnisim.sensors import OmniCamera
+from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.vehicle import Vehicle
+
+ROBOT = "p2at"
+VIEWPORT_PX, VIEWPORT_FIELD_RAD = (640, 480), math.radians(90.0)
+# A camera that follows the robot looks at it from behind and above.
+CHASE_M, CHASE_DOWN_DEG = (-1.2, 0.0, 1.1), 20.0
+
+
+def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
+    """Poses (count, 4, 4) of the vehicle's base along the scene's first path, equally many steps
+    apart; in a scene without one it turns on the spot, its camera at the scene's start.
+
+    Raises:
+        TrajectoryError: a path that this vehicle cannot drive.
+    """
+    if not scene.paths:
+        camera, start = vehicle.camera().sensor, scene.start
+        turns = np.arange(count) * 360.0 / count
+        return np.array([camera.base_pose(start.position_m, start.yaw_deg + t) for t in turns])
+    driven = plan_route(scene, vehicle, Route(scene.paths[0].name)).world_from_base
+    return driven[np.arange(count) * len(driven) // count]
+
+
+def viewport() -> OmniCamera:
+    """What a simulator's window shows, as one draws it: a sample for each of its pixels."""
+    lens = PerspectiveCamera.with_field_of_view(*VIEWPORT_PX, VIEWPORT_FIELD_RAD)
+    return OmniCamera(
+        lens,
+        polygons=None,
+        base_from_rig=pose(CHASE_M, pitch_deg=CHASE_DOWN_DEG),
+        supersampling=1,
+        texels_per_pixel=1.0,
+    )

@@ -1,0 +1,84 @@
+"""Rays instead of faces: Embree through embreex, one primary ray a pixel, one thread."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.embree_rays import EmbreeRays
+from benchmarks.peers.hit_colors import HitColors
+from benchmarks.peers.peer import SENSOR, Peer
+from omnisim.scene.model import Scene
+
+MOST_LAYERS = 16  # surfaces on one ray that something behind is seen through
+# How far behind a surface a ray goes on, as a share of its range: some roundings of a float32.
+_BEYOND = 1e-5
+
+
+class EmbreeGeometry(Peer):
+    """Which triangle each valid pixel's ray hits, and nothing else."""
+
+    name = "Embree, geometry"
+
+    def __init__(self, scene: Scene):
+        self._rays = EmbreeRays(scene, SENSOR.camera)
+        self.texels = self._rays.count
+
+    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Numbers (n,) of the triangles that the valid pixels' rays hit; −1: none."""
+        return self._rays.cast(world_from_rig)
+
+
+class EmbreeColors(Peer):
+    """The picture: what is hit, lit and textured in NumPy.
+
+    A ray goes on where it hits a hole, the back of a surface that has none, or glass.
+
+    Attributes:
+        rays: that are cast.
+    """
+
+    name = "Embree, colour"
+
+    def __init__(self, scene: Scene):
+        self.rays = EmbreeRays(scene, SENSOR.camera)
+        self.texels = self.rays.count
+        self._colors = HitColors(scene)
+        self._background = np.array(scene.background, dtype=np.float32)
+
+    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """The picture (height, width, 3)."""
+        origins_m, directions = self.rays.aim(world_from_rig)
+        total = np.zeros_like(directions)
+        rays = np.arange(len(total))
+        share = np.ones((len(rays), 1), dtype=np.float32)
+        for _ in range(MOST_LAYERS):
+            found = self.rays.embree.run(origins_m, directions, output=True)
+            hit = np.flatnonzero(found["primID"] >= 0)
+            if len(hit) < len(rays):
+                missed = np.flatnonzero(found["primID"] < 0)
+                total[rays[missed]] += share[missed] * self._background
+            rays, share, directions = rays[hit], share[hit], directions[hit]
+            ranges_m = found["tfar"][hit, None]
+            points_m = origins_m[hit] + ranges_m * directions
+            colors, opacity = self._colors.of(
+                found["primID"][hit], found["u"][hit], found["v"][hit], points_m, directions
+            )
+            total[rays] += share * opacity * colors
+            share = share * (1.0 - opacity)
+            on = np.flatnonzero(share[:, 0] > 0.0)
+            if not len(on):
+                break
+            rays, share, directions = rays[on], share[on], directions[on]
+            origins_m = points_m[on] + _BEYOND * (1.0 + ranges_m[on]) * directions
+        levels = np.zeros((*self.rays.valid.shape, 3), dtype=np.uint8)
+        levels[self.rays.valid] = _levels(total)
+        return levels
+
+
+def _levels(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Linear RGB (n, 3) as 8-bit sRGB, in float32 throughout."""
+    values = np.clip(linear, np.float32(0.0), np.float32(1.0))
+    high = np.float32(1.055) * np.power(values, np.float32(1.0 / 2.4)) - np.float32(0.055)
+    encoded = np.where(values <= np.float32(0.0031308), np.float32(12.92) * values, high)
+    return (np.float32(255.0) * encoded + np.float32(0.5)).astype(np.uint8)

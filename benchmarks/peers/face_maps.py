@@ -1,0 +1,103 @@
+"""From square faces side by side to the mirror's picture, by OpenCV's remap."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.peer import SENSOR, mirror_rays
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cube import face_index, face_tangents
+from omnisim.srgb import linear_from_srgb
+
+CAPTURES = 8  # to a side of a pixel of the reference
+_BANDS = 24  # of the reference's rows, one after the other: its rays take gigabytes
+
+
+class FaceMaps:
+    """Where in the faces each pixel looks; made once.
+
+    Args:
+        camera: whose pixels.
+        face_px: size of a face.
+        faces: how many stand side by side, in the order of `omnisim.cube.FACE_NAMES`.
+    """
+
+    def __init__(self, camera: HyperbolicCamera, face_px: int, faces: int):
+        import cv2
+
+        x, y, self.valid = _places(camera, face_px, faces)
+        self._maps = cv2.convertMaps(x, y, cv2.CV_16SC2)
+        self._outside = ~self.valid
+
+    def look_up(self, faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The picture (height, width, 3), between four texels; black where it is not valid."""
+        import cv2
+
+        picture = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR)
+        picture[self._outside] = 0
+        return picture
+
+
+def _places(
+    camera: HyperbolicCamera, face_px: int, faces: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Columns and rows (height, width) among the faces' texels, and which pixels are valid."""
+    rays, valid = mirror_rays(camera)
+    index = np.minimum(face_index(rays), faces - 1)
+    tangents = face_tangents(rays, index)
+    # at most to the middle of a face's last texel: beyond it another face begins
+    texels = np.clip(0.5 * face_px * (tangents + 1.0) - 0.5, 0.0, face_px - 1.0)
+    columns = texels[..., 0] + face_px * index
+    return columns.astype(np.float32), texels[..., 1].astype(np.float32), valid
+
+
+@cache
+def _fine_bands(
+    face_px: int, faces: int
+) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]]:
+    """The same for the finer picture that the reference is averaged from, in bands of rows."""
+    import dataclasses
+
+    fine = SENSOR.camera.scaled(CAPTURES)
+    u, v = fine.principal_point_px
+    rows = fine.height_px // _BANDS
+    return [
+        _places(
+            dataclasses.replace(fine, height_px=rows, principal_point_px=(u, v - band * rows)),
+            face_px,
+            faces,
+        )
+        for band in range(_BANDS)
+    ]
+
+
+def averaged(linear_faces: NDArray[np.float32], faces: int) -> NDArray[np.float32]:
+    """The reference (height, width, 3): captured 8 × 8 times a pixel, averaged in linear light.
+
+    Args:
+        linear_faces: (size, faces * size, 3), side by side.
+        faces: how many.
+    """
+    import cv2
+
+    parts = []
+    for x, y, valid in _fine_bands(len(linear_faces), faces):
+        captured = cv2.remap(linear_faces, x, y, cv2.INTER_LINEAR)
+        captured[~valid] = 0.0
+        counts = _blocks(valid[..., None].astype(np.float32))
+        parts.append(_blocks(captured) / np.maximum(counts, 1.0))
+    return np.concatenate(parts)
+
+
+def _blocks(fine: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width, channels = fine.shape
+    blocks = fine.reshape(height // CAPTURES, CAPTURES, width // CAPTURES, CAPTURES, channels)
+    return blocks.sum(axis=(1, 3))
+
+
+def linear_from_levels(levels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """8-bit sRGB values in linear light."""
+    return linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)[levels]

@@ -1,0 +1,180 @@
+"""What the peers on OpenGL share: faces of 90°, and the scene drawn into them object by object."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
+from omnisim.gpu.scene_buffers import Draw, SceneBuffers, is_blended
+from omnisim.gpu.surface_program import SurfaceProgram, SurfacePrograms, variant_of
+from omnisim.gpu.uniforms import columns_first
+from omnisim.scene.model import Material, Scene
+
+SHADERS = Path(__file__).parent / "shaders"
+NEAR_M = 0.05
+SRGB8_ALPHA8 = 0x8C43
+FRAMEBUFFER_SRGB = 0x8DB9
+# 90° wide and high, y of the clip space down the picture, depth reversed and without an end.
+CLIP_FROM_FACE: NDArray[np.float64] = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, NEAR_M], [0.0, 0.0, 1.0, 0.0]]
+)
+
+
+def peer_program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
+    """Compile two files of the peers' own shaders."""
+    vertex, fragment = ((SHADERS / name).read_text(encoding="utf-8") for name in (vertex, fragment))
+    return context.program(vertex_shader=vertex, fragment_shader=fragment)
+
+
+def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
+    """8-bit colours, stored as sRGB, looked up in linear light between four texels."""
+    texture = context.texture(size, 4, internal_format=SRGB8_ALPHA8)
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = False
+    return texture
+
+
+def face_target(context: moderngl.Context, texture: moderngl.Texture) -> moderngl.Framebuffer:
+    """A framebuffer for one face, with depth of its own."""
+    return context.framebuffer([texture], float_depth(context, texture.size, 0))
+
+
+class ObjectDrawing:
+    """Draws a scene's objects one by one with omnisim's surface shaders.
+
+    Args:
+        context: where.
+        scene: what there is to see.
+
+    Attributes:
+        opaque, blended: indices of the objects, in the order of their materials.
+        counts: (n,) triangles of each object.
+    """
+
+    def __init__(self, context: moderngl.Context, scene: Scene):
+        self._context = context
+        self._background = scene.background
+        self._buffers = SceneBuffers(context, scene)
+        surfaces = SurfacePrograms(self._buffers, scene.lighting)
+        self.draws = self._buffers.draws
+        variants = [variant_of(draw.material, unlit=False) for draw in self.draws]
+        self._used = [surfaces[variant] for variant in set(variants)]
+        brushes = {one: _Brush(self._buffers, surfaces[one]) for one in set(variants)}
+        self._brushes = [brushes[variant] for variant in variants]
+        self._is_blended = [is_blended(draw.material) for draw in self.draws]
+        self.opaque = np.flatnonzero(~np.array(self._is_blended))
+        self.blended = np.flatnonzero(self._is_blended)
+        self.counts = np.array([draw.count // 3 for draw in self.draws])
+
+    def move_to(self, viewpoint_m: NDArray[np.float64]) -> None:
+        """Draw the next faces from (3,), world."""
+        placement = self._buffers.place(viewpoint_m)
+        self._here_from_mesh = placement.here_from_mesh
+        self._here_matrices = columns_first(placement.here_from_mesh)
+        self._normal_matrices = columns_first(placement.normal_from_mesh)
+        self.centres_m = placement.centres_m
+        for program in self._used:
+            program.set_viewpoint(viewpoint_m)
+
+    def from_far_to_near(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Objects in the order in which what is blended is drawn."""
+        distances = np.linalg.norm(self.centres_m[indices], axis=1)
+        return indices[np.argsort(-distances, kind="stable")]
+
+    def from_near_to_far(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Objects in the order in which least is painted twice."""
+        return self.from_far_to_near(indices)[::-1]
+
+    def draw_face(
+        self,
+        target: moderngl.Framebuffer,
+        face_from_world: NDArray[np.float64],
+        order: NDArray[np.intp],
+    ) -> None:
+        """Clear a face's framebuffer and draw objects into it, in that order.
+
+        Args:
+            target: the framebuffer.
+            face_from_world: (3, 3) rows: the face's right, down and forward.
+            order: indices of the objects.
+        """
+        context = self._context
+        target.use()
+        target.depth_mask = True
+        target.clear(*self._background, 1.0, depth=CLEARED_DEPTH)
+        context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        context.enable_direct(FRAMEBUFFER_SRGB)
+        context.depth_func = DEPTH_FUNCTION
+        context.cull_face = "back"
+        context.blend_func = (
+            moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
+        )  # fmt: skip
+        clip_from_here = CLIP_FROM_FACE.copy()
+        clip_from_here[:, :3] = CLIP_FROM_FACE[:, :3] @ face_from_world
+        clip_matrices = columns_first(clip_from_here @ self._here_from_mesh)
+        front, texture, culled, blended = None, None, True, False
+        for index in order:
+            draw = self.draws[index]
+            turns = "ccw" if draw.mirrored else "cw"  # y of the clip space runs down
+            if turns != front:
+                context.front_face = front = turns
+            if culled == draw.material.double_sided:
+                culled = not culled
+                (context.enable if culled else context.disable)(moderngl.CULL_FACE)
+            if blended != self._is_blended[index]:
+                blended = not blended
+                (context.enable if blended else context.disable)(moderngl.BLEND)
+                target.depth_mask = not blended
+            if draw.texture is not texture:
+                texture = draw.texture
+                texture.use(0)
+            brush = self._brushes[index]
+            brush.place(
+                clip_matrices[index], self._here_matrices[index], self._normal_matrices[index]
+            )
+            brush.draw(draw)
+        target.depth_mask = True
+        context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
+        context.disable_direct(FRAMEBUFFER_SRGB)
+
+
+class _Brush:
+    """A variant of the surface shader with its vertex array; says nothing to it twice."""
+
+    def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
+        program = surface.program
+        self._vertex_array = buffers.vertex_array(program)
+        self._clip_from_mesh = program["u_clip_from_mesh"]
+        self._base_color = program["u_base_color"]
+        self._alpha_cutoff = program.get("u_alpha_cutoff", None)
+        # what has no lamps has neither
+        self._here_from_mesh = program.get("u_here_from_mesh", None)
+        self._normal_from_mesh = program.get("u_normal_from_mesh", None)
+        self._material: Material | None = None
+
+    def place(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        here_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Say where the next object is; matrices (4, 4) and (3, 3), columns first."""
+        self._clip_from_mesh.write(clip_from_mesh)
+        if self._here_from_mesh is not None:
+            self._here_from_mesh.write(here_from_mesh)
+        if self._normal_from_mesh is not None:
+            self._normal_from_mesh.write(normal_from_mesh)
+
+    def draw(self, draw: Draw) -> None:
+        """Draw it."""
+        material = draw.material
+        if material is not self._material:
+            self._material = material
+            self._base_color.value = material.base_color
+            if self._alpha_cutoff is not None:
+                self._alpha_cutoff.value = material.alpha_cutoff
+        self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)

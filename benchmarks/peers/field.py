@@ -1,0 +1,67 @@
+"""Who races in a scene: all that this machine has, and why the others do not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
+from benchmarks.peers.gazebo import GazeboWay
+from benchmarks.peers.ours import Omnisim
+from benchmarks.peers.paper import PaperWay
+from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.pyrender_faces import PyrenderFaces
+from benchmarks.settings import at_setting
+from omnisim.sensors.stage import Closing, Stage
+from omnisim.validation.oracles import why_missing
+
+FAST, DEFAULT = "omnisim, fast", "omnisim, default"
+PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
+PAPER, GAZEBO = PaperWay.name, GazeboWay.name
+EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
+NAMES = (FAST, DEFAULT, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
+
+
+class Field(Closing):
+    """The racers in one scene; close it at the end.
+
+    Attributes:
+        peers: by name.
+        missing: why others are not there, by name.
+    """
+
+    def __init__(self, stage: Stage, device: int | None = None):
+        scene, context = stage.scene, stage.context
+        fast = at_setting(SENSOR, "fast")
+        make: dict[str, Callable[[], Peer]] = {
+            FAST: lambda: Omnisim(stage, fast, FAST),
+            DEFAULT: lambda: Omnisim(stage, at_setting(SENSOR, "default"), DEFAULT),
+            UNLIT: lambda: Omnisim(stage, fast, UNLIT, unlit=True),
+            PAPER: lambda: PaperWay(context, scene),
+            GAZEBO: lambda: GazeboWay(context, scene),
+        }
+        self.missing: dict[str, str] = {}
+        faces_of_pyrender = why_missing("pyrender") or why_missing("cv2")
+        if faces_of_pyrender:
+            self.missing |= dict.fromkeys((PYRENDER, PYRENDER_FLAT), faces_of_pyrender)
+        else:
+            make[PYRENDER] = lambda: PyrenderFaces(scene, lit=True, device=device)
+            make[PYRENDER_FLAT] = lambda: PyrenderFaces(scene, lit=False, device=device)
+        if rays := why_missing("embreex"):
+            self.missing |= dict.fromkeys((EMBREE, EMBREE_COLOR), rays)
+        else:
+            make[EMBREE] = lambda: EmbreeGeometry(scene)
+            make[EMBREE_COLOR] = lambda: EmbreeColors(scene)
+        self.peers: dict[str, Peer] = {}
+        try:
+            for name in NAMES:
+                if name in make:
+                    with stage.current():  # anew for each: pyrender leaves none current
+                        self.peers[name] = make[name]()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Give back what the racers hold."""
+        for peer in self.peers.values():
+            peer.close()

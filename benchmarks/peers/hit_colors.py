@@ -1,0 +1,200 @@
+"""What rays see where they hit: base colour, texture and light, in NumPy.
+
+No `matmul`: BLAS would hand it to threads, and one thread is what is raced.
+
+The surfaces and lights are those of `shaders/scene/surface.frag` and `shaders/scene/lighting.glsl`,
+but for the textures: four texels of the finest level, whatever the distance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.batching import in_world
+from omnisim.scene.model import AlphaMode, LightKind, Material, Mesh, Scene, Texture, Wrap
+from omnisim.srgb import linear_from_srgb
+
+Floats = NDArray[np.float32]
+
+
+class WorldTriangles:
+    """All triangles of a scene, in the order of its instances.
+
+    Attributes:
+        corners_m: (n, 3, 3) float32, world.
+        materials: (n,) index of each triangle's material.
+        normals: (n, 3, 3) of the corners; zero: flat.
+        coordinates: (n, 3, 2) of the texture.
+        colors: (n, 3, 4) of the corners, linear RGBA.
+        is_textured: (n,) whether the mesh has coordinates.
+    """
+
+    def __init__(self, scene: Scene):
+        meshes = [in_world(scene.meshes[one.mesh], one) for one in scene.instances]
+        self.corners_m = np.concatenate([mesh.positions[mesh.triangles] for mesh in meshes])
+        self.materials = np.concatenate(
+            [np.full(len(mesh.triangles), mesh.material) for mesh in meshes]
+        )
+        self.normals = np.concatenate([_at_corners(mesh, mesh.normals, 3, 0.0) for mesh in meshes])
+        self.coordinates = np.concatenate(
+            [_at_corners(mesh, mesh.texture_coordinates, 2, 0.0) for mesh in meshes]
+        )
+        self.colors = np.concatenate([_at_corners(mesh, mesh.colors, 4, 1.0) for mesh in meshes])
+        self.is_textured = np.concatenate(
+            [np.full(len(mesh.triangles), mesh.texture_coordinates is not None) for mesh in meshes]
+        )
+
+
+def _at_corners(mesh: Mesh, values: Floats | None, count: int, otherwise: float) -> Floats:
+    if values is None:
+        return np.full((len(mesh.triangles), 3, count), otherwise, dtype=np.float32)
+    return values[mesh.triangles].astype(np.float32)
+
+
+class HitColors:
+    """Colours of points on a scene's triangles; tables are made once."""
+
+    def __init__(self, scene: Scene):
+        self._world = world = WorldTriangles(scene)
+        self._lighting = scene.lighting
+        edges = world.corners_m[:, 1:] - world.corners_m[:, :1]
+        self._flat = np.cross(edges[:, 0], edges[:, 1])
+        self._table = _TextureTable(scene.materials)
+        # the last texture is white
+        self._texture = np.where(world.is_textured, world.materials, len(scene.materials))
+        materials = scene.materials
+        self._base = np.array([material.base_color for material in materials], dtype=np.float32)
+        self._two_sided = np.array([material.double_sided for material in materials])
+        self._unlit = np.array([material.unlit for material in materials])
+        modes = [material.alpha_mode for material in materials]
+        self._blended = np.array([mode is AlphaMode.BLEND for mode in modes])
+        self._cutoff = np.array(
+            [
+                material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else -1.0
+                for material in materials
+            ],
+            dtype=np.float32,
+        )
+        self._has_colors = bool((world.colors != 1.0).any())
+
+    def of(
+        self,
+        triangles: NDArray[np.int32],
+        u: Floats,
+        v: Floats,
+        points_m: Floats,
+        directions: Floats,
+    ) -> tuple[Floats, Floats]:
+        """Linear RGB (n, 3) and opacity (n, 1) that rays see.
+
+        Args:
+            triangles: (n,) that are hit.
+            u, v: (n,) shares of their second and third corners.
+            points_m, directions: (n, 3) where, and along which way, world.
+        """
+        world = self._world
+        weights = np.stack((1.0 - u - v, u, v), axis=1)
+
+        def between(corners: Floats) -> Floats:
+            return np.einsum("nk,nkc->nc", weights, corners[triangles])
+
+        material = world.materials[triangles]
+        color = self._base[material] * self._table.lookup(
+            self._texture[triangles], between(world.coordinates)
+        )
+        if self._has_colors:
+            color *= between(world.colors)
+        flat = self._flat[triangles]
+        is_back = np.einsum("ij,ij->i", flat, directions) > 0.0
+        opacity = np.where(self._blended[material], color[:, 3], np.float32(1.0))
+        opacity[color[:, 3] < self._cutoff[material]] = 0.0
+        opacity[is_back & ~self._two_sided[material]] = 0.0
+
+        flat = np.where(is_back[:, None], -flat, flat)
+        normal = between(world.normals)
+        is_flat = ~normal.any(axis=1)
+        normal[is_flat] = flat[is_flat]
+        normal *= np.where(np.einsum("ij,ij->i", normal, flat) < 0.0, -1.0, 1.0)[:, None]
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-20)
+        light = self._light(points_m, normal.astype(np.float32))
+        light[self._unlit[material]] = 1.0
+        return color[:, :3] * light, opacity[:, None].astype(np.float32)
+
+    def _light(self, points_m: Floats, normals: Floats) -> Floats:
+        """What a white surface shows (n, 3)."""
+        lighting = self._lighting
+        total = np.empty_like(normals)
+        total[:] = lighting.ambient
+        for light in lighting.lights:
+            color = np.float32(light.intensity * lighting.exposure) * np.float32(light.color)
+            axis = light.direction.astype(np.float32)
+            if light.kind is LightKind.DIRECTIONAL:
+                level = np.maximum(-np.einsum("ij,j->i", normals, axis), 0.0)
+            else:
+                away = points_m - light.position_m.astype(np.float32)
+                distance = np.maximum(np.linalg.norm(away, axis=1), np.float32(1e-3))
+                away /= distance[:, None]
+                level = np.maximum(-np.einsum("ij,ij->i", normals, away), 0.0) / distance**2
+                level *= np.clip(1.0 - (distance / np.float32(light.range_m)) ** 4, 0.0, 1.0)
+                if light.kind is LightKind.SPOT:
+                    inner, outer = light.cone_cosines
+                    inside = np.einsum("ij,j->i", away, axis) - np.float32(outer)
+                    level *= np.clip(inside / np.float32(max(inner - outer, 1e-3)), 0.0, 1.0) ** 2
+            total += level[:, None] * color
+        return total
+
+
+class _TextureTable:
+    """All textures in one table of texels, linear RGBA, so that one lookup serves every hit."""
+
+    def __init__(self, materials: tuple[Material, ...]):
+        white = Texture(np.full((1, 1, 4), 255, dtype=np.uint8))
+        firsts: dict[int, int] = {}
+        texels, rows, first = [], [], 0
+        for material in (*materials, Material()):
+            texture = white if material.texture is None else material.texture
+            height, width = texture.pixels.shape[:2]
+            if id(texture) not in firsts:
+                firsts[id(texture)] = first
+                texels.append(_linear(texture.pixels))
+                first += height * width
+            clamped = [wrap is Wrap.CLAMP_TO_EDGE for wrap in (texture.wrap_u, texture.wrap_v)]
+            rows.append((firsts[id(texture)], width, height, *clamped))
+        self._texels = np.concatenate(texels)
+        self._rows = np.array(rows, dtype=np.int32)
+
+    def lookup(self, textures: NDArray[np.int_], coordinates: Floats) -> Floats:
+        """Colours (n, 4) between four texels, at coordinates (n, 2) of textures (n,)."""
+        first, width, height, clamp_u, clamp_v = self._rows[textures].T
+        columns = _between(coordinates[:, 0], width, clamp_u)
+        rows = _between(coordinates[:, 1], height, clamp_v)
+        total = np.zeros((len(textures), 4), dtype=np.float32)
+        for row, row_share in rows:
+            start = first + row * width
+            for column, column_share in columns:
+                total += (row_share * column_share)[:, None] * self._texels[start + column]
+        return total
+
+
+def _linear(pixels: NDArray[np.uint8]) -> Floats:
+    levels = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+    linear = np.empty((*pixels.shape[:2], 4), dtype=np.float32)
+    linear[..., :3] = levels[pixels[..., :3]]
+    linear[..., 3] = pixels[..., 3] / np.float32(255.0)
+    return linear.reshape(-1, 4)
+
+
+def _between(
+    coordinate: Floats, count: NDArray[np.int32], clamped: NDArray[np.int32]
+) -> list[tuple[NDArray[np.int32], Floats]]:
+    """The two texels (n,) along one axis that a lookup is between, and their shares."""
+    place = coordinate * count - np.float32(0.5)
+    low = np.floor(place)
+    share = (place - low).astype(np.float32)
+    low = low.astype(np.int32)
+    texels = []
+    for texel, weight in ((low, 1.0 - share), (low + 1, share)):
+        inside = np.where(clamped > 0, np.clip(texel, 0, count - 1), texel % count)
+        texels.append((inside, weight.astype(np.float32)))
+    return texels

@@ -1,0 +1,28 @@
+"""omnisim itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.peer import Peer
+from omnisim.sensors import OmniCamera, Renderer, Stage
+
+
+class Omnisim(Peer):
+    """A renderer on a stage."""
+
+    def __init__(self, stage: Stage, sensor: OmniCamera, name: str, unlit: bool = False):
+        self.name = name
+        self._renderer = Renderer(stage, sensor, unlit=unlit)
+        self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
+        faces = self._renderer._cube.plan.faces
+        self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in faces)
+
+    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """RGBA."""
+        return self._renderer.render(world_from_rig @ self._rig_from_base).rgba
+
+    def close(self) -> None:
+        """Close the renderer; the stage is somebody else's."""
+        self._renderer.close()

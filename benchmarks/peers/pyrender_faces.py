@@ -1,0 +1,98 @@
+"""pyrender: five faces, each rendered and read back, then remapped by OpenCV.
+
+pyrender has no wide camera; this is what its users do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.face_maps import FaceMaps, averaged, linear_from_levels
+from benchmarks.peers.peer import SENSOR, Peer
+from omnisim.cube import FACE_FROM_RIG
+from omnisim.scene.model import AlphaMode, Scene
+from omnisim.srgb import srgb_from_linear
+from omnisim.validation.oracles.pyrender_rasteriser import (
+    FAR_M,
+    NEAR_M,
+    OPTICAL_FROM_PYRENDER,
+    stage_of,
+)
+
+FACE_PX = 360
+FACES = tuple(range(5))  # all but the one that looks up
+REFERENCE_FACE_PX = 4 * FACE_PX  # each texel of four samples, as pyrender always has
+
+
+class PyrenderFaces(Peer):
+    """Its own scene and context; maps for OpenCV."""
+
+    def __init__(self, scene: Scene, lit: bool, device: int | None = None):
+        import pyrender
+
+        self.name = "pyrender" if lit else "pyrender, flat"
+        self._flags = pyrender.RenderFlags.NONE if lit else pyrender.RenderFlags.FLAT
+        self._stage: Any = stage_of(_without_masks(scene), lit)
+        pinhole = pyrender.PerspectiveCamera(0.5 * np.pi, NEAR_M, FAR_M, aspectRatio=1.0)
+        self._camera = self._stage.add(pinhole)
+        self._renderer = _offscreen(lit, device)
+        self._maps = FaceMaps(SENSOR.camera, FACE_PX, len(FACES))
+        self._faces = np.empty((FACE_PX, len(FACES) * FACE_PX, 3), dtype=np.uint8)
+        self.texels = len(FACES) * FACE_PX**2
+        self.triangles = len(FACES) * scene.triangle_count
+
+    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """RGB."""
+        self._draw(world_from_rig, self._faces)
+        return self._maps.look_up(self._faces)
+
+    def reference(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Its picture from faces four times as large, captured 8 × 8 times a pixel."""
+        size = REFERENCE_FACE_PX
+        self._renderer.viewport_width = self._renderer.viewport_height = size
+        faces = np.empty((size, len(FACES) * size, 3), dtype=np.uint8)
+        self._draw(world_from_rig, faces)
+        self._renderer.viewport_width = self._renderer.viewport_height = FACE_PX
+        linear = averaged(linear_from_levels(faces), len(FACES))
+        return np.rint(255.0 * srgb_from_linear(linear)).astype(np.uint8)
+
+    def _draw(self, world_from_rig: NDArray[np.float64], faces: NDArray[np.uint8]) -> None:
+        """Faces side by side."""
+        size = len(faces)
+        world_from_face = world_from_rig.copy()
+        for place, face in enumerate(FACES):
+            world_from_face[:3, :3] = world_from_rig[:3, :3] @ FACE_FROM_RIG[face].T
+            self._stage.set_pose(self._camera, world_from_face @ OPTICAL_FROM_PYRENDER)
+            color, _ = self._renderer.render(self._stage, self._flags)
+            faces[:, place * size : (place + 1) * size] = color
+
+
+@cache
+def _offscreen(lit: bool, device: int | None) -> Any:
+    """A renderer with a context of its own, for all scenes, one after the other.
+
+    Its end would end the EGL display, and with it every other context of this process: it lives as
+    long as the process. What it holds of a scene it gives back when it draws the next.
+    """
+    import pyrender
+
+    if device is not None:
+        os.environ["EGL_DEVICE_ID"] = str(device)
+    return pyrender.OffscreenRenderer(FACE_PX, FACE_PX)
+
+
+def _without_masks(scene: Scene) -> Scene:
+    """The scene with masked surfaces blended: pyrender fills the holes of a mask."""
+    materials = tuple(
+        dataclasses.replace(material, alpha_mode=AlphaMode.BLEND)
+        if material.alpha_mode is AlphaMode.MASK
+        else material
+        for material in scene.materials
+    )
+    return dataclasses.replace(scene, materials=materials)

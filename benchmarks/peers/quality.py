@@ -1,0 +1,53 @@
+"""How good the raced pictures are: PSNR against references of 64 samples a pixel."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers.ours import Omnisim
+from benchmarks.peers.peer import SENSOR, Peer, mirror_rays
+from omnisim.sensors import Stage
+
+CAPTURES = 8  # to a side of a pixel
+REFERENCE = dataclasses.replace(SENSOR, supersampling=CAPTURES, texels_per_pixel=float(CAPTURES))
+TRUTH = "64 samples"  # the reference that most are measured against
+BEST_DB = 99.0  # of pictures that are equal: a report holds finite numbers
+
+
+def references(
+    stage: Stage, poses: NDArray[np.float64], unlit: bool = False
+) -> list[NDArray[np.uint8]]:
+    """RGBA pictures of 8 × 8 captures a pixel, of as many texels."""
+    with Omnisim(stage, REFERENCE, "reference", unlit) as reference:
+        return [reference.render(pose) for pose in poses]
+
+
+def psnr_db(picture: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
+    """Of the sRGB values of two pictures (height, width, 3 or 4) over the pixels valid in both.
+
+    Those are the ones whose middle the mirror reflects into, and that alpha, where there is one,
+    does not call empty.
+    """
+    _, where = mirror_rays(SENSOR.camera)
+    for one in (picture, reference):
+        if one.shape[2] == 4:
+            where = where & (one[..., 3] > 0)
+    apart = picture[where][:, :3].astype(np.float64) - reference[where][:, :3]
+    error = float(np.mean(apart**2))
+    return BEST_DB if error == 0.0 else min(BEST_DB, 10.0 * math.log10(255.0**2 / error))
+
+
+def measured_db(
+    peer: Peer, poses: NDArray[np.float64], against: list[NDArray[np.uint8]]
+) -> NDArray[np.float64]:
+    """PSNR (n,) of a peer's pictures from poses (n, 4, 4)."""
+    return np.array(
+        [
+            psnr_db(peer.render(pose), reference)
+            for pose, reference in zip(poses, against, strict=True)
+        ]
+    )

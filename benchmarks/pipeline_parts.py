@@ -1,0 +1,210 @@
+"""A look inside a frame: where its time goes, and what it draws.
+
+The one place of the benchmarks that knows how a `Renderer` is made: its virtual cameras are drawn
+by `_cube.render`, which its pipeline calls; what comes after it, up to the first read from the GPU,
+is the mirror pass and the capture; reads are readback. Reads and draws are noticed where moderngl
+has them, so that how the pipeline calls them does not matter.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any, NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.gl_counters import Counts, count
+from omnisim.sensors import OmniCamera, Renderer, Stage
+
+_READS = (
+    (moderngl.Framebuffer, ("read", "read_into")),
+    (moderngl.Texture, ("read", "read_into")),
+    (moderngl.Buffer, ("read", "read_into")),
+)
+_INDIRECT_BYTES = 20  # of a draw in an indirect list
+
+
+class PartSeconds(NamedTuple):
+    """A frame in parts, each with all that the GPU has to do for it."""
+
+    virtual_cameras: float  # the faces of the cube
+    capture: float  # mirror pass, averaging, encoding
+    readback: float
+    around: float  # what Python does before, between and after
+
+    @property
+    def whole(self) -> float:
+        """The frame, with a wait for the GPU at each boundary."""
+        return sum(self)
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    """What a frame draws.
+
+    Attributes:
+        virtual_cameras: what OpenGL counts there.
+        calls: of Python's that draw, in the whole frame.
+        draws: that they are of; an indirect list has many.
+    """
+
+    virtual_cameras: Counts
+    calls: int
+    draws: int
+
+
+class RepeatedFrame:
+    """One renderer's frame from one pose, again and again.
+
+    Args:
+        renderer: of an ideal camera.
+        world_from_base: (4, 4) pose of the vehicle.
+    """
+
+    def __init__(self, renderer: Renderer, world_from_base: NDArray[np.float64]):
+        self.renderer, self.world_from_base = renderer, world_from_base
+
+    @classmethod
+    def at_start(cls, stage: Stage, camera: OmniCamera) -> RepeatedFrame:
+        """From where the scene's pictures are taken when nobody says."""
+        start = stage.scene.start
+        return cls(Renderer(stage, camera), camera.base_pose(start.position_m, start.yaw_deg))
+
+    def render(self) -> NDArray[np.uint8]:
+        """The picture (height, width, 4), as anybody gets it; nothing is left to be done."""
+        return self.renderer.render(self.world_from_base).rgba
+
+    def render_faces(self) -> None:
+        """The virtual cameras alone, until they are drawn."""
+        with self.renderer._current() as stage:  # not nested: the inner end would be the outer's
+            self._draw_faces(stage)
+            stage.context.finish()
+
+    def parts(self) -> PartSeconds:
+        """Render it, waiting for the GPU at every boundary, and say how long each part took."""
+        with self.renderer._current() as stage:
+            marks = _Marks(stage.context)
+        start = time.perf_counter()
+        with _instead(self.renderer._cube, "render", marks.faces), _reads(marks.read):
+            self.render()
+        whole = time.perf_counter() - start
+        faces, capture, reads = marks.seconds
+        return PartSeconds(faces, capture, reads, whole - faces - capture - reads)
+
+    def count(self) -> FrameCounts:
+        """Render it and count."""
+        with self.renderer._current() as stage:
+            counted = count(stage.context, lambda: self._draw_faces(stage))
+        calls: list[int] = []
+
+        def noting(draws_of: Callable[..., int]) -> Callable[..., Any]:
+            def wrapped(draw: Callable[..., Any]) -> Callable[..., Any]:
+                @wraps(draw)
+                def noted(*arguments: Any, **options: Any) -> Any:
+                    calls.append(draws_of(*arguments, **options))
+                    return draw(*arguments, **options)
+
+                return noted
+
+            return wrapped
+
+        with (
+            _instead(moderngl.VertexArray, "render", noting(lambda *_, **__: 1)),
+            _instead(moderngl.VertexArray, "render_indirect", noting(_listed)),
+        ):
+            self.render()
+        return FrameCounts(counted, len(calls), sum(calls))
+
+    def _draw_faces(self, stage: Stage) -> None:
+        renderer = self.renderer
+        world_from_rig = self.world_from_base @ renderer.camera.base_from_rig
+        renderer._cube.render(world_from_rig, stage.movers_at(self.world_from_base))
+
+
+class _Marks:
+    """Adds up the time between the boundaries of one frame."""
+
+    def __init__(self, context: moderngl.Context):
+        self._context = context
+        self._faces = self._capture = self._reads = 0.0
+        self._faces_end: float | None = None
+
+    @property
+    def seconds(self) -> tuple[float, float, float]:
+        """Of faces, capture and reads."""
+        return self._faces, self._capture, self._reads
+
+    def faces(self, render: Callable[..., Any]) -> Callable[..., Any]:
+        """The drawing of the faces, with a clock around it."""
+
+        @wraps(render)
+        def timed(*arguments: Any, **options: Any) -> Any:
+            self._context.finish()
+            start = time.perf_counter()
+            drawn = render(*arguments, **options)
+            self._context.finish()
+            self._faces_end = time.perf_counter()
+            self._faces += self._faces_end - start
+            return drawn
+
+        return timed
+
+    def read(self, read: Callable[..., Any]) -> Callable[..., Any]:
+        """A read, with a clock around it; what it had to wait for is the capture's."""
+
+        @wraps(read)
+        def timed(*arguments: Any, **options: Any) -> Any:
+            self._context.finish()
+            start = time.perf_counter()
+            if self._faces_end is not None:
+                self._capture += start - self._faces_end
+                self._faces_end = None
+            values = read(*arguments, **options)
+            self._reads += time.perf_counter() - start
+            return values
+
+        return timed
+
+
+@contextmanager
+def _instead(
+    owner: Any, name: str, change: Callable[[Callable[..., Any]], Callable[..., Any]]
+) -> Iterator[None]:
+    """Put a changed function in the place of an object's or a class's own."""
+    is_own = name in vars(owner)
+    original = getattr(owner, name)
+    setattr(owner, name, change(original))
+    try:
+        yield
+    finally:
+        if is_own:
+            setattr(owner, name, original)
+        else:
+            delattr(owner, name)
+
+
+@contextmanager
+def _reads(change: Callable[[Callable[..., Any]], Callable[..., Any]]) -> Iterator[None]:
+    """Change all that reads from the GPU."""
+    with ExitStack() as stack:
+        for owner, names in _READS:
+            for name in names:
+                stack.enter_context(_instead(owner, name, change))
+        yield
+
+
+def _listed(
+    _: moderngl.VertexArray,
+    buffer: moderngl.Buffer,
+    mode: Any = None,
+    count: int = -1,
+    first: int = 0,
+) -> int:
+    """How many draws an indirect list has from the first on."""
+    return buffer.size // _INDIRECT_BYTES - first if count < 0 else count

@@ -1,0 +1,91 @@
+"""How many texels of the virtual cameras a second: the ceiling for the faces.
+
+An empty room, drawn by the renderer itself with the lamps of a scene: twelve textured triangles,
+each texel shaded once, nothing hidden, next to no vertices.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.pipeline_parts import RepeatedFrame
+from benchmarks.probes.probe import Probe, quickest
+from benchmarks.settings import at_setting
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance, Material, Mesh, Texture
+from omnisim.sensors import OmniCamera, Stage
+
+HALF_M = 3.0
+_REPEATS = 4.0  # of the texture along a wall: finer than the texels, so that two levels are read
+_TEXTURE_PX = 256
+# Of the picture: half a million texels, on a GPU up to eight million.
+_SIDE_PX, _LARGEST_SIDE_PX = 512, 2048
+_LEAST_SECONDS = 5e-3  # Python's calls are some tenths of a millisecond
+
+
+def empty_room(scene: Scene) -> Scene:
+    """A room about the scene's start, lit by the scene's lamps."""
+    pixels = np.random.default_rng(5).integers(0, 256, (_TEXTURE_PX, _TEXTURE_PX, 4), np.uint8)
+    pixels[..., 3] = 255
+    return dataclasses.replace(
+        scene,
+        name=f"a room with the lamps of {scene.name}",
+        meshes=(_walls(),),
+        materials=(Material("walls", texture=Texture(pixels), double_sided=True),),
+        instances=(Instance("walls", 0, _at(scene.start.position_m)),),
+        labels=(),
+        landmarks=(),
+    )
+
+
+def room_probe(scene: str, room: Stage) -> Probe:
+    """Texels of an empty room a second: so many that Python's calls are no part of it.
+
+    Args:
+        scene: whose lamps they are.
+        room: the room on a stage.
+    """
+    side_px = _SIDE_PX
+    while True:
+        camera = at_setting(OmniCamera(), "fast").resized(side_px)
+        frame = RepeatedFrame.at_start(room, camera)
+        if quickest(frame.render_faces) >= _LEAST_SECONDS or 2 * side_px > _LARGEST_SIDE_PX:
+            break
+        frame.renderer.close()
+        side_px *= 2
+    samples = frame.count().virtual_cameras.samples
+    return Probe(room_name(scene), "texels", samples, frame.render_faces)
+
+
+def room_name(scene: str) -> str:
+    """Name of the probe."""
+    return f"our surfaces, by the lamps of {scene}"
+
+
+def _walls() -> Mesh:
+    """A box about the origin, seen from within: four corners a side, with normals."""
+    corners, normals, coordinates = [], [], []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corners.append(HALF_M * np.roll((side, u, v), axis))
+                normals.append(np.roll((-side, 0.0, 0.0), axis))
+                coordinates.append((0.5 * _REPEATS * (1 + u), 0.5 * _REPEATS * (1 + v)))
+    quads = 4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(
+        "walls",
+        np.array(corners, dtype=np.float32),
+        quads.reshape(-1, 3).astype(np.uint32),
+        0,
+        normals=np.array(normals, dtype=np.float32),
+        texture_coordinates=np.array(coordinates, dtype=np.float32),
+    )
+
+
+def _at(position_m: tuple[float, float, float]) -> NDArray[np.float64]:
+    world_from_room = np.eye(4)
+    world_from_room[:3, 3] = position_m
+    return world_from_room

@@ -1,0 +1,23 @@
+"""How much memory this process holds."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from benchmarks.errors import BenchmarkError
+
+_STATM = Path("/proc/self/statm")  # in pages: all of it, what is resident, …
+
+
+def resident_bytes() -> int:
+    """Bytes of this process that are in memory, what it shares with others included.
+
+    Raises:
+        BenchmarkError: this system does not say.
+    """
+    try:
+        pages = int(_STATM.read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError) as reason:
+        raise BenchmarkError(f"{_STATM}: cannot be read ({reason}): want Linux") from None
+    return pages * os.sysconf("SC_PAGE_SIZE")

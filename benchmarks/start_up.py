@@ -1,0 +1,126 @@
+"""How long a fresh process takes until its first picture is there."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.errors import BenchmarkError
+from benchmarks.machine import ROOT
+from benchmarks.options import Options
+from benchmarks.start_up_phases import AFTER, PHASES
+
+# With what the driver compiled in runs before, and without.
+CACHED, ANEW = "to a picture and the end", "shaders compiled anew"
+
+# What the installed command does, on the checkout that this is in.
+_COMMAND = "from omnisim.cli.app import main; main()"
+# Drivers keep compiled shaders on disk; these turn that off, Mesa's and NVIDIA's.
+_NO_CACHE = {"MESA_SHADER_CACHE_DISABLE": "true", "__GL_SHADER_DISK_CACHE": "0"}
+_NOW = "NOW"  # stands for the time at which the process is started
+
+
+class Run(NamedTuple):
+    """A process from its start to its end."""
+
+    seconds: float  # by the wall clock
+    processor_seconds: float  # of all its threads, which what else the machine does hardly touches
+    output: str
+
+
+def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, Any]]:
+    """Rows of a report: whole runs, with and without the driver's cache, and their phases.
+
+    Args:
+        scene: which.
+        starts: of each; 0: no rows at all. One more before fills the driver's cache.
+        options: on what, and with what progress.
+
+    Raises:
+        BenchmarkError: a process fails.
+    """
+    if not starts:
+        return []
+    runs: dict[str, list[Run]] = {CACHED: [], ANEW: []}
+    phases: dict[str, list[float]] = {phase: [] for phase in PHASES}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "frame.png"
+        render(scene, path, options.device)
+        for _ in options.progress(range(starts), "start-up", starts):
+            for what, found in runs.items():
+                found.append(render(scene, path, options.device, cached=what == CACHED))
+            for phase, seconds in phase_seconds(scene, path, options.device).items():
+                phases[phase].append(seconds)
+    rows: list[dict[str, Any]] = [
+        {"kind": "start-up", "what": what, "rounds": starts,
+         **_middle("seconds", [run.seconds for run in found]),
+         **_middle("processor_seconds", [run.processor_seconds for run in found])}
+        for what, found in runs.items()
+    ]  # fmt: skip
+    for phase, seconds in phases.items():
+        row = {"kind": "start-up phase", "what": phase, "rounds": starts}
+        rows.append(row | _middle("seconds", seconds))
+    return rows
+
+
+def _middle(name: str, values: list[float]) -> dict[str, float]:
+    middle = float(np.median(values))
+    return {name: middle, f"{name}_least": min(values), f"{name}_most": max(values)}
+
+
+def render(scene: str, path: Path, device: int | None, cached: bool = True) -> Run:
+    """Run `omnisim render SCENE -o PATH` in a process of its own.
+
+    Args:
+        scene: which.
+        path: of the picture.
+        device: number of the GPU, or None.
+        cached: whether the driver may find the shaders that it compiled in runs before.
+
+    Raises:
+        BenchmarkError: it fails.
+    """
+    options = [] if device is None else ["--device", str(device)]
+    arguments = ["-c", _COMMAND, "render", scene, "-o", str(path), *options]
+    return _run(arguments, {} if cached else _NO_CACHE)
+
+
+def phase_seconds(scene: str, path: Path, device: int | None) -> dict[str, float]:
+    """Seconds of each phase of such a process, see `start_up_phases`.
+
+    Raises:
+        BenchmarkError: it fails.
+    """
+    numbers = [] if device is None else [str(device)]
+    arguments = ["-m", "benchmarks.start_up_phases", _NOW, scene, str(path), *numbers]
+    done = _run(arguments, {})
+    phases: dict[str, float] = json.loads(done.output)
+    phases[AFTER] = done.seconds - sum(phases.values())
+    return phases
+
+
+def _run(arguments: Sequence[str], more: dict[str, str]) -> Run:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = time.monotonic()  # which all processes share
+    given = [str(start) if argument is _NOW else argument for argument in arguments]
+    done = subprocess.run(
+        [sys.executable, *given], cwd=ROOT, env={**os.environ, **more},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    seconds = time.monotonic() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or ["no word why"])[-1]
+        raise BenchmarkError(f"start-up: a fresh process failed: {last}")
+    busy = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return Run(seconds, busy, done.stdout)

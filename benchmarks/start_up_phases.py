@@ -1,0 +1,63 @@
+"""What `omnisim render SCENE` does until its first frame is written, step by step, with a clock.
+
+Run in a fresh process: `python -m benchmarks.start_up_phases START SCENE FILE [DEVICE]`, START by
+the monotonic clock. Prints seconds by phase as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from typing import Any
+
+BEFORE = "Python itself"
+IMPORTS, SCENE, CONTEXT, UPLOAD = "imports", "scene", "OpenGL", "upload"
+COMPILE, FRAME, WRITE = "shaders and targets", "first frame", "file"
+AFTER = "end"  # of the process: what the parent sees beyond all others
+PHASES = (BEFORE, IMPORTS, SCENE, CONTEXT, UPLOAD, COMPILE, FRAME, WRITE, AFTER)
+
+
+def main(start: float, scene_name: str, path: str, device: int | None) -> dict[str, float]:
+    """Render, and say how long each phase took."""
+    seconds: dict[str, float] = {}
+    last = start
+
+    def done(phase: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        seconds[phase] = now - last
+        last = now
+
+    done(BEFORE)
+    import omnisim.cli.app
+    import omnisim.cli.render  # noqa: F401
+    from omnisim.scene import load_scene
+    from omnisim.sensors import OmniCamera, Renderer, Stage, stage
+
+    done(IMPORTS)
+    scene = load_scene(scene_name)
+    done(SCENE)
+    open_context = stage.open_context
+
+    def noted(*arguments: Any, **options: Any) -> Any:
+        context = open_context(*arguments, **options)
+        done(CONTEXT)
+        return context
+
+    stage.open_context = noted
+    with Stage(scene, device=device) as on_stage:
+        done(UPLOAD)
+        camera = OmniCamera()
+        with Renderer(on_stage, camera) as renderer:
+            done(COMPILE)
+            frame = renderer.render(camera.base_pose(scene.start.position_m, scene.start.yaw_deg))
+            done(FRAME)
+            frame.save(path)
+            done(WRITE)
+    return seconds
+
+
+if __name__ == "__main__":
+    _, begun, name, file, *number = sys.argv
+    print(json.dumps(main(float(begun), name, file, int(number[0]) if number else None)))

@@ -1,0 +1,274 @@
+"""A drive through a scene: how even its frames are, whether memory grows, and how soon it starts.
+
+Beside each frame something constant is done: by all threads, a fill of the same pixels, and by one,
+a loop of Python. What makes these uneven is the machine, not the camera. Processor time, of all
+threads together, is hardly touched by what else the machine does: where the renderer is software it
+says what the view alone makes of a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.collector_watch import CollectorWatch, watching_the_collector
+from benchmarks.errors import BenchmarkError
+from benchmarks.options import Options
+from benchmarks.probes import fill
+from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
+from benchmarks.resident_memory import resident_bytes
+from benchmarks.scenes import load_scenes
+from benchmarks.settings import at_setting
+from benchmarks.start_up import CACHED, start_up_rows
+from benchmarks.suites.drive_figure import drive_figure
+from benchmarks.timer import Timings, take_turns
+from omnisim.gpu.context import open_context
+from omnisim.plots.plot_file import write_plot
+from omnisim.scene import Scene
+from omnisim.sensors import Renderer, Stage
+from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.vehicle import Vehicle
+
+SCENE, ROBOT = "soccer", "p2at"
+RATE_HZ = 20.0
+HELD = "fast"  # the setting whose bounds count
+FRAMES = {"fast": 500, "default": 100}
+SETTLED = 50  # frames until all that is made once is made
+STARTS = 5
+MOST_UNEVEN = 1.3  # p99 to p50
+# Python asks the system for an arena of 1 MiB at a time: less cannot be told from none.
+MOST_GROWTH_MIB = 1.0
+MOST_START_S = 1.5
+SLOW = 1.3  # times the median
+_NEAR = 31  # frames whose median is what the view costs
+_FILL_SIDE_PX = 512
+_LOOP = 20_000
+_MIB = 2.0**20
+FRAME, ALL_THREADS, ONE_THREAD = "frame", "all threads", "one thread"
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """What a drive at one setting gave, by frame."""
+
+    setting: str
+    timings: Timings
+    collector_s: NDArray[np.float64]
+    resident: NDArray[np.int64]  # bytes
+
+
+def run(
+    options: Options, frames: dict[str, int] | None = None, starts: int = STARTS
+) -> dict[str, Any]:
+    """Start a few times, then drive.
+
+    Args:
+        options: the first of its scenes counts; how many rounds has no meaning here.
+        frames: of the drive, by setting.
+        starts: of fresh processes; 0: none.
+
+    Raises:
+        OmnisimError: no OpenGL, a scene that cannot be loaded or has no path, or a process that
+            fails.
+    """
+    frames = FRAMES if frames is None else frames
+    scene = next(iter(load_scenes(options, (SCENE,)).values()))
+    if not scene.paths:
+        raise BenchmarkError(f"--scene {scene.name}: has no path to drive: want one that has")
+    source = options.scenes[0] if options.scenes else SCENE
+    started = start_up_rows(source, starts, options)
+    driven = [_drive(options, scene, setting, count) for setting, count in frames.items()]
+    rows = [_frames_row(one) for one in driven]
+    rows += [_memory_row(one) for one in driven]
+    rows += started
+    context = open_context(options.device)
+    report = make_report(
+        "drive", options, context, rows, _bounds(rows),
+        scene=scene.name, robot=ROBOT, path=scene.paths[0].name, rate_hz=RATE_HZ, starts=starts,
+        series={one.setting: _series(one) for one in driven},
+    )  # fmt: skip
+    context.release()
+    return report
+
+
+def lines(report: dict[str, Any]) -> list[str]:
+    """Frames, memory and start-up."""
+    rows = report["rows"]
+    told = [f"{'':24} {'frames':>6} {'p50':>8} {'p95':>8} {'p99':>8} {'p99/p50':>8}"]
+    for row in _of_kind(rows, "frames"):
+        told.append(
+            f"{row['setting']:24} {row['rounds']:6} {row['p50_ms']:6.1f}ms {row['p95_ms']:6.1f}ms"
+            f" {row['p99_ms']:6.1f}ms {row['p99_to_p50']:8.2f}"
+        )
+        for name, what in (
+            ("without_collector", "without the collector"),
+            ("processor", "by processor time"),
+            ("all_threads", "constant, all threads"),
+            ("one_thread", "constant, one thread"),
+        ):
+            told.append(f"  {what:56} {row[f'{name}_p99_to_p50']:8.2f}")
+        told.append(
+            f"  {row['slow']} slower than {SLOW} × p50: {row['slow_by_view']} by the view,"
+            f" {row['slow_with_machine']} while the machine was slow,"
+            f" {row['slow_with_collector']} with the collector"
+            f" ({row['collections']} collections, {row['collector_ms']:.1f} ms in all)"
+        )
+    for row in _of_kind(rows, "memory"):
+        told.append(
+            f"memory, {row['setting']}: {row['settled_mib']:.1f} MiB after {row['settled_frames']}"
+            f" frames, {row['end_mib']:.1f} MiB after {row['frames']}: {row['growth_mib']:+.2f} MiB"
+        )
+    for row in _of_kind(rows, "start-up"):
+        told.append(
+            f"start-up, {row['what']}: {row['seconds']:.2f} s"
+            f" ({row['processor_seconds']:.2f} s of the processor)"
+        )
+    for row in _of_kind(rows, "start-up phase"):
+        told.append(f"  {row['what']:20} {row['seconds']:6.3f} s")
+    return told + bound_lines(report)
+
+
+def plot(report: dict[str, Any], path: Path) -> None:
+    """Frame times over the drive, what was constant below.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_plot(path, drive_figure(report))
+
+
+def _of_kind(rows: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
+    return [row for row in rows if row["kind"] == kind]
+
+
+def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven:
+    vehicle = Vehicle.load(ROBOT)
+    mounted = vehicle.camera()
+    poses = plan_route(scene, vehicle, Route(scene.paths[0].name, rate_hz=RATE_HZ)).world_from_base
+    warm_up = min(options.warm_up, frames)
+    drive = np.arange(-warm_up, frames) % len(poses)
+    collector_s, resident = np.zeros(len(drive)), np.zeros(len(drive), dtype=np.int64)
+    with ExitStack() as stack:
+        watch = stack.enter_context(watching_the_collector())
+        context = open_context(options.device)
+        stack.callback(context.release)
+        constant = fill.fill_probes(context, _FILL_SIDE_PX)[-1]
+        stage = stack.enter_context(Stage(scene, vehicle.body, device=options.device))
+        renderer = stack.enter_context(
+            Renderer(stage, at_setting(mounted.sensor, setting), hidden=mounted.hides)
+        )
+        step = _Step(renderer, poses[drive], watch, collector_s, resident)
+        timings = take_turns(
+            {FRAME: step, ALL_THREADS: constant.work, ONE_THREAD: _loop},
+            frames, warm_up, options.progress, f"drive, {setting}",
+        )  # fmt: skip
+    return _Driven(setting, timings, collector_s[warm_up:], resident[warm_up:])
+
+
+class _Step:
+    """Renders the next frame of a drive, and notes what else happened."""
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        poses: NDArray[np.float64],
+        watch: CollectorWatch,
+        collector_s: NDArray[np.float64],
+        resident: NDArray[np.int64],
+    ):
+        self._renderer, self._poses, self._watch = renderer, poses, watch
+        self._collector_s, self._resident = collector_s, resident
+        self._at = 0
+
+    def __call__(self) -> None:
+        at, before = self._at, self._watch.seconds
+        self._renderer.render(self._poses[at])
+        self._collector_s[at] = self._watch.seconds - before
+        self._resident[at] = resident_bytes()
+        self._at += 1
+
+
+def _loop() -> int:
+    total = 0
+    for number in range(_LOOP):
+        total += number
+    return total
+
+
+def _frames_row(driven: _Driven) -> dict[str, Any]:
+    timings = driven.timings
+    seconds = timings.seconds[FRAME]
+    busy = timings.processor_seconds[FRAME]
+    view = usual_nearby(busy)
+    machine = timings.seconds[ALL_THREADS]
+    slow = seconds > SLOW * np.median(seconds)
+    by_view = slow & (view > SLOW * np.median(busy))
+    with_collector = slow & (seconds - driven.collector_s <= SLOW * np.median(seconds))
+    with_machine = slow & (machine > SLOW * np.median(machine))
+    return {
+        "kind": "frames", "setting": driven.setting, "rounds": len(seconds),
+        **timings.row(FRAME),
+        "p99_to_p50": unevenness(seconds),
+        "without_collector_p99_to_p50": unevenness(seconds - driven.collector_s),
+        "processor_p99_to_p50": unevenness(busy),
+        "all_threads_p99_to_p50": unevenness(machine),
+        "one_thread_p99_to_p50": unevenness(timings.seconds[ONE_THREAD]),
+        "slow": int(slow.sum()), "slow_by_view": int(by_view.sum()),
+        "slow_with_collector": int(with_collector.sum()),
+        "slow_with_machine": int(with_machine.sum()),
+        "collections": int(np.count_nonzero(driven.collector_s)),
+        "collector_ms": 1e3 * float(driven.collector_s.sum()),
+    }  # fmt: skip
+
+
+def unevenness(seconds: NDArray[np.float64]) -> float:
+    """The 99th percentile to the median."""
+    middle, high = np.percentile(seconds, (50, 99))
+    return float(high / middle)
+
+
+def usual_nearby(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a frame takes where each one is: the median of those around it (n,)."""
+    half = min(_NEAR // 2, len(seconds) - 1)
+    around = np.pad(seconds, half, mode="reflect")
+    return np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * half + 1), axis=-1)
+
+
+def _memory_row(driven: _Driven) -> dict[str, Any]:
+    settled = min(SETTLED, len(driven.resident)) - 1
+    held = driven.resident / _MIB
+    return {
+        "kind": "memory", "setting": driven.setting,
+        "frames": len(held), "settled_frames": settled + 1,
+        "settled_mib": float(held[settled]), "end_mib": float(held[-1]),
+        "most_mib": float(held.max()), "growth_mib": float(held[-1] - held[settled]),
+    }  # fmt: skip
+
+
+def _bounds(rows: list[dict[str, Any]]) -> list[Bound]:
+    bounds = []
+    for row in _of_kind(rows, "frames"):
+        if row["setting"] == HELD:
+            name = f"p99 to p50 of {row['rounds']} frames, {HELD}"
+            bounds.append(Bound(name, row["p99_to_p50"], MOST_UNEVEN, AT_MOST))
+    for row in _of_kind(rows, "memory"):
+        name = f"memory grown after frame {row['settled_frames']}, {row['setting']}, MiB"
+        bounds.append(Bound(name, row["growth_mib"], MOST_GROWTH_MIB, AT_MOST))
+    for row in _of_kind(rows, "start-up"):
+        if row["what"] == CACHED:
+            bounds.append(Bound("start to first picture, s", row["seconds"], MOST_START_S, AT_MOST))
+    return bounds
+
+
+def _series(driven: _Driven) -> dict[str, list[float]]:
+    """Milliseconds by frame, for the figure."""
+    seconds = {name: driven.timings.seconds[name] for name in (FRAME, ALL_THREADS, ONE_THREAD)}
+    seconds["collector"] = driven.collector_s
+    seconds["processor"] = driven.timings.processor_seconds[FRAME]
+    return {name: np.round(1e3 * values, 3).tolist() for name, values in seconds.items()}

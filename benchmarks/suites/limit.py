@@ -1,0 +1,165 @@
+"""How near a frame comes to what the machine can do: where its time goes, and the least it needs.
+
+What the machine can do is probed in the same turns. The least that a frame needs is one thing after
+the other, each at its probe's rate:
+
+- the texels of the virtual cameras, each shaded once, as fast as those of an empty room with the
+  scene's lamps;
+- the triangles that were submitted: those that the picture shows as fast as small triangles that
+  are seen, all others as fast as triangles that turn away or are outside of the picture;
+- for each captured pixel of the mirror one bilinear lookup in an atlas of half floats;
+- the bytes of the picture, read.
+
+It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a
+texel is shaded does not, and probe and frame take turns on a machine that does other things, too.
+Where the renderer is software, the share by processor time is the surer one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from benchmarks.options import Options
+from benchmarks.probes import fill, readback, submission, surfaces, triangles
+from benchmarks.probes.probe import Probe, side_px
+from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
+from benchmarks.scenes import load_scenes
+from benchmarks.settings import SETTINGS, at_setting
+from benchmarks.suites.limit_figure import limit_figure
+from benchmarks.suites.limit_frames import LimitedFrame
+from benchmarks.timer import Timings, take_turns
+from omnisim.gpu.context import open_context
+from omnisim.plots.plot_file import write_plot
+from omnisim.sensors import OmniCamera, Stage
+
+HELD = "fast"  # the setting whose bounds count
+MOST_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
+MOST_SAMPLES = 3.7  # shaded for each pixel of the mirror
+
+
+def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
+    """Probe and render in turns.
+
+    Args:
+        options: how often and where.
+        size_px: of the picture; None: the paper's.
+
+    Raises:
+        OmnisimError: no OpenGL, or a scene that cannot be loaded.
+    """
+    options = options.fewer(2)
+    paper = OmniCamera() if size_px is None else OmniCamera().resized(size_px)
+    context = open_context(options.device)
+    with ExitStack() as stack:
+        stack.callback(context.release)
+        probes = _machine_probes(context)
+        frames = []
+        for name, scene in load_scenes(options).items():
+            stage = stack.enter_context(Stage(scene, device=options.device))
+            room = stack.enter_context(Stage(surfaces.empty_room(scene), device=options.device))
+            probes.append(surfaces.room_probe(name, room))
+            for setting in SETTINGS:
+                camera = at_setting(paper, setting)
+                frames.append(LimitedFrame.of(context, name, setting, stage, room, camera))
+        timings = _take_turns(probes, frames, options)
+        of_name = {probe.name: probe for probe in probes}
+        rows = [_probe_row(probe, timings) for probe in probes]
+        rows += [frame.row(of_name, timings) for frame in frames]
+        with context:  # others have been current since
+            return make_report(
+                "limit", options, context, rows, _bounds(rows),
+                picture_px=paper.camera.width_px,
+            )  # fmt: skip
+
+
+def lines(report: dict[str, Any]) -> list[str]:
+    """The machine's rates, then the frames in parts beside their limits."""
+    told = [f"{'what the machine can do':44} a second"]
+    probes = [row for row in report["rows"] if row["kind"] == "probe"]
+    told += [f"{row['name']:44} {row['per_second'] / 1e6:10.2f} M {row['unit']}" for row in probes]
+    told.append("")
+    told.append(
+        f"{'a frame, ms':24} {'whole':>7} {'faces':>7} {'capture':>8} {'read':>6} {'Python':>7}"
+        f" {'limit':>7}   share of the limit: whole (95 %), processor, faces, capture, read"
+    )
+    frames = [row for row in report["rows"] if row["kind"] == "frame"]
+    for row in frames:
+        told.append(
+            f"{row['scene'] + ', ' + row['setting']:24} {row['p50_ms']:7.1f}"
+            f" {row['virtual_cameras_ms']:7.1f} {row['capture_ms']:8.1f} {row['readback_ms']:6.2f}"
+            f" {row['around_ms']:7.2f} {row['limit_ms']:7.1f}   {row['share_of_limit']:.2f}"
+            f" ({row['share_of_limit_low']:.2f} – {row['share_of_limit_high']:.2f}),"
+            f" {row['processor_share_of_limit']:.2f},"
+            f" {row['virtual_cameras_share_of_limit']:.2f}, {row['capture_share_of_limit']:.2f},"
+            f" {row['readback_share_of_limit']:.2f}"
+        )
+    told.append("")
+    told.append(
+        f"{'what is drawn':24} {'texels':>9} {'samples':>9} {'a mirror pixel':>14}"
+        f" {'submitted':>10} {'inside':>8} {'seen':>7} {'draws':>6} {'calls':>6} {'ms':>5}"
+    )
+    for row in frames:
+        inside = "?" if row["triangles_inside"] is None else str(row["triangles_inside"])
+        told.append(
+            f"{row['scene'] + ', ' + row['setting']:24} {row['texels']:9} {row['samples']:9}"
+            f" {row['samples_a_mirror_px']:14.2f} {row['triangles']:10} {inside:>8}"
+            f" {row['triangles_seen']:7} {row['draws']:6} {row['calls']:6} {row['calls_ms']:5.1f}"
+        )
+    return told + bound_lines(report)
+
+
+def plot(report: dict[str, Any], path: Path) -> None:
+    """Where a frame's time goes, the limit beside it.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_plot(path, limit_figure(report))
+
+
+def _machine_probes(context: moderngl.Context) -> list[Probe]:
+    return [
+        *fill.fill_probes(context, side_px(context)),
+        *triangles.triangle_probes(context),
+        *readback.readback_probes(context),
+        *submission.submission_probes(context),
+    ]
+
+
+def _take_turns(
+    probes: Sequence[Probe], frames: Sequence[LimitedFrame], options: Options
+) -> Timings:
+    turns = {probe.name: probe.work for probe in probes}
+    for frame in frames:
+        turns[frame.name] = frame.frame.render
+        turns[f"{frame.name}, in parts"] = frame.take_apart
+    return take_turns(turns, options.rounds, options.warm_up, options.progress, "limit")
+
+
+def _probe_row(probe: Probe, timings: Timings) -> dict[str, Any]:
+    seconds = timings.seconds[probe.name]
+    rates = Timings({"rate": probe.rates(seconds), "one": np.ones_like(seconds)}, {})
+    return {
+        "kind": "probe", "name": probe.name, "unit": probe.unit, "amount": probe.amount,
+        **rates.ratio("rate", "one").flat("per_second"),
+        "p50_ms": timings.percentile_ms(probe.name, 50),
+    }  # fmt: skip
+
+
+def _bounds(rows: Sequence[dict[str, Any]]) -> list[Bound]:
+    held = [row for row in rows if row["kind"] == "frame" and row["setting"] == HELD]
+    return [
+        Bound(f"{what}: {row['scene']}, {HELD}", row[key], most, AT_MOST)
+        for what, key, most in (
+            ("mirror pass, capture and readback, of a frame",
+             "after_faces_share", MOST_AFTER_FACES),
+            ("shaded samples a pixel of the mirror", "samples_a_mirror_px", MOST_SAMPLES),
+        )
+        for row in held
+    ]  # fmt: skip

@@ -1,0 +1,177 @@
+"""A frame beside the least that it needs at the rates of the probes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.pipeline_parts import FrameCounts, PartSeconds, RepeatedFrame
+from benchmarks.probes import fill, readback, submission, triangles
+from benchmarks.probes.probe import Probe
+from benchmarks.probes.surfaces import room_name
+from benchmarks.seen_triangles import count_seen_triangles
+from benchmarks.timer import Timings
+from omnisim.sensors import OmniCamera, Stage
+
+PARTS = PartSeconds._fields
+_LIMITED = ("texels", "triangles", "lookups", "readback")
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedFrame:
+    """A scene at a setting, and all that is counted there.
+
+    Attributes:
+        scene, setting: which.
+        frame: what is timed.
+        counts: of what it draws.
+        texels: of its virtual cameras: samples, if nothing were drawn twice.
+        triangles_seen: that its picture shows.
+        mirror_px, captured_px: of its picture, and of the finer one, that see something.
+        picture_bytes: that are read.
+        taken_apart: its parts, one of each turn.
+    """
+
+    scene: str
+    setting: str
+    frame: RepeatedFrame
+    counts: FrameCounts
+    texels: int
+    triangles_seen: int
+    mirror_px: int
+    captured_px: int
+    picture_bytes: int
+    taken_apart: list[PartSeconds]
+
+    @classmethod
+    def of(
+        cls,
+        context: moderngl.Context,
+        name: str,
+        setting: str,
+        stage: Stage,
+        room: Stage,
+        camera: OmniCamera,
+    ) -> LimitedFrame:
+        """Make it, and count.
+
+        Args:
+            context: to count in.
+            name, setting: of it.
+            stage: with the scene.
+            room: with an empty room instead.
+            camera: at the setting.
+        """
+        frame = RepeatedFrame.at_start(stage, camera)
+        picture = frame.render()
+        mirror_px = int(np.count_nonzero(picture[..., 3]))
+        in_room = RepeatedFrame.at_start(room, camera)
+        texels = in_room.count().virtual_cameras.samples
+        in_room.renderer.close()
+        seen = count_seen_triangles(
+            context,
+            stage.scene,
+            camera.camera,
+            frame.world_from_base @ camera.base_from_rig,
+            round(camera.camera.width_px * camera.texels_per_pixel),
+            camera.near_m,
+        )
+        return cls(
+            name, setting, frame, frame.count(), texels, seen,
+            mirror_px, mirror_px * camera.supersampling**2, picture.nbytes, [],
+        )  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        """Of both."""
+        return f"{self.scene}, {self.setting}"
+
+    def take_apart(self) -> None:
+        """Render the frame in parts, and remember how long each took."""
+        self.taken_apart.append(self.frame.parts())
+
+    def row(self, probes: Mapping[str, Probe], timings: Timings) -> dict[str, Any]:
+        """What the report says of it.
+
+        Args:
+            probes: by name.
+            timings: of the probes and of this frame, in turns.
+        """
+        whole = timings.seconds[self.name]
+        # turns before the clock started are taken apart, too, and left out here
+        parts = dict(zip(PARTS, np.array(self.taken_apart[-len(whole) :]).T, strict=True))
+        limits = self._limits(probes, timings.seconds)
+        processor_limits = self._limits(probes, timings.processor_seconds)
+        paired = Timings(
+            {
+                "whole": whole,
+                "in parts": sum(parts.values()),
+                "after the faces": parts["capture"] + parts["readback"],
+                "limit": sum(limits.values()),
+                "limit of virtual_cameras": limits["texels"] + limits["triangles"],
+                "limit of capture": limits["lookups"],
+                "limit of readback": limits["readback"],
+                **parts,
+            },
+            {
+                "whole": timings.processor_seconds[self.name],
+                "limit": sum(processor_limits.values()),
+            },
+        )
+        faces = self.counts.virtual_cameras
+        call = probes[submission.DRAW_WITH_STATE]
+        calls_s = self.counts.calls / call.rates(timings.seconds[call.name])
+        return {
+            "kind": "frame", "scene": self.scene, "setting": self.setting,
+            **timings.row(self.name),
+            **{f"{part}_ms": paired.percentile_ms(part, 50) for part in PARTS},
+            **paired.ratio("after the faces", "in parts").flat("after_faces_share"),
+            "in_parts": paired.ratio("in parts", "whole").median,
+            "limit_ms": paired.percentile_ms("limit", 50),
+            **{f"limit_{name}_ms": 1e3 * float(np.median(limits[name])) for name in _LIMITED},
+            **paired.ratio("limit", "whole").flat("share_of_limit"),
+            **paired.processor_ratio("limit", "whole").flat("processor_share_of_limit"),
+            **{
+                f"{part}_share_of_limit": paired.ratio(f"limit of {part}", part).median
+                for part in PARTS if part != "around"
+            },
+            "texels": self.texels,
+            **dataclasses.asdict(faces),
+            "triangles_seen": self.triangles_seen,
+            "calls": self.counts.calls, "draws": self.counts.draws,
+            "calls_ms": 1e3 * float(np.median(calls_s)),  # each with state of its own
+            "mirror_px": self.mirror_px, "captured_px": self.captured_px,
+            "texels_a_mirror_px": self.texels / self.mirror_px,
+            "samples_a_mirror_px": faces.samples / self.mirror_px,
+        }  # fmt: skip
+
+    def _limits(
+        self, probes: Mapping[str, Probe], seconds: Mapping[str, NDArray[np.float64]]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Seconds (rounds,) that each of `_LIMITED` would take at the rates of the same round.
+
+        Args:
+            probes: by name.
+            seconds: of the probes, by name.
+        """
+
+        def least(amount: float, name: str) -> NDArray[np.float64]:
+            return amount / probes[name].rates(seconds[name])
+
+        faces = self.counts.virtual_cameras
+        inside = faces.triangles if faces.triangles_inside is None else faces.triangles_inside
+        unseen = max(0, inside - self.triangles_seen)
+        return {
+            "texels": least(self.texels, room_name(self.scene)),
+            "triangles": least(self.triangles_seen, triangles.VISIBLE)
+            + least(unseen, triangles.TURNED_AWAY)
+            + least(max(0, faces.triangles - inside), triangles.OUTSIDE),
+            "lookups": least(self.captured_px, fill.lookup_name(fill.ATLAS, "bilinear")),
+            "readback": least(self.picture_bytes, readback.readback_name(4, readback.SIDES_PX[0])),
+        }

@@ -1,0 +1,239 @@
+"""The race: the same frame by others' ways, and how good each picture is.
+
+360 × 360 px of the paper's mirror from poses on a path through each scene. Who races, and what
+differs from the real thing, is told in benchmarks/peers/README.md.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.options import Options
+from benchmarks.peers import field
+from benchmarks.peers.field import Field
+from benchmarks.peers.ours import Omnisim
+from benchmarks.peers.path import race_poses
+from benchmarks.peers.peer import SENSOR
+from benchmarks.peers.quality import TRUTH, measured_db, references
+from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
+from benchmarks.scenes import load_scenes
+from benchmarks.settings import at_setting
+from benchmarks.suites.peers_plot import peers_figure
+from benchmarks.timer import Timings, take_turns
+from omnisim.plots.plot_file import write_plot
+from omnisim.sensors import Stage
+
+POSES = 10
+# The references are dear: of the poses so many are looked at, and fewer by pyrender's own.
+LOOKED_AT, LOOKED_AT_BY_PYRENDER = 5, 3
+SLOW = (field.PYRENDER, field.PYRENDER_FLAT)  # timed in turns of their own with the fast setting
+TIMES_FEWER = 5
+# How many times as long as our fast setting each takes at least.
+BOUNDS = {field.PYRENDER: 20.0, field.PAPER: 2.5, field.GAZEBO: 4.0, field.EMBREE: 1.5}
+TRUTHS = {
+    field.PYRENDER: "its own 64 samples",
+    field.PYRENDER_FLAT: "64 samples, unlit",
+    field.UNLIT: "64 samples, unlit",
+}
+# Flat pictures are compared with ours without lights.
+UNLIT_DEFAULT = "omnisim, default, unlit"
+UNLIT_OF = {field.FAST: field.UNLIT, field.DEFAULT: UNLIT_DEFAULT}
+Quality = dict[str, dict[int, float]]  # dB by racer, then by number of the pose
+
+
+def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dict[str, Any]:
+    """Race in each scene; `passed` where ours wins by all bounds.
+
+    Args:
+        options: how often and where.
+        poses: on each path.
+        looked_at: how many of them quality is measured at.
+
+    Raises:
+        OmnisimError: no OpenGL, or a scene that cannot be loaded.
+    """
+    rows: list[dict[str, Any]] = []
+    bounds: list[Bound] = []
+    for name, scene in load_scenes(options).items():
+        with Stage(scene, device=options.device) as stage:
+            path = race_poses(stage, poses)
+            with Field(stage, options.device) as racers:
+                fast_ones = [one for one in racers.peers if one not in SLOW]
+                slow_ones = [one for one in racers.peers if one in (field.FAST, field.UNLIT, *SLOW)]
+                groups = [(fast_ones, options), (slow_ones, options.fewer(TIMES_FEWER))]
+                timings = {}
+                for group, turns in groups:
+                    timed = _timings(stage, racers, group, path, turns, f"peers: {name}")
+                    timings |= {one: (timed, turns.rounds) for one in group if one not in timings}
+                quality = _quality(stage, racers, path, looked_at, options)
+                rows += [
+                    {"scene": name, **_row(one, racers, timings, quality)} for one in field.NAMES
+                ]
+                bounds += _bounds(name, timings, quality)
+            report = make_report(
+                "peers", options, stage.context, rows, bounds,
+                picture_px=SENSOR.camera.width_px,
+                theta_max_deg=float(np.degrees(SENSOR.camera.mirror.theta_max_rad)),
+                poses=poses,
+            )  # fmt: skip
+    return report
+
+
+def lines(report: dict[str, Any]) -> list[str]:
+    """The report in words: a table for each scene, and the bounds."""
+    told = []
+    for scene in dict.fromkeys(row["scene"] for row in report["rows"]):
+        told.append(
+            f"{scene}, {report['picture_px']}², {report['poses']} poses; "
+            f"{field.PYRENDER_FLAT} to {field.UNLIT}"
+        )
+        told.append(
+            f"  {'':20} {'p50':>9} {'p95':>9} {'p99':>9}   {'× fast (95 %)':22} {'cpu':>6} "
+            f"{'PSNR':>6} {'worst':>6} {'texels':>9} {'triangles':>9}"
+        )
+        for row in report["rows"]:
+            if row["scene"] == scene:
+                told.append(f"  {row['racer']:20} {_told(row)}")
+    return told + bound_lines(report)
+
+
+def plot(report: dict[str, Any], path: Path) -> None:
+    """Time against PSNR, a panel for each scene.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_plot(path, peers_figure(report))
+
+
+def _timings(
+    stage: Stage,
+    racers: Field,
+    names: list[str],
+    path: NDArray[np.float64],
+    turns: Options,
+    what: str,
+) -> Timings:
+    def frame(name: str) -> Callable[[], None]:
+        """A frame, at the next pose each time: in one turn all are at the same."""
+        next_pose = itertools.cycle(path)
+        render = racers.peers[name].render
+
+        def work() -> None:
+            render(next(next_pose))
+            with stage.current():  # pyrender leaves no context current
+                stage.context.finish()
+
+        return work
+
+    variants = {name: frame(name) for name in names}
+    return take_turns(variants, turns.rounds, turns.warm_up, turns.progress, what)
+
+
+def _quality(
+    stage: Stage, racers: Field, path: NDArray[np.float64], looked_at: int, options: Options
+) -> Quality:
+    """PSNR of every racer that makes a picture."""
+    numbers = np.arange(looked_at) * len(path) // looked_at
+    few = numbers[:: -(-len(numbers) // LOOKED_AT_BY_PYRENDER)]
+    lit = dict(zip(numbers, references(stage, path[numbers]), strict=True))
+    unlit = dict(zip(few, references(stage, path[few], unlit=True), strict=True))
+    quality: Quality = {}
+    names = [name for name in racers.peers if name != field.EMBREE]  # triangles are no picture
+    for at in options.progress(range(len(names)), "peers: quality", len(names)):
+        name, peer = names[at], racers.peers[names[at]]
+        if name == field.PYRENDER:
+            against = {number: peer.reference(path[number]) for number in few}
+        else:
+            against = unlit if TRUTHS.get(name) else lit
+        measured = measured_db(peer, path[list(against)], list(against.values()))
+        quality[name] = dict(zip(map(int, against), map(float, measured), strict=True))
+    with Omnisim(stage, at_setting(SENSOR, "default"), UNLIT_DEFAULT, unlit=True) as ours:
+        measured = measured_db(ours, path[few], list(unlit.values()))
+        quality[UNLIT_DEFAULT] = dict(zip(map(int, few), map(float, measured), strict=True))
+    return quality
+
+
+def _row(
+    name: str, racers: Field, timings: dict[str, tuple[Timings, int]], quality: Quality
+) -> dict[str, Any]:
+    if name in racers.missing:
+        return {"racer": name, "missing": racers.missing[name]}
+    timed, rounds = timings[name]
+    values = list(quality.get(name, {}).values())
+    paced_by = field.UNLIT if name == field.PYRENDER_FLAT else field.FAST
+    return {
+        "racer": name,
+        "missing": None,
+        "rounds": rounds,
+        **timed.row(name),
+        "ratio_to": paced_by,
+        **timed.ratio(name, paced_by).flat("ratio"),
+        **timed.processor_ratio(name, paced_by).flat("processor_ratio"),
+        "psnr_db": float(np.median(values)) if values else None,
+        "psnr_worst_db": min(values) if values else None,
+        "psnr_against": TRUTHS.get(name, TRUTH) if values else None,
+        "psnr_poses": len(values),
+        "texels": racers.peers[name].texels,
+        "triangles": racers.peers[name].triangles,
+    }
+
+
+def _bounds(scene: str, timings: dict[str, tuple[Timings, int]], quality: Quality) -> list[Bound]:
+    """Those on time, and those that hold ours to be no worse than anybody it is faster than."""
+    found = [
+        Bound(
+            f"{scene}: {name} to {field.FAST}",
+            timings[name][0].ratio(name, field.FAST).median,
+            least,
+            AT_LEAST,
+        )
+        for name, least in BOUNDS.items()
+        if name in timings
+    ]
+    for ours, unlit in UNLIT_OF.items():
+        margins = {
+            name: _margin_db(quality[unlit if name == field.PYRENDER_FLAT else ours], theirs)
+            for name, theirs in quality.items()
+            if name not in (*UNLIT_OF, *UNLIT_OF.values())
+        }
+        by_its_own = margins.pop(field.PYRENDER, None)  # another picture, another reference
+        if margins:
+            nearest = min(margins, key=lambda name: margins[name])
+            told = f"{scene}: PSNR of {ours} over that of {nearest}, its nearest, in dB"
+            found.append(Bound(told, margins[nearest], 0.0, AT_LEAST))
+        if by_its_own is not None:
+            told = f"{scene}: PSNR of {ours} over pyrender's by its own reference, in dB"
+            found.append(Bound(told, by_its_own, 0.0, AT_LEAST))
+    return found
+
+
+def _margin_db(ours: dict[int, float], theirs: dict[int, float]) -> float:
+    """Difference of the medians over the poses that both were measured at."""
+    both = [number for number in ours if number in theirs]
+    return float(
+        np.median([ours[number] for number in both]) - np.median([theirs[n] for n in both])
+    )
+
+
+def _told(row: dict[str, Any]) -> str:
+    if row["missing"] is not None:
+        return row["missing"]
+    times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
+    ratio = f"{row['ratio']:.2f} ({row['ratio_low']:.2f} – {row['ratio_high']:.2f})"
+    quality = [_number(row[key], ".1f") for key in ("psnr_db", "psnr_worst_db")]
+    counts = [_number(row[key], "d") for key in ("texels", "triangles")]
+    return (
+        f"{times}   {ratio:22} {row['processor_ratio']:6.2f} {quality[0]:>6} {quality[1]:>6} "
+        f"{counts[0]:>9} {counts[1]:>9}"
+    )
+
+
+def _number(value: float | None, format: str) -> str:
+    return "–" if value is None else f"{value:{format}}"

@@ -1,0 +1,233 @@
+"""What a frame costs by triangles of the scene, by pixels of the picture, and by cameras.
+
+All at the fast setting, captured exactly. The scene that grows is a town whose houses are equally
+detailed, seen from a street; against it Embree casts the same picture's rays, on one thread. The
+other two are measured in one scene: `soccer`, or the first that is asked for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.embree_rays import EmbreeRays, has_embree
+from benchmarks.options import Options
+from benchmarks.patrol import ROBOT, patrol
+from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
+from benchmarks.settings import at_setting
+from benchmarks.suites.scaling_plot import scaling_figure
+from benchmarks.timer import Timings, take_turns
+from benchmarks.town import build_town
+from omnisim.frames import pose
+from omnisim.plots.plot_file import write_plot
+from omnisim.scene import load_scene
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors.stage import Stage
+from omnisim.simulation.vehicle import Vehicle
+
+SETTING, SIZE_PX, SCENE = "fast", 360, "soccer"
+TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000)
+SIZES_PX = (128, 256, 512, 1024, 2048)
+CAMERAS = (1, 2, 4, 8, 16, 32, 64)
+BOUND_TRIANGLES, LEAST = 1_000_000, 1.0
+OURS, EMBREE = "omnisim", "embree"
+POSES = 6
+# Along the street and across it, and turned: nothing is special about one heading.
+STREET = tuple(
+    pose((2.0 + 1.8 * step, 0.4 * (step - 2), 1.2), yaw_deg=17.0 * step) for step in range(POSES)
+)
+Take = Callable[[NDArray[np.float64]], object]
+
+
+def run(
+    options: Options,
+    triangles: Sequence[int] = TRIANGLES,
+    sizes_px: Sequence[int] = SIZES_PX,
+    cameras: Sequence[int] = CAMERAS,
+) -> dict[str, Any]:
+    """Time frames that grow in three ways; `passed` where Embree is never faster up to a million
+    triangles.
+
+    Args:
+        options: how often and where.
+        triangles: about how many the towns have.
+        sizes_px: of the square pictures.
+        cameras: how many there are at once.
+
+    Raises:
+        OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
+    """  # fmt: skip
+    rows = [_of_town(count, _turns_of(options, count, 1e6, 5e6)) for count in triangles]
+    bounds = [
+        Bound(
+            f"Embree's rays to a frame, {row['triangles']} triangles", row["embree_ratio"], LEAST,
+            AT_LEAST,
+        )
+        for count, row in zip(triangles, rows, strict=True)
+        if "embree_ratio" in row and count <= BOUND_TRIANGLES
+    ]  # fmt: skip
+    scene, vehicle = load_scene(options.scenes[0] if options.scenes else SCENE), Vehicle.load(ROBOT)
+    base_from_eye = vehicle.camera().sensor.base_from_rig
+    with Stage(scene, device=options.device) as stage:
+        along = patrol(scene, vehicle, POSES) @ base_from_eye
+        rows += _of_sizes(stage, along, sizes_px, options)
+        rows += _of_cameras(stage, along, cameras, options)
+        with stage.current():
+            return make_report(
+                "scaling", options, stage.context, rows, bounds,
+                scene=scene.name, setting=SETTING, has_embree=has_embree(),
+            )  # fmt: skip
+
+
+def lines(report: dict[str, Any]) -> list[str]:
+    """The report in words, a line for each row."""
+    told = [f"{report['setting']}, {SIZE_PX}² where nothing else is said; {report['scene']}"]
+    for row in report["rows"]:
+        times = " ".join(f"{row[f'p{p}_ms']:8.1f}ms" for p in (50, 95, 99))
+        line = f"{_what(row):>17} {times} {row['fps']:8.2f} FPS {row['rounds']:4} rounds"
+        if row["against"] == "cameras":
+            line += f"   {row['ms_a_camera']:.1f} ms a camera"
+        if "embree_ratio" in row:
+            line += (
+                f"   Embree {row['embree_p50_ms']:.1f} ms: {row['embree_ratio']:.2f} × ours "
+                f"({row['embree_ratio_low']:.2f} – {row['embree_ratio_high']:.2f})"
+            )
+        told.append(line)
+    if not report["has_embree"]:
+        told.append("embreex is not installed: no comparison, and nothing is asked for")
+    return told + bound_lines(report)
+
+
+def plot(report: dict[str, Any], path: Path) -> None:
+    """Three curves: against triangles, against pixels, against cameras.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_plot(path, scaling_figure(report))
+
+
+def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
+    scene, sensor = build_town(triangles), _sensor(SIZE_PX)
+    with Stage(scene, device=turns.device) as stage, Renderer(stage, sensor) as renderer:
+        variants = {OURS: _frame(stage, [(renderer.render, STREET)])}
+        if has_embree():
+            rays = EmbreeRays(scene, sensor.camera)
+            variants[EMBREE] = _frame(stage, [(rays.cast, STREET)])
+        timings = _take_turns(variants, turns, f"{scene.triangle_count} triangles")
+    row = _row("triangles", stage, timings, OURS)
+    if EMBREE in variants:
+        row["embree_p50_ms"] = timings.percentile_ms(EMBREE, 50)
+        row.update(timings.ratio(EMBREE, OURS).flat("embree_ratio"))
+    return row
+
+
+def _of_sizes(
+    stage: Stage, eyes: NDArray[np.float64], sizes_px: Sequence[int], options: Options
+) -> list[dict[str, Any]]:
+    rows = []
+    for turns, group in _groups(options, sizes_px, 1024, 1024):
+        with ExitStack() as renderers:
+            variants = {}
+            for size_px in group:
+                renderer = renderers.enter_context(Renderer(stage, _sensor(size_px)))
+                variants[str(size_px)] = _frame(stage, [(renderer.render, eyes)])
+            timings = _take_turns(variants, turns, "size of the picture")
+        rows += [
+            _row("picture", stage, timings, str(size_px), picture_px=size_px) for size_px in group
+        ]
+    return rows
+
+
+def _of_cameras(
+    stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], options: Options
+) -> list[dict[str, Any]]:
+    """Cameras on one stage that follow each other; a frame is a picture of every one."""
+    rows = []
+    with ExitStack() as renderers:
+        takes = [
+            (
+                renderers.enter_context(Renderer(stage, _sensor(SIZE_PX))).render,
+                np.roll(eyes, -camera, axis=0),
+            )
+            for camera in range(max(cameras))
+        ]
+        for turns, group in _groups(options, cameras, 8, 16):
+            variants = {str(count): _frame(stage, takes[:count]) for count in group}
+            timings = _take_turns(variants, turns, "number of cameras")
+            for count in group:
+                row = _row("cameras", stage, timings, str(count), cameras=count)
+                rows.append({**row, "ms_a_camera": row["p50_ms"] / count})
+    return rows
+
+
+def _sensor(size_px: int) -> OmniCamera:
+    return at_setting(OmniCamera(polygons=None).resized(size_px), SETTING)
+
+
+def _frame(
+    stage: Stage, takes: Sequence[tuple[Take, Iterable[NDArray[np.float64]]]]
+) -> Callable[[], None]:
+    """A frame by each of some sensors, each at the next of its poses."""
+    cycles = [(take, itertools.cycle(poses)) for take, poses in takes]
+
+    def work() -> None:
+        for take, poses in cycles:
+            take(next(poses))
+        with stage.current():
+            stage.context.finish()
+
+    return work
+
+
+def _turns_of(options: Options, amount: float, slow_from: float, slowest_from: float) -> Options:
+    """Fewer turns where there is much to do; what takes seconds is not repeated for minutes."""
+    if amount >= slowest_from:
+        return dataclasses.replace(options.fewer(10, 3), warm_up=min(options.warm_up, 1))
+    return options.fewer(3) if amount >= slow_from else options
+
+
+def _groups(
+    options: Options, amounts: Sequence[int], slow_from: int, slowest_from: int
+) -> list[tuple[Options, list[int]]]:
+    """The amounts that are measured with equally many turns: they take turns with each other."""
+    turns_of = {amount: _turns_of(options, amount, slow_from, slowest_from) for amount in amounts}
+    return [
+        (turns, [amount for amount in amounts if turns_of[amount] == turns])
+        for turns in dict.fromkeys(turns_of.values())
+    ]
+
+
+def _take_turns(variants: dict[str, Callable[[], None]], turns: Options, what: str) -> Timings:
+    return take_turns(variants, turns.rounds, turns.warm_up, turns.progress, f"scaling: {what}")
+
+
+def _row(
+    against: str, stage: Stage, timings: Timings, variant: str, picture_px: int = SIZE_PX,
+    cameras: int = 1,
+) -> dict[str, Any]:  # fmt: skip
+    return {
+        "against": against,
+        "triangles": stage.scene.triangle_count,
+        "picture_px": picture_px,
+        "cameras": cameras,
+        **timings.row(variant),
+        "submitted_triangles": None,  # a frame does not tell them yet
+        "rounds": len(timings.seconds[variant]),
+    }
+
+
+def _what(row: dict[str, Any]) -> str:
+    """What a row stands for, in words."""
+    if row["against"] == "triangles":
+        return f"{row['triangles']} triangles"
+    if row["against"] == "picture":
+        return f"{row['picture_px']}²"
+    return "1 camera" if row["cameras"] == 1 else f"{row['cameras']} cameras"

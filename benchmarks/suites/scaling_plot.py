@@ -1,0 +1,55 @@
+"""Three panels: what a frame costs as the scene, the picture and the number of cameras grow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from benchmarks.figures import panels, plain_log
+from omnisim.plots import style
+
+
+def scaling_figure(report: dict[str, Any]) -> Figure:
+    """Bars reach from the median to the 95th percentile."""
+    rows_of = {
+        against: [row for row in report["rows"] if row["against"] == against]
+        for against in ("triangles", "picture", "cameras")
+    }
+    title = f"What a frame costs, {report['setting']}"
+    figure, (town, pixels, cameras) = panels(report, title, 3)
+    small = rows_of["triangles"][0]["picture_px"]
+    style.label_axes(town, f"A town, {small}²", "triangles in the scene", "ms a frame")
+    _times(town, rows_of["triangles"], "triangles", "omnisim", style.BLUE)
+    raced = [row for row in rows_of["triangles"] if "embree_ratio" in row]
+    if raced:
+        town.plot(
+            [row["triangles"] for row in raced], [row["embree_p50_ms"] for row in raced], "s--",
+            color=style.ORANGE, label="Embree's rays, one thread, no colours",
+        )  # fmt: skip
+        town.legend(frameon=False, fontsize=9)
+    town.set_xscale("log")
+    town.xaxis.set_major_formatter(EngFormatter(sep=" "))
+    style.label_axes(pixels, f"One camera in {report['scene']}", "side of the picture (px)", "")
+    _times(pixels, rows_of["picture"], "picture_px", "omnisim", style.BLUE)
+    plain_log(pixels.xaxis, base=2)
+    style.label_axes(cameras, f"Cameras of {small}² in {report['scene']}", "cameras", "")
+    counts = [row["cameras"] for row in rows_of["cameras"]]
+    pictures = [row["cameras"] * row["fps"] for row in rows_of["cameras"]]
+    cameras.plot(counts, pictures, "o-", color=style.GREEN)
+    cameras.set_ylabel("pictures per second, of all cameras")
+    cameras.set_ylim(0.0, 1.25 * max(pictures))
+    plain_log(cameras.xaxis, base=2)
+    for axes in (town, pixels):
+        plain_log(axes.yaxis)
+    return figure
+
+
+def _times(axes: Axes, rows: list[dict[str, Any]], key: str, label: str, color: str) -> None:
+    above = [row["p95_ms"] - row["p50_ms"] for row in rows]
+    axes.errorbar(
+        [row[key] for row in rows], [row["p50_ms"] for row in rows], ([0.0] * len(rows), above),
+        color=color, marker="o", capsize=2.5, label=label,
+    )  # fmt: skip

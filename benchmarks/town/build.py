@@ -1,0 +1,159 @@
+"""Houses, trees and lamps on their plots, in blocks, as a file that somebody exported has them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.errors import BenchmarkError
+from benchmarks.town.house import KINDS, house
+from benchmarks.town.land import START_X_M, Plots, land
+from benchmarks.town.materials import town_materials
+from benchmarks.town.pieces import Part, Pieces
+from benchmarks.town.street import GARDEN_M, KERB_HIGH_M, KERB_M, ROAD_MIDDLE_M, ground, lamp, tree
+from omnisim.scene.model import Instance, Light, Lighting, LightKind, Mesh, Scene, StartPose
+
+EYE_M = 1.2  # above the pavement
+OUTSKIRTS_M = 150.0
+BACKGROUND = (0.45, 0.62, 0.85)
+_SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.94, 0.84), 0.75, direction=np.array([0.45, 0.6, -0.66]))
+LIGHTING = Lighting(ambient=(0.42, 0.46, 0.52), lights=(_SUN,))
+
+
+class _Things(NamedTuple):
+    """One kind of thing, and where it stands."""
+
+    parts: dict[str, Part]
+    world_from_thing: NDArray[np.float64]  # (n, 3, 3), turned and scaled
+    position_m: NDArray[np.float64]  # (n, 3)
+    block: NDArray[np.intp]  # (n,)
+
+
+def build_town(triangles: int) -> Scene:
+    """The town whose number of triangles comes nearest to `triangles`.
+
+    The effective viewpoint starts in the middle of a street along x. Towns of all sizes are the
+    same around it.
+
+    Raises:
+        BenchmarkError: more than the land holds, or much less than a house.
+    """
+    houses = [house(kind) for kind in KINDS]
+    around, lamp_parts, tree_parts = ground(), lamp(), tree()
+    plots = land()
+    kind_of_plot = np.minimum((plots.chances[:, 0] * len(KINDS)).astype(int), len(KINDS) - 1)
+    beside = sum(map(_count, (around, lamp_parts, tree_parts)))
+    total = np.cumsum(np.array([_count(parts) + beside for parts in houses])[kind_of_plot])
+    if not total[0] // 2 <= triangles <= total[-1]:
+        raise BenchmarkError(
+            f"a town of {triangles} triangles: want {total[0] // 2} to {total[-1]}"
+        )
+    plots = plots.first(1 + int(np.argmin(np.abs(total - triangles))))
+    kind_of_plot = kind_of_plot[: len(plots)]
+    facing, at, block = plots.house_from_plot, plots.position_m, plots.block
+    things = [_Things(around, facing, at, block)]
+    for index, parts in enumerate(houses):
+        here = kind_of_plot == index
+        things.append(_Things(parts, facing[here], at[here], block[here]))
+    lamp_m = facing @ (4.5, KERB_M + 0.4, 0.0)
+    things.append(_Things(lamp_parts, facing, at + lamp_m, block))
+    things.append(_Things(tree_parts, *_trees(plots), block))
+    return _scene(things, plots)
+
+
+def _trees(plots: Plots) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Turned and scaled (n, 3, 3), and where (n, 3): in the front gardens, no two alike."""
+    x, y, turn, size = plots.chances[:, 1:].T
+    spot = np.stack((x - 4.6, y + GARDEN_M + 2.0, np.zeros(len(plots))), axis=-1)
+    turns = np.zeros((len(plots), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(2.0 * np.pi * turn)
+    turns[:, 1, 0] = np.sin(2.0 * np.pi * turn)
+    turns[:, 0, 1] = -turns[:, 1, 0]
+    turns[:, 2, 2] = 1.0
+    grown = turns * (0.8 + 0.5 * size)[:, None, None]
+    return grown, plots.position_m + np.einsum("nij,nj->ni", plots.house_from_plot, spot)
+
+
+def _scene(things: list[_Things], plots: Plots) -> Scene:
+    materials = town_materials()
+    number = {name: at for at, name in enumerate(materials)}
+    meshes: list[Mesh] = []
+    instances: list[Instance] = []
+
+    def add(node: str, origin_m: NDArray[np.float64], parts: dict[str, list[Part]]) -> None:
+        world_from_mesh = np.eye(4)
+        world_from_mesh[:3, 3] = origin_m
+        for name, found in parts.items():
+            instances.append(Instance(node, len(meshes), world_from_mesh))
+            meshes.append(_mesh(name, number[name], materials[name][1], found))
+
+    for block in range(1 + int(plots.block.max())):
+        origin_m = plots.position_m[plots.block == block].mean(axis=0)
+        parts: dict[str, list[Part]] = {}
+        for thing in things:
+            here = thing.block == block
+            if here.any():
+                at_m = thing.position_m[here] - origin_m
+                for name, part in thing.parts.items():
+                    placed = _placed(part, thing.world_from_thing[here], at_m)
+                    parts.setdefault(name, []).append(placed)
+        add(f"block_{block:04d}", origin_m, parts)
+    add("outskirts", np.zeros(3), {name: [part] for name, part in _outskirts(plots).items()})
+    return Scene(
+        name="town",
+        meshes=tuple(meshes),
+        materials=tuple(material for material, _ in materials.values()),
+        instances=tuple(instances),
+        lighting=LIGHTING,
+        background=BACKGROUND,
+        start=StartPose((START_X_M, 0.0, EYE_M)),
+    )
+
+
+def _placed(
+    part: Part, world_from_thing: NDArray[np.float64], position_m: NDArray[np.float64]
+) -> Part:
+    """The same thing at n places, each with vertices of its own."""
+    count, vertices = len(position_m), len(part.positions)
+    positions = part.positions @ world_from_thing.transpose(0, 2, 1).astype(np.float32)
+    positions += position_m[:, None].astype(np.float32)
+    first = (vertices * np.arange(count, dtype=np.uint32))[:, None, None]
+    return Part(
+        positions.reshape(-1, 3),
+        np.tile(part.texture_coordinates, (count, 1)),
+        (part.triangles + first).reshape(-1, 3),
+    )
+
+
+def _mesh(name: str, material: int, texture_m: float, parts: list[Part]) -> Mesh:
+    """All that a block has of one material, whose texture is so wide."""
+    bases = np.cumsum([0, *(len(part.positions) for part in parts)], dtype=np.uint32)
+    triangles = [part.triangles + base for part, base in zip(parts, bases, strict=False)]
+    coordinates = np.concatenate([part.texture_coordinates for part in parts])
+    return Mesh(
+        name,
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate(triangles),
+        material,
+        texture_coordinates=coordinates / np.float32(texture_m),
+    )
+
+
+def _outskirts(plots: Plots) -> dict[str, Part]:
+    """A meadow below and around the town, and the first street, which goes on across it."""
+    pieces = Pieces()
+    x0, y0, _ = plots.position_m.min(axis=0) - OUTSKIRTS_M
+    x1, y1, _ = plots.position_m.max(axis=0) + OUTSKIRTS_M
+    half = KERB_M - ROAD_MIDDLE_M
+    for material, low, high, z in (
+        ("grass", y0, y1, -3.0 * KERB_HIGH_M),
+        ("asphalt", -half, half, -1.2 * KERB_HIGH_M),
+    ):
+        pieces.quad(material, (x0, low, z), (x1, low, z), (x1, high, z), (x0, high, z))
+    return pieces.parts()
+
+
+def _count(parts: dict[str, Part]) -> int:
+    return sum(len(part.triangles) for part in parts.values())

@@ -1,0 +1,84 @@
+"""What stands around a house: its ground down to the middle of the road, a tree, a lamp.
+
+A plot lies about its house; the road is along x at −y, and its middle is the plot's edge.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.town.pieces import Part, Pieces
+
+PLOT_WIDTH_M = 13.0
+ROAD_MIDDLE_M, KERB_M, GARDEN_M, BACK_M = -14.0, -10.5, -8.5, 9.0  # y, from the house's middle
+KERB_HIGH_M = 0.12
+HEDGE_M = (0.5, 0.8)  # thick, high
+
+
+def ground() -> dict[str, Part]:
+    """Half the road with its line, kerb, pavement, garden with a path, and a hedge."""
+    pieces = Pieces()
+    half = 0.5 * PLOT_WIDTH_M
+
+    def lying(material: str, x0: float, x1: float, y0: float, y1: float, z: float) -> None:
+        pieces.quad(material, (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
+
+    lying("asphalt", -half, half, ROAD_MIDDLE_M, KERB_M, -KERB_HIGH_M)
+    for x in (-0.5 * half, 0.5 * half):
+        lying(
+            "white paint", x - 1.0, x + 1.0, ROAD_MIDDLE_M, ROAD_MIDDLE_M + 0.07,
+            -KERB_HIGH_M + 0.01,
+        )  # fmt: skip
+    pieces.quad(
+        "stone", (-half, KERB_M, -KERB_HIGH_M), (half, KERB_M, -KERB_HIGH_M), (half, KERB_M, 0.0),
+        (-half, KERB_M, 0.0),
+    )  # fmt: skip
+    lying("paving", -half, half, KERB_M, GARDEN_M, 0.0)
+    lying("grass", -half, half, GARDEN_M, BACK_M, 0.0)
+    lying("paving", -0.6, 0.6, GARDEN_M, -4.0, 0.015)
+    thick, high = HEDGE_M
+    for x0, x1 in ((-half, -0.8), (0.8, half)):
+        pieces.box("leaves", (x0, GARDEN_M, 0.0), (x1, GARDEN_M + thick, high), "-z")
+    pieces.box("leaves", (half - thick, GARDEN_M, 0.0), (half, BACK_M, high), "-z")
+    return pieces.parts()
+
+
+def tree() -> dict[str, Part]:
+    """A trunk and five clumps of leaves, each with 20 sides."""
+    pieces = Pieces()
+    pieces.post("bark", (0.0, 0.0, 0.0), 2.4, (0.2, 0.12))
+    clumps = (
+        (0.0, 0.0, 3.6, 1.5), (0.8, 0.3, 2.9, 1.0), (-0.7, 0.5, 3.0, 1.1), (0.1, -0.8, 2.8, 1.0),
+        (0.2, 0.2, 4.8, 0.9),
+    )  # fmt: skip
+    for turn, (x, y, z, radius) in enumerate(clumps):
+        for corners in _icosahedron(0.7 * turn):
+            pieces.quad("leaves", *(corners * (radius, radius, 0.85 * radius) + (x, y, z)))
+    return pieces.parts()
+
+
+def lamp() -> dict[str, Part]:
+    """A post with an arm over the road, which is at −y."""
+    pieces = Pieces()
+    pieces.post("metal", (0.0, 0.0, 0.0), 5.0, (0.08, 0.05))
+    pieces.box("metal", (-0.03, -1.2, 4.9), (0.03, 0.0, 4.96), "+y")
+    pieces.box("metal", (-0.12, -1.6, 4.86), (0.12, -1.0, 4.98))
+    pieces.box("lamp", (-0.09, -1.5, 4.82), (0.09, -1.1, 4.86), "+z")
+    return pieces.parts()
+
+
+def _icosahedron(turn_rad: float) -> np.ndarray:
+    """Its 20 triangles (20, 3, 3), corners at distance 1, turned about z."""
+    g = 0.5 * (1.0 + np.sqrt(5.0))
+    corners = np.array(
+        [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g),
+         (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    )  # fmt: skip
+    sides = np.array(
+        [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4),
+         (11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9),
+         (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+    )  # fmt: skip
+    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    about_z = np.array([(cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)])
+    return (corners / np.hypot(1.0, g) @ about_z.T)[sides]

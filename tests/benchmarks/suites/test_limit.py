@@ -1,0 +1,66 @@
+"""The limit's suite, run as little as can be: no times, only counts and what must be there."""
+
+import pytest
+
+from benchmarks.options import Options
+from benchmarks.report import check
+from benchmarks.settings import SETTINGS
+from benchmarks.suites import limit
+from tests.conftest import open_context_or_skip
+
+
+@pytest.fixture(scope="module")
+def report():
+    open_context_or_skip().release()
+    return limit.run(Options(rounds=1, warm_up=1, scenes=("rings", "compass")), size_px=96)
+
+
+def test_frames_and_probes_are_there(report, tmp_path):
+    check(report)
+    frames = [row for row in report["rows"] if row["kind"] == "frame"]
+    assert [(row["scene"], row["setting"]) for row in frames] == [
+        (scene, setting) for scene in ("rings", "compass") for setting in SETTINGS
+    ]
+    rates = [row["per_second"] for row in report["rows"] if row["kind"] == "probe"]
+    assert len(rates) > 15
+    assert min(rates) > 0.0
+    assert report["machine"]["renderer"]
+    shown = "\n".join(limit.lines(report))
+    assert all(f"{row['scene']}, {row['setting']}" in shown for row in frames)
+    limit.plot(report, tmp_path / "limit.png")
+    assert (tmp_path / "limit.png").stat().st_size > 0
+
+
+def test_the_parts_and_the_limits_add_up(report):
+    for row in report["rows"]:
+        if row["kind"] != "frame":
+            continue
+        after = row["capture_ms"] + row["readback_ms"]
+        whole = after + row["virtual_cameras_ms"] + row["around_ms"]
+        assert row["after_faces_share"] == pytest.approx(after / whole)
+        parts = ("texels", "triangles", "lookups", "readback")
+        limits = [row[f"limit_{part}_ms"] for part in parts]
+        assert row["limit_ms"] == pytest.approx(sum(limits))
+        assert row["share_of_limit"] == pytest.approx(row["limit_ms"] / row["p50_ms"])
+
+
+def test_counts_hold_together(report):
+    """They are the same in every run; whoever draws more than before is to see it."""
+    for row in report["rows"]:
+        if row["kind"] != "frame":
+            continue
+        share = row["mirror_px"] / 96**2
+        assert 0.7 < share < 0.8  # a circle of 105°, the rim's edges and the camera's own place
+        assert row["captured_px"] == row["mirror_px"] * (4 if row["setting"] == "fast" else 9)
+        assert 0 < row["triangles_seen"] <= row["triangles"]
+        assert row["draws"] > 0
+        # at least a texel a pixel, for nothing is magnified
+        density = SETTINGS[row["setting"]]["texels_per_pixel"] ** 2
+        assert row["texels_a_mirror_px"] > density
+        assert row["samples_a_mirror_px"] == row["samples"] / row["mirror_px"]
+    values = {bound["name"]: bound["value"] for bound in report["bounds"]}
+    fast = [row for row in report["rows"] if row.get("setting") == "fast"]
+    assert len(values) == 2 * len(fast)
+    for row in fast:
+        name = f"shaded samples a pixel of the mirror: {row['scene']}, fast"
+        assert values[name] == row["samples_a_mirror_px"]

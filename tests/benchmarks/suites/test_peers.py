@@ -1,0 +1,58 @@
+"""The race, run as little as can be: no times, only what must be there."""
+
+import dataclasses
+
+import pytest
+
+from benchmarks.options import Options
+from benchmarks.peers import field, quality
+from benchmarks.report import check
+from benchmarks.suites import peers
+from omnisim.validation.oracles import why_missing
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+TIMED = {name for name in peers.BOUNDS if name != field.PYRENDER}
+
+
+@pytest.fixture
+def report(monkeypatch):
+    """Of a race in a small scene, where pyrender is missing, against a coarse reference."""
+    real = field.why_missing
+    monkeypatch.setattr(
+        field, "why_missing", lambda name: "is not here" if name == "pyrender" else real(name)
+    )
+    coarse = dataclasses.replace(quality.REFERENCE, supersampling=4, texels_per_pixel=4.0)
+    monkeypatch.setattr(quality, "REFERENCE", coarse)
+    return peers.run(Options(rounds=1, warm_up=0, scenes=("rings",)), poses=2, looked_at=1)
+
+
+@pytest.mark.skipif(bool(why_missing("embreex")), reason="embreex is missing")
+def test_everybody_has_a_row_and_who_is_missing_says_why(report, tmp_path):
+    check(report)
+    rows = {row["racer"]: row for row in report["rows"]}
+    assert tuple(rows) == field.NAMES
+    for name in (field.PYRENDER, field.PYRENDER_FLAT):
+        assert rows[name] == {"scene": "rings", "racer": name, "missing": "is not here"}
+    raced = [row for row in report["rows"] if row["missing"] is None]
+    assert len(raced) == len(field.NAMES) - 2
+    assert rows[field.FAST]["ratio"] == 1.0
+    assert rows[field.EMBREE]["psnr_db"] is None
+    assert all(row["psnr_db"] > 10.0 for row in raced if row["racer"] != field.EMBREE)
+    assert rows[field.DEFAULT]["psnr_db"] > rows[field.FAST]["psnr_db"]
+
+    bounds = {bound["name"]: bound for bound in report["bounds"]}
+    for name in TIMED:
+        bound = bounds[f"rings: {name} to {field.FAST}"]
+        assert (bound["value"], bound["bound"]) == (rows[name]["ratio"], peers.BOUNDS[name])
+    margins = [bound for name, bound in bounds.items() if "PSNR" in name]
+    # the nearest is the best of the others, all of whom were looked at from the same pose
+    best = max(rows[name]["psnr_db"] for name in (field.PAPER, field.GAZEBO, field.EMBREE_COLOR))
+    told = [rows[name]["psnr_db"] - best for name in (field.FAST, field.DEFAULT)]
+    assert [margin["value"] for margin in margins] == pytest.approx(told)
+    assert len(bounds) == len(TIMED) + 2
+
+    lines = peers.lines(report)
+    assert len(lines) == 2 + len(rows) + len(bounds)
+    assert any("is not here" in line for line in lines)
+    peers.plot(report, tmp_path / "peers.png")
+    assert (tmp_path / "peers.png").stat().st_size > 0

@@ -1,0 +1,61 @@
+"""The suite of growing frames, run as little as can be: no times, only what must be there."""
+
+import numpy as np
+import pytest
+
+from benchmarks.embree_rays import EmbreeRays, has_embree
+from benchmarks.options import Options
+from benchmarks.report import check
+from benchmarks.suites import scaling
+from benchmarks.town import build_town
+from omnisim import OmniCamera, Renderer
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_every_size_is_timed(tmp_path):
+    options = Options(rounds=1, warm_up=0, scenes=("rings",))
+    report = scaling.run(options, triangles=(1000,), sizes_px=(32, 64), cameras=(1, 3))
+    check(report)
+    told = [(row["against"], row["picture_px"], row["cameras"]) for row in report["rows"]]
+    assert told == [
+        ("triangles", 360, 1), ("picture", 32, 1), ("picture", 64, 1), ("cameras", 360, 1),
+        ("cameras", 360, 3),
+    ]  # fmt: skip
+    assert report["rows"][0]["triangles"] == build_town(1000).triangle_count
+    if has_embree():
+        assert report["bounds"][0]["value"] == report["rows"][0]["embree_ratio"]
+    assert len(scaling.lines(report)) >= 1 + len(told)
+    scaling.plot(report, tmp_path / "scaling.png")
+    assert (tmp_path / "scaling.png").stat().st_size > 0
+
+
+def test_without_embree_no_bound_is_asked_for(monkeypatch, needs_opengl):
+    monkeypatch.setattr(scaling, "has_embree", lambda: False)
+    report = scaling.run(
+        Options(1, 0, scenes=("rings",)), triangles=(1000,), sizes_px=(32,), cameras=(1,)
+    )
+    check(report)
+    assert report["bounds"] == []
+    assert any("embreex is not installed" in line for line in scaling.lines(report))
+
+
+def test_what_takes_seconds_has_fewer_turns_and_variants_of_equal_turns_are_together():
+    groups = scaling._groups(Options(30, 20), scaling.CAMERAS, 8, 16)
+    assert [(turns.rounds, turns.warm_up, group) for turns, group in groups] == [
+        (30, 20, [1, 2, 4]), (10, 6, [8]), (3, 1, [16, 32, 64]),
+    ]  # fmt: skip
+
+
+def test_embree_hits_what_the_camera_sees(needs_opengl):
+    if not has_embree():
+        pytest.skip("embreex, the ray caster to compare with, is missing")
+    scene, sensor = build_town(1000), OmniCamera(polygons=None).resized(120)
+    eye = scaling.STREET[0]
+    rays = EmbreeRays(scene, sensor.camera)
+    with Renderer(scene, sensor) as renderer:
+        frame = renderer.render(eye, also=("range",))
+    assert rays.count == frame.valid.sum()
+    hit = rays.cast(eye) >= 0
+    seen = np.isfinite(frame.channels["range"][frame.valid])
+    # at silhouettes the last bit decides: a ray in five thousand
+    assert np.mean(hit == seen) > 0.999

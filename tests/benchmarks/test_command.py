@@ -1,0 +1,81 @@
+"""`python -m benchmarks`: files, exit status, and one line where something is wrong."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+
+import benchmarks.__main__ as command
+from benchmarks.report import AT_MOST, Bound, make_report, read_report
+from omnisim.errors import SceneError
+from omnisim.gpu.context import open_context
+
+
+def _suite(name, value):
+    """A suite whose only bound holds for values up to 1; None: it cannot be run."""
+
+    def run(options):
+        if value is None:
+            raise SceneError("there is no such scene")
+        context = open_context(options.device)
+        rows = [{"variant": "a", "rounds": options.rounds}]
+        report = make_report(name, options, context, rows, [Bound("cost", value, 1.0, AT_MOST)])
+        context.release()
+        return report
+
+    return SimpleNamespace(
+        run=run, lines=lambda report: [f"table of {name}"], plot=lambda report, path: path.touch()
+    )
+
+
+@pytest.fixture
+def suites(monkeypatch, needs_opengl):
+    made = {"fps": _suite("fps", 2.0), "lenses": _suite("lenses", 0.5)}
+    monkeypatch.setattr(command, "SUITES", tuple(made))
+    monkeypatch.setattr(command, "find_spec", lambda name: name.rpartition(".")[2] in made)
+    monkeypatch.setattr(command, "import_module", lambda name: made[name.rpartition(".")[2]])
+    return made
+
+
+def test_a_suite_writes_its_report_and_its_plot(suites, tmp_path, capsys):
+    folder = tmp_path / "new" / "folder"
+    assert command.main(["lenses", "-o", str(folder), "--rounds", "4"]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["lenses.json", "lenses.png"]
+    report = read_report(folder / "lenses.json")
+    assert report["rows"] == [{"variant": "a", "rounds": 4}]
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[1] == "table of lenses"
+    assert report["machine"]["renderer"] in shown[0]
+
+
+def test_all_suites_run_before_one_that_failed_counts(suites, tmp_path, capsys):
+    suites["fps"] = _suite("fps", None)
+    assert command.main(["all", "-o", str(tmp_path)]) == 1
+    assert json.loads((tmp_path / "lenses.json").read_text(encoding="utf-8"))["passed"] is True
+    assert capsys.readouterr().err == "error: fps: there is no such scene\n"
+
+
+def test_a_missed_bound_is_status_1(suites, tmp_path):
+    assert command.main(["all", "-o", str(tmp_path)]) == 1
+    assert read_report(tmp_path / "fps.json")["passed"] is False
+    assert (tmp_path / "lenses.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["lense"], "suite 'lense': no such suite; did you mean 'lenses'?"),
+        (["x"], "suite 'x': no such suite; want fps, lenses or all"),
+        (["fps", "--rounds", "0"], "--rounds 0: want at least 1"),
+        (["fps", "--rounds", "many"], "argument --rounds: invalid int value: 'many'"),
+        (["fps", "-o", __file__], f"{__file__}: cannot be made: File exists"),
+        ([], "the following arguments are required: suite"),
+    ],
+)
+def test_wrong_arguments_are_one_line(suites, arguments, told, capsys):
+    try:
+        status = command.main(arguments)
+    except SystemExit as end:
+        status = end.code
+    assert status == 2
+    assert capsys.readouterr().err == f"error: {told}\n"

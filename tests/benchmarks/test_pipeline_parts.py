@@ -1,0 +1,71 @@
+"""A frame taken apart: the same picture, nothing left changed, and counts that hold together."""
+
+import moderngl
+import numpy as np
+import pytest
+
+from benchmarks.pipeline_parts import RepeatedFrame
+from omnisim import OmniCamera, Renderer
+from omnisim.scene import load_scene
+
+
+@pytest.fixture
+def frame(needs_opengl):
+    scene = load_scene("rings")
+    camera = OmniCamera(supersampling=1, texels_per_pixel=1.0).resized(64)
+    with Renderer(scene, camera) as renderer:
+        yield RepeatedFrame(renderer, camera.base_pose(scene.start.position_m))
+
+
+def test_a_frame_in_parts_is_the_frame(frame, monkeypatch):
+    before = (moderngl.Framebuffer.read_into, moderngl.VertexArray.render)
+    picture = frame.render()
+    pictures = []
+    render = frame.render
+    monkeypatch.setattr(frame, "render", lambda: pictures.append(render()))
+    parts = frame.parts()
+    assert np.array_equal(pictures[0], picture)
+    assert min(parts) > 0.0
+    assert parts.whole == pytest.approx(sum(parts))
+    assert (moderngl.Framebuffer.read_into, moderngl.VertexArray.render) == before
+    assert "render" not in vars(frame.renderer._cube)
+
+
+def test_a_failure_leaves_nothing_changed(frame, monkeypatch):
+    def fails():
+        raise RuntimeError
+
+    before = moderngl.Framebuffer.read_into
+    monkeypatch.setattr(frame, "render", fails)
+    with pytest.raises(RuntimeError):
+        frame.parts()
+    assert moderngl.Framebuffer.read_into is before
+    assert "render" not in vars(frame.renderer._cube)
+
+
+def test_counts_are_the_same_each_time(frame):
+    counts = frame.count()
+    assert counts == frame.count()
+    assert counts.draws >= counts.calls > 0
+    faces = counts.virtual_cameras
+    assert faces.samples > 0
+    if faces.triangles_inside is not None:
+        assert 0 < faces.triangles_inside <= faces.triangles + 6 * 64  # clipping may cut one in two
+
+
+def test_indirect_lists_count_as_what_they_hold(frame, monkeypatch):
+    # a renderer that draws 5 things from one list, and 2 of another that has 3
+    def render():
+        for count, first in ((-1, 0), (2, 0), (-1, 1)):
+            array = object.__new__(moderngl.VertexArray)
+            moderngl.VertexArray.render_indirect(array, _Listed(5), count=count, first=first)
+
+    monkeypatch.setattr(moderngl.VertexArray, "render_indirect", lambda *_, **__: None)
+    monkeypatch.setattr(frame, "render", render)
+    counts = frame.count()
+    assert (counts.calls, counts.draws) == (3, 5 + 2 + 4)
+
+
+class _Listed:
+    def __init__(self, draws):
+        self.size = 20 * draws

@@ -1,0 +1,116 @@
+"""What a report must be, and that anything else is refused."""
+
+import copy
+
+import pytest
+
+from benchmarks.errors import BenchmarkError
+from benchmarks.machine import about, in_words
+from benchmarks.options import Options
+from benchmarks.report import (
+    AT_LEAST,
+    AT_MOST,
+    Bound,
+    bound_lines,
+    check,
+    make_report,
+    read_report,
+)
+
+
+@pytest.fixture
+def report(context):
+    bounds = [Bound("share", 0.9, 0.97, AT_LEAST), Bound("cost", 1.1, 1.15, AT_MOST)]
+    rows = [{"camera": "a", "p50_ms": 2.0, "polygons": None}]
+    return make_report("some", Options(rounds=3), context, rows, bounds, remark="why")
+
+
+def test_report_holds_to_its_schema_and_says_what_failed(report):
+    check(report)
+    assert [bound["passed"] for bound in report["bounds"]] == [False, True]
+    assert report["passed"] is False
+    assert report["rounds"] == 3
+    assert report["remark"] == "why"
+    assert bound_lines(report) == [
+        "FAILS: share: 0.9, want at least 0.97",
+        "holds: cost: 1.1, want at most 1.15",
+    ]
+
+
+def _without(*keys):
+    def change(report):
+        *way, last = keys
+        for key in way:
+            report = report[key]
+        del report[last]
+
+    return change
+
+
+def _with(value, *keys):
+    def change(report):
+        *way, last = keys
+        for key in way:
+            report = report[key]
+        report[last] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (_without("suite"), "suite = None"),
+        (_with(2, "schema"), "schema = 2"),
+        (_with([], "rows"), "rows: want at least one"),
+        (_with(float("nan"), "rows", 0, "p50_ms"), r"rows\[0\]: p50_ms = nan"),
+        (_with({"a": 1}, "rows", 0, "p50_ms"), r"rows\[0\]: p50_ms"),
+        (_without("bounds", 1, "sense"), r"bounds\[1\]: want name"),
+        (_with("more", "bounds", 1, "sense"), "sense = 'more'"),
+        (_with(True, "bounds", 0, "passed"), "its value says otherwise"),
+        (_with(True, "passed"), "its bounds say otherwise"),
+        (_without("machine", "renderer"), "machine: renderer is missing"),
+        (_with({1, 2}, "remark"), "is no JSON"),
+    ],
+)
+def test_what_is_no_report_is_refused(report, change, told):
+    changed = copy.deepcopy(report)
+    change(changed)
+    with pytest.raises(BenchmarkError, match=told):
+        check(changed)
+
+
+def test_a_value_that_is_no_number_holds_no_bound():
+    assert not Bound("x", float("nan"), 1.0, AT_LEAST).passed
+    assert not Bound("x", float("nan"), 1.0, AT_MOST).passed
+
+
+def test_a_file_that_is_no_report_is_refused(tmp_path):
+    path = tmp_path / "fps.json"
+    path.write_text("[1]", encoding="utf-8")
+    with pytest.raises(BenchmarkError, match="is no report"):
+        read_report(path)
+    path.write_text("{", encoding="utf-8")
+    with pytest.raises(BenchmarkError, match="is no JSON"):
+        read_report(path)
+
+
+def test_machine_says_what_draws(context):
+    machine = about(context)
+    assert machine["renderer"] == context.info["GL_RENDERER"]
+    assert machine["is_software"] is ("llvmpipe" in machine["renderer"])
+    assert machine["name"]
+    assert not set(machine["name"]) - set("abcdefghijklmnopqrstuvwxyz0123456789-")
+    assert machine["renderer"] in in_words(machine)
+
+
+def test_impossible_options_are_refused():
+    for wrong in ({"rounds": 0}, {"warm_up": -1}, {"device": -1}):
+        with pytest.raises(BenchmarkError, match="want"):
+            Options(**wrong)
+
+
+def test_fewer_turns_are_never_more_than_were_asked_for():
+    assert (Options(30, 20).fewer(5).rounds, Options(30, 20).fewer(5).warm_up) == (6, 4)
+    assert (Options(2, 1).fewer(5).rounds, Options(2, 1).fewer(5).warm_up) == (2, 1)
+    assert Options(600, 20).fewer(5).rounds == 120

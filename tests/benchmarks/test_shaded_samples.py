@@ -1,0 +1,29 @@
+"""How many samples the virtual cameras shade for a pixel of the mirror: a count, no time."""
+
+import numpy as np
+import pytest
+
+from benchmarks.pipeline_parts import RepeatedFrame
+from benchmarks.settings import at_setting
+from benchmarks.suites.limit import HELD, MOST_SAMPLES
+from omnisim import OmniCamera, Stage
+from omnisim.scene import load_scene
+
+
+def samples_a_mirror_px(source):
+    with Stage(load_scene(source)) as stage:
+        frame = RepeatedFrame.at_start(stage, at_setting(OmniCamera(), HELD))
+        mirror_px = np.count_nonzero(frame.render()[..., 3])
+        return frame.count().virtual_cameras.samples / mirror_px
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("scene", ["soccer", "mapping"])
+def test_little_is_shaded_that_the_picture_does_not_show(scene):
+    # fewer than one a pixel would be magnified
+    assert 1.0 < samples_a_mirror_px(scene) <= MOST_SAMPLES
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_nor_in_a_scene_that_nobody_made_for_omnisim(warehouse):
+    assert 1.0 < samples_a_mirror_px(warehouse) <= MOST_SAMPLES
