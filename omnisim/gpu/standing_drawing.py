@@ -18,6 +18,7 @@ from omnisim.gpu.uniforms import columns_first
 BANDS = 8
 # Boxes and cones are kept as float32: what is this close to a limit is drawn.
 _SPARE = 1e-5
+_INDEX_BYTES = 12  # of a triangle
 _NORMAL_FROM_ANCHOR = columns_first(np.eye(3))
 
 
@@ -44,15 +45,13 @@ class StandingDrawing:
         self._context, self._geometry = context, geometry
         variants = [variant_of(look.material, unlit) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
-        arrays = {one: geometry.vertex_array(surfaces[one].program) for one in set(variants)}
-        self._vertex_arrays = [arrays[variant] for variant in variants]
         chunks = geometry.chunks
         self._middles_m = 0.5 * (chunks.lows.astype(np.float64) + chunks.highs)
         self._halves_m = 0.5 * (chunks.highs.astype(np.float64) - chunks.lows)
         self._radii_m = np.linalg.norm(self._halves_m, axis=1)
         double_sided = np.array([look.material.double_sided for look in geometry.looks], dtype=bool)
         self._spreads = np.where(double_sided[geometry.look_of_chunk], 2.0, chunks.spreads)
-        self._commands = context.buffer(reserve=max(geometry.command_bytes, 1))
+        self._make_room(_INDEX_BYTES * int(chunks.count.sum()))
         self._calls: list[list[tuple[int, int, int]]] = []
         self.triangles = 0
 
@@ -90,9 +89,7 @@ class StandingDrawing:
                 toggle = context.disable if material.double_sided else context.enable
                 toggle(moderngl.CULL_FACE)
                 last = look
-            self._vertex_arrays[look].render_indirect(
-                self._commands, moderngl.TRIANGLES, count, first=first
-            )
+            self._vertex_arrays[program].render(moderngl.TRIANGLES, vertices=count, first=first)
 
     def _all_turned_away(
         self, middles_m: NDArray[np.float64], distances_m: NDArray[np.float64]
@@ -139,15 +136,25 @@ class StandingDrawing:
         order = np.lexsort((far_m, call))
         call = call[order]
         begins = np.flatnonzero(np.diff(call, prepend=-1))
-        counts = np.diff(begins, append=len(call))
-        for begin, count in zip(begins.tolist(), counts.tolist(), strict=True):
-            draw = order[begin]
-            self._calls[view_of_draw[draw]].append((int(look[draw]), begin, count))
-        commands = geometry.commands(chunk_of_draw[order])
-        self.triangles = int(commands["count"].sum()) // 3
-        if commands.nbytes > self._commands.size:
-            self._commands = self._context.buffer(reserve=2 * commands.nbytes)
-        self._commands.write(commands)
+        # of each call, in indices
+        ends = 3 * np.cumsum(geometry.chunks.count[chunk_of_draw[order]])
+        firsts = np.concatenate(([0], ends))[begins]
+        counts = np.diff(firsts, append=ends[-1])
+        for draw, first, count in zip(order[begins], firsts.tolist(), counts.tolist(), strict=True):
+            self._calls[view_of_draw[draw]].append((int(look[draw]), first, count))
+        indices = geometry.indices(chunk_of_draw[order])
+        self.triangles = len(indices)
+        if indices.nbytes > self._indices.size:
+            self._make_room(2 * indices.nbytes)
+        self._indices.write(indices)
+
+    def _make_room(self, size: int) -> None:
+        """Have a buffer for so many bytes of indices."""
+        self._indices = self._context.buffer(reserve=max(size, _INDEX_BYTES), dynamic=True)
+        self._vertex_arrays = {
+            program: self._geometry.vertex_array(program.program, self._indices)
+            for program in set(self._programs)
+        }
 
 
 def _bands(far_m: NDArray[np.float64], radii_m: NDArray[np.float64]) -> NDArray[np.intp]:

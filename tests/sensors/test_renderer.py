@@ -392,8 +392,8 @@ def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
     """Three captures to a side of a pixel, or a picture three times as large: the same light."""
     scene = scene_of([room()])
     # so few texels that neither asks for mip levels, which differ between one look and many
-    coarse = OmniCamera(polygons=polygons, supersampling=3, texels_per_pixel=1.5).resized(120)
-    fine = OmniCamera(polygons=polygons, supersampling=1, texels_per_pixel=0.5).resized(360)
+    coarse = OmniCamera(polygons=polygons, supersampling=3, face_size_px=48).resized(120)
+    fine = OmniCamera(polygons=polygons, supersampling=1, face_size_px=48).resized(360)
     with Renderer(scene, coarse) as one, Renderer(scene, fine) as other:
         mean = one.render(np.eye(4), linear=True)
         blocks = other.render(np.eye(4), linear=True)
