@@ -140,6 +140,13 @@ class CubePass:
                 # tile by tile: a software renderer keeps what it was told of all tiles in memory
                 # otherwise, and is slower by up to a seventh
                 self._flush()
+        has_more = self._standing is not None and self._standing.has_more
+        if has_more:
+            self._standing.prepare_rest(self._read_depth())
+        for number, view in enumerate(views):
+            self._drawing.aim(target, view)
+            if has_more:
+                self._standing.draw(number)
             if blended.size:
                 target.depth_mask = False
                 context.enable(moderngl.BLEND)
@@ -163,6 +170,12 @@ class CubePass:
         region = (*face.corner_px, face.size_px, face.size_px)
         framebuffer.read_into(pixels, region, components=3, dtype="f4")
         return pixels
+
+    def _read_depth(self) -> NDArray[np.float32]:
+        """Depth (height, width) of what was drawn so far."""
+        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
+        self._target.read_into(depth, components=1, attachment=-1, dtype="f4")
+        return depth
 
     def _from_far_to_near(
         self, views: Sequence[FaceView], placement: Placement

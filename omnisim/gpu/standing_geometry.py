@@ -28,6 +28,9 @@ MOST_TRIANGLES = 8_000_000
 FARTHEST_M = 1500.0
 
 
+TRIANGLE = np.dtype([("vertices", "<u4", 3)])  # moved as a whole
+
+
 class Look(NamedTuple):
     """What chunks of one call have in common."""
 
@@ -75,7 +78,7 @@ class StandingGeometry:
                 base += len(some_vertices)
         self.chunks, self.look_of_chunk = joined(chunks), np.concatenate(looks)
         self._vertices = context.buffer(np.concatenate(vertices))
-        self._triangles = np.concatenate(indices)
+        self._triangles = np.concatenate(indices).astype("<u4").view(TRIANGLE)[:, 0]
 
     def vertex_array(
         self, program: moderngl.Program, indices: moderngl.Buffer
@@ -84,11 +87,15 @@ class StandingGeometry:
         use are skipped."""  # fmt: skip
         return vertex_array(self._context, program, self._vertices, indices)
 
-    def indices(self, chunks: NDArray[np.intp]) -> NDArray[np.uint32]:
-        """Indices (n, 3) of the triangles of some chunks, in their order."""
+    def indices(self, chunks: NDArray[np.intp]) -> NDArray[np.void]:
+        """Indices (n,) of `TRIANGLE` of the triangles of some chunks, in their order."""
         first, count = self.chunks.first[chunks], self.chunks.count[chunks]
         before = np.cumsum(count) - count
-        return self._triangles[np.repeat(first - before, count) + np.arange(int(count.sum()))]
+        triangles = np.repeat(first - before, count)
+        triangles += np.arange(len(triangles))
+        return np.take(
+            self._triangles, triangles, mode="clip"
+        )  # none is out of range: it is quicker
 
 
 def _key(draw: Draw) -> tuple[object, ...]:
