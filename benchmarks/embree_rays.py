@@ -40,6 +40,10 @@ class EmbreeRays:
             base += len(placed.positions)
         self.embree = EmbreeScene()
         self._mesh = TriangleMesh(self.embree, np.concatenate(positions), np.concatenate(triangles))
+        self.look_through(camera)
+
+    def look_through(self, camera: CentralCamera) -> None:
+        """Cast a camera's rays from now on."""
         rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
         self.valid = rays.valid
         seen = rays.directions[rays.valid] @ camera.rig_from_optical.T

@@ -33,25 +33,27 @@ class EmbreeColors(Peer):
     """The picture: what is hit, lit and textured in NumPy.
 
     A ray goes on where it hits a hole, the back of a surface that has none, or glass.
+
+    Attributes:
+        rays: that are cast.
     """
 
     name = "Embree, colour"
 
     def __init__(self, scene: Scene):
-        self._rays = EmbreeRays(scene, SENSOR.camera)
-        self.texels = self._rays.count
+        self.rays = EmbreeRays(scene, SENSOR.camera)
+        self.texels = self.rays.count
         self._colors = HitColors(scene)
         self._background = np.array(scene.background, dtype=np.float32)
-        self._levels = np.zeros((*self._rays.valid.shape, 3), dtype=np.uint8)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         """The picture (height, width, 3)."""
-        origins_m, directions = self._rays.aim(world_from_rig)
+        origins_m, directions = self.rays.aim(world_from_rig)
         total = np.zeros_like(directions)
         rays = np.arange(len(total))
         share = np.ones((len(rays), 1), dtype=np.float32)
         for _ in range(MOST_LAYERS):
-            found = self._rays.embree.run(origins_m, directions, output=True)
+            found = self.rays.embree.run(origins_m, directions, output=True)
             hit = np.flatnonzero(found["primID"] >= 0)
             if len(hit) < len(rays):
                 missed = np.flatnonzero(found["primID"] < 0)
@@ -69,8 +71,9 @@ class EmbreeColors(Peer):
                 break
             rays, share, directions = rays[on], share[on], directions[on]
             origins_m = points_m[on] + _BEYOND * (1.0 + ranges_m[on]) * directions
-        self._levels[self._rays.valid] = _levels(total)
-        return self._levels.copy()
+        levels = np.zeros((*self.rays.valid.shape, 3), dtype=np.uint8)
+        levels[self.rays.valid] = _levels(total)
+        return levels
 
 
 def _levels(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -146,7 +146,7 @@ class _Brush:
     """A variant of the surface shader with its vertex array; says nothing to it twice."""
 
     def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
-        program = getattr(surface, "program", None) or surface._program
+        program = surface.program
         self._vertex_array = buffers.vertex_array(program)
         self._clip_from_mesh = program["u_clip_from_mesh"]
         self._base_color = program["u_base_color"]

@@ -24,13 +24,14 @@ def peers_figure(report: dict[str, Any]) -> Figure:
     figure, axes_of = panels(report, title, len(scenes), share_y=True)
     raced = [row for row in report["rows"] if row["missing"] is None]
     levels = [row["psnr_db"] for row in raced if row["psnr_db"] is not None]
-    times = [row["p50_ms"] for row in raced]
     for axes, scene in zip(axes_of, scenes, strict=True):
         style.label_axes(axes, scene, "ms a frame (median), logarithmic", "")
         plain_log(axes.xaxis)
-        axes.set_xlim(0.6 * min(times), 4.5 * max(times))  # names stand right of their points
+        rows = [row for row in raced if row["scene"] == scene]
+        times = [row["p50_ms"] for row in rows]
+        axes.set_xlim(0.7 * min(times), 3.5 * max(times))  # names stand right of their points
         axes.set_ylim(min(levels) - ROOM_DB, max(levels) + ROOM_DB)
-        _draw(axes, [row for row in raced if row["scene"] == scene])
+        _draw(axes, rows)
     axes_of[0].set_ylabel("PSNR in dB against 64 samples a pixel")
     told = "bars: the worst pose; hollow: another picture, without lights or by pyrender's own"
     figure.supxlabel(told, fontsize=8, color=style.GREY)

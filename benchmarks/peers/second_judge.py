@@ -1,0 +1,66 @@
+"""Is our reference fair to the others? Embree casts 8 × 8 rays a pixel, and judges all again.
+
+python -m benchmarks.peers.second_judge soccer
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peers import field
+from benchmarks.peers.embree import EmbreeColors
+from benchmarks.peers.field import Field
+from benchmarks.peers.path import race_poses
+from benchmarks.peers.peer import SENSOR
+from benchmarks.peers.quality import CAPTURES, psnr_db, references
+from omnisim.scene import load_scene
+from omnisim.sensors import Stage
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+
+POSES, LOOKED_AT = 10, 4
+JUDGED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)
+
+
+def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """The picture (height, width, 3) of 64 rays a pixel, averaged in linear light."""
+    camera = SENSOR.camera
+    levels = linear_from_srgb(np.arange(256) / 255.0)
+    total = np.zeros((camera.height_px, camera.width_px, 3))
+    count = np.zeros((camera.height_px, camera.width_px, 1))
+    shifts = (np.arange(CAPTURES) + 0.5) / CAPTURES - 0.5
+    for right in shifts:
+        for down in shifts:
+            u, v = camera.principal_point_px
+            shifted = dataclasses.replace(camera, principal_point_px=(u - right, v - down))
+            racer.rays.look_through(shifted)
+            total += levels[racer.render(pose)] * racer.rays.valid[..., None]
+            count += racer.rays.valid[..., None]
+    racer.rays.look_through(camera)
+    mean = total / np.maximum(count, 1.0)
+    return np.rint(255.0 * srgb_from_linear(mean)).astype(np.uint8)
+
+
+def main(scene: str) -> None:
+    """Print what both references say of each racer's picture, and of each other."""
+    with Stage(load_scene(scene)) as stage:
+        pose = race_poses(stage, POSES)[LOOKED_AT]
+        ours = references(stage, pose[None])[0]
+        with Field(stage) as racers:
+            pictures = {name: racers.peers[name].render(pose) for name in JUDGED}
+            judge = racers.peers[field.EMBREE_COLOR]
+            assert isinstance(judge, EmbreeColors)
+            theirs = by_embree(judge, pose)
+    print(f"{scene}: our reference against Embree's: {psnr_db(ours, theirs):.1f} dB")
+    for name, picture in pictures.items():
+        print(
+            f"{name:20} against ours {psnr_db(picture, ours):.1f} dB, "
+            f"against Embree's {psnr_db(picture, theirs):.1f} dB"
+        )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
