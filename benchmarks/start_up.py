@@ -51,6 +51,8 @@ def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, A
     """
     if not starts:
         return []
+    if Path(scene).is_file():
+        scene = str(Path(scene).resolve())  # the processes start elsewhere
     runs: dict[str, list[Run]] = {CACHED: [], ANEW: []}
     phases: dict[str, list[float]] = {phase: [] for phase in PHASES}
     with tempfile.TemporaryDirectory() as folder:

@@ -78,7 +78,7 @@ def run(
             fails.
     """
     frames = FRAMES if frames is None else frames
-    scene = next(iter(load_scenes(options, (SCENE,)).values()))
+    name, scene = next(iter(load_scenes(options, (SCENE,)).items()))
     if not scene.paths:
         raise BenchmarkError(f"--scene {scene.name}: has no path to drive: want one that has")
     source = options.scenes[0] if options.scenes else SCENE
@@ -90,7 +90,7 @@ def run(
     context = open_context(options.device)
     report = make_report(
         "drive", options, context, rows, _bounds(rows),
-        scene=scene.name, robot=ROBOT, path=scene.paths[0].name, rate_hz=RATE_HZ, starts=starts,
+        scene=name, robot=ROBOT, path=scene.paths[0].name, rate_hz=RATE_HZ, starts=starts,
         series={one.setting: _series(one) for one in driven},
     )  # fmt: skip
     context.release()

@@ -13,6 +13,9 @@ the other, each at its probe's rate:
 It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a
 texel is shaded does not, and probe and frame take turns on a machine that does other things, too.
 Where the renderer is software, the share by processor time is the surer one.
+
+How much of the virtual cameras' time their triangles and calls take shows where they are drawn with
+faces so small that nothing is left to fill.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ import moderngl
 import numpy as np
 
 from benchmarks.options import Options
-from benchmarks.probes import fill, readback, submission, surfaces, triangles
+from benchmarks.probes import fill, readback, small_faces, submission, surfaces, triangles
 from benchmarks.probes.probe import Probe, side_px
 from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
 from benchmarks.scenes import load_scenes
@@ -64,6 +67,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
             stage = stack.enter_context(Stage(scene, device=options.device))
             room = stack.enter_context(Stage(surfaces.empty_room(scene), device=options.device))
             probes.append(surfaces.room_probe(name, room))
+            probes.append(small_faces.small_faces_probe(name, stage))
             for setting in SETTINGS:
                 camera = at_setting(paper, setting)
                 frames.append(LimitedFrame.of(context, name, setting, stage, room, camera))
@@ -82,20 +86,22 @@ def lines(report: dict[str, Any]) -> list[str]:
     """The machine's rates, then the frames in parts beside their limits."""
     told = [f"{'what the machine can do':44} a second"]
     probes = [row for row in report["rows"] if row["kind"] == "probe"]
-    told += [f"{row['name']:44} {row['per_second'] / 1e6:10.2f} M {row['unit']}" for row in probes]
+    told += [f"{row['name']:44} {_rate(row['per_second'])} {row['unit']}" for row in probes]
     told.append("")
     told.append(
-        f"{'a frame, ms':24} {'whole':>7} {'faces':>7} {'capture':>8} {'read':>6} {'Python':>7}"
-        f" {'limit':>7}   share of the limit: whole (95 %), processor, faces, capture, read"
+        f"{'a frame, ms':24} {'whole':>7} {'faces':>7} {'(small)':>7}"
+        f" {'capture':>8} {'read':>6} {'Python':>7} {'limit':>7}"
+        "   share of the limit: whole (95 %), processor, faces, capture, read"
     )
     frames = [row for row in report["rows"] if row["kind"] == "frame"]
     for row in frames:
         told.append(
             f"{row['scene'] + ', ' + row['setting']:24} {row['p50_ms']:7.1f}"
-            f" {row['virtual_cameras_ms']:7.1f} {row['capture_ms']:8.1f} {row['readback_ms']:6.2f}"
-            f" {row['around_ms']:7.2f} {row['limit_ms']:7.1f}   {row['share_of_limit']:.2f}"
-            f" ({row['share_of_limit_low']:.2f} – {row['share_of_limit_high']:.2f}),"
-            f" {row['processor_share_of_limit']:.2f},"
+            f" {row['virtual_cameras_ms']:7.1f} {row['small_faces_ms']:7.1f}"
+            f" {row['capture_ms']:8.1f} {row['readback_ms']:6.2f} {row['around_ms']:7.2f}"
+            f" {row['limit_ms']:7.1f}"
+            f"   {row['share_of_limit']:.2f} ({row['share_of_limit_low']:.2f} –"
+            f" {row['share_of_limit_high']:.2f}), {row['processor_share_of_limit']:.2f},"
             f" {row['virtual_cameras_share_of_limit']:.2f}, {row['capture_share_of_limit']:.2f},"
             f" {row['readback_share_of_limit']:.2f}"
         )
@@ -121,6 +127,10 @@ def plot(report: dict[str, Any], path: Path) -> None:
         OutputError: the file cannot be written.
     """
     write_plot(path, limit_figure(report))
+
+
+def _rate(per_second: float) -> str:
+    return f"{per_second:10.1f}  " if per_second < 1e5 else f"{per_second / 1e6:10.2f} M"
 
 
 def _machine_probes(context: moderngl.Context) -> list[Probe]:

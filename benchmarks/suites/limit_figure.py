@@ -46,6 +46,11 @@ def limit_figure(report: dict[str, Any]) -> Figure:
             width = row[f"{part}_ms"]
             axes.barh(at, width, _THICK, start, color=color, label=label)
             start += width
+        axes.barh(
+            at, min(row["small_faces_ms"], row["virtual_cameras_ms"]), _THICK,
+            color=style.BLUE, edgecolor="white", hatch="////", linewidth=0.0,
+            label="their triangles and calls" if is_first else None,
+        )  # fmt: skip
         axes.annotate(
             f"{100.0 * row['share_of_limit']:.0f} % of the limit", (start, at),
             textcoords="offset points", xytext=(6, 0), va="center", fontsize=9,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.pipeline_parts import FrameCounts, PartSeconds, RepeatedFrame
 from benchmarks.probes import fill, readback, submission, triangles
 from benchmarks.probes.probe import Probe
+from benchmarks.probes.small_faces import small_faces_name
 from benchmarks.probes.surfaces import room_name
 from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.timer import Timings
@@ -131,6 +132,7 @@ class LimitedFrame:
             "kind": "frame", "scene": self.scene, "setting": self.setting,
             **timings.row(self.name),
             **{f"{part}_ms": paired.percentile_ms(part, 50) for part in PARTS},
+            "small_faces_ms": timings.percentile_ms(small_faces_name(self.scene), 50),
             **paired.ratio("after the faces", "in parts").flat("after_faces_share"),
             "in_parts": paired.ratio("in parts", "whole").median,
             "limit_ms": paired.percentile_ms("limit", 50),

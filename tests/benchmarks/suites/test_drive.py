@@ -21,6 +21,7 @@ def report():
 def test_every_frame_of_the_drive_is_there(report, tmp_path):
     check(report)
     frames = {row["setting"]: row for row in report["rows"] if row["kind"] == "frames"}
+    assert report["scene"] == drive.SCENE
     assert {setting: row["rounds"] for setting, row in frames.items()} == {"fast": 6, "default": 2}
     for setting, row in frames.items():
         times = report["series"][setting]["frame"]

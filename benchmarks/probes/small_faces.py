@@ -1,0 +1,24 @@
+"""What the virtual cameras cost when next to nothing of them is filled: triangles and calls."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from benchmarks.pipeline_parts import RepeatedFrame
+from benchmarks.probes.probe import Probe
+from benchmarks.settings import at_setting
+from omnisim.sensors import OmniCamera, Stage
+
+FACE_PX = 16
+
+
+def small_faces_probe(scene: str, stage: Stage) -> Probe:
+    """The faces of a scene with 16 texels to a side, all that is drawn in them included."""
+    camera = dataclasses.replace(at_setting(OmniCamera(), "fast"), face_size_px=FACE_PX)
+    frame = RepeatedFrame.at_start(stage, camera)
+    return Probe(small_faces_name(scene), "frames", 1.0, frame.render_faces)
+
+
+def small_faces_name(scene: str) -> str:
+    """Name of the probe."""
+    return f"virtual cameras of {FACE_PX} px, {scene}"
