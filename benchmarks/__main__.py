@@ -14,11 +14,11 @@ from typing import NoReturn
 from benchmarks.errors import BenchmarkError
 from benchmarks.machine import in_words
 from benchmarks.options import Options
+from benchmarks.progress import show_turns
 from benchmarks.report import write_report
 from benchmarks.timer import ROUNDS, WARM_UP
 from omnisim.atomic_file import check_target
 from omnisim.cli.consoles import err
-from omnisim.cli.progress import count_along
 from omnisim.errors import OmnisimError, OutputError
 
 # In the order in which `all` runs them: a module each, imported when it is run.
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
             warm_up=asked.warm_up,
             device=asked.device,
             scenes=tuple(asked.scene),
-            progress=partial(count_along, err=err),
+            progress=partial(show_turns, err=err),
         )
         _make_folder(asked.output, names)
     except OmnisimError as reason:

@@ -43,10 +43,10 @@ class Options:
         if self.device is not None and self.device < 0:
             raise BenchmarkError(f"--device {self.device}: want 0 or more, see `omnisim info`")
 
-    def fewer(self, times: int, fewest_rounds: int = FEWEST_ROUNDS) -> Options:
+    def fewer(self, times: int) -> Options:
         """So many times fewer turns, for variants that take long; never more than there were."""
         return dataclasses.replace(
             self,
-            rounds=min(self.rounds, max(fewest_rounds, self.rounds // times)),
+            rounds=min(self.rounds, max(FEWEST_ROUNDS, self.rounds // times)),
             warm_up=min(self.warm_up, max(FEWEST_TO_WARM_UP, self.warm_up // times)),
         )

@@ -36,7 +36,7 @@ SETTING, SIZE_PX, SCENE = "fast", 360, "soccer"
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000)
 SIZES_PX = (128, 256, 512, 1024, 2048)
 CAMERAS = (1, 2, 4, 8, 16, 32, 64)
-BOUND_TRIANGLES, LEAST = 1_000_000, 1.0
+LARGE, LEAST = 1_000_000, 1.0  # as large as towns are that the bound is asked for
 OURS, EMBREE = "omnisim", "embree"
 POSES = 6
 # Along the street and across it, and turned: nothing is special about one heading.
@@ -64,21 +64,21 @@ def run(
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
     """  # fmt: skip
-    rows = [_of_town(count, _turns_of(options, count, 1e6, 5e6)) for count in triangles]
+    rows = [_of_town(count, _turns_of_town(options, count)) for count in triangles]
     bounds = [
         Bound(
             f"Embree's rays to a frame, {row['triangles']} triangles", row["embree_ratio"], LEAST,
             AT_LEAST,
         )
         for count, row in zip(triangles, rows, strict=True)
-        if "embree_ratio" in row and count <= BOUND_TRIANGLES
+        if "embree_ratio" in row and count <= LARGE
     ]  # fmt: skip
     scene, vehicle = load_scene(options.scenes[0] if options.scenes else SCENE), Vehicle.load(ROBOT)
     base_from_eye = vehicle.camera().sensor.base_from_rig
     with Stage(scene, device=options.device) as stage:
         along = patrol(scene, vehicle, POSES) @ base_from_eye
-        rows += _of_sizes(stage, along, sizes_px, options)
-        rows += _of_cameras(stage, along, cameras, options)
+        rows += _of_sizes(stage, along, sizes_px, options.fewer(3))
+        rows += _of_cameras(stage, along, cameras, _slowest(options))
         with stage.current():
             return make_report(
                 "scaling", options, stage.context, rows, bounds,
@@ -130,27 +130,23 @@ def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
 
 
 def _of_sizes(
-    stage: Stage, eyes: NDArray[np.float64], sizes_px: Sequence[int], options: Options
+    stage: Stage, eyes: NDArray[np.float64], sizes_px: Sequence[int], turns: Options
 ) -> list[dict[str, Any]]:
-    rows = []
-    for turns, group in _groups(options, sizes_px, 1024, 1024):
-        with ExitStack() as renderers:
-            variants = {}
-            for size_px in group:
-                renderer = renderers.enter_context(Renderer(stage, _sensor(size_px)))
-                variants[str(size_px)] = _frame(stage, [(renderer.render, eyes)])
-            timings = _take_turns(variants, turns, "size of the picture")
-        rows += [
-            _row("picture", stage, timings, str(size_px), picture_px=size_px) for size_px in group
-        ]
-    return rows
+    with ExitStack() as renderers:
+        variants = {}
+        for size_px in sizes_px:
+            renderer = renderers.enter_context(Renderer(stage, _sensor(size_px)))
+            variants[str(size_px)] = _frame(stage, [(renderer.render, eyes)])
+        timings = _take_turns(variants, turns, "size of the picture")
+    return [
+        _row("picture", stage, timings, str(size_px), picture_px=size_px) for size_px in sizes_px
+    ]
 
 
 def _of_cameras(
-    stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], options: Options
+    stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], turns: Options
 ) -> list[dict[str, Any]]:
     """Cameras on one stage that follow each other; a frame is a picture of every one."""
-    rows = []
     with ExitStack() as renderers:
         takes = [
             (
@@ -159,13 +155,10 @@ def _of_cameras(
             )
             for camera in range(max(cameras))
         ]
-        for turns, group in _groups(options, cameras, 8, 16):
-            variants = {str(count): _frame(stage, takes[:count]) for count in group}
-            timings = _take_turns(variants, turns, "number of cameras")
-            for count in group:
-                row = _row("cameras", stage, timings, str(count), cameras=count)
-                rows.append({**row, "ms_a_camera": row["p50_ms"] / count})
-    return rows
+        variants = {str(count): _frame(stage, takes[:count]) for count in cameras}
+        timings = _take_turns(variants, turns, "number of cameras")
+    rows = [_row("cameras", stage, timings, str(count), cameras=count) for count in cameras]
+    return [{**row, "ms_a_camera": row["p50_ms"] / row["cameras"]} for row in rows]
 
 
 def _sensor(size_px: int) -> OmniCamera:
@@ -187,22 +180,16 @@ def _frame(
     return work
 
 
-def _turns_of(options: Options, amount: float, slow_from: float, slowest_from: float) -> Options:
-    """Fewer turns where there is much to do; what takes seconds is not repeated for minutes."""
-    if amount >= slowest_from:
-        return dataclasses.replace(options.fewer(10, 3), warm_up=min(options.warm_up, 1))
-    return options.fewer(3) if amount >= slow_from else options
+def _turns_of_town(options: Options, triangles: int) -> Options:
+    """Fewer turns where there is much to draw."""
+    if triangles > LARGE:
+        return _slowest(options)
+    return options.fewer(3) if triangles == LARGE else options
 
 
-def _groups(
-    options: Options, amounts: Sequence[int], slow_from: int, slowest_from: int
-) -> list[tuple[Options, list[int]]]:
-    """The amounts that are measured with equally many turns: they take turns with each other."""
-    turns_of = {amount: _turns_of(options, amount, slow_from, slowest_from) for amount in amounts}
-    return [
-        (turns, [amount for amount in amounts if turns_of[amount] == turns])
-        for turns in dict.fromkeys(turns_of.values())
-    ]
+def _slowest(options: Options) -> Options:
+    """The fewest turns, for what takes seconds."""
+    return dataclasses.replace(options.fewer(5), warm_up=min(options.warm_up, 1))
 
 
 def _take_turns(variants: dict[str, Callable[[], None]], turns: Options, what: str) -> Timings:

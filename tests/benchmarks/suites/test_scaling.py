@@ -39,11 +39,10 @@ def test_without_embree_no_bound_is_asked_for(monkeypatch, needs_opengl):
     assert any("embreex is not installed" in line for line in scaling.lines(report))
 
 
-def test_what_takes_seconds_has_fewer_turns_and_variants_of_equal_turns_are_together():
-    groups = scaling._groups(Options(30, 20), scaling.CAMERAS, 8, 16)
-    assert [(turns.rounds, turns.warm_up, group) for turns, group in groups] == [
-        (30, 20, [1, 2, 4]), (10, 6, [8]), (3, 1, [16, 32, 64]),
-    ]  # fmt: skip
+def test_what_takes_long_has_fewer_turns():
+    options = Options(30, 20)
+    turns = [scaling._turns_of_town(options, count) for count in (1000, 1_000_000, 5_000_000)]
+    assert [(one.rounds, one.warm_up) for one in turns] == [(30, 20), (10, 6), (6, 1)]
 
 
 def test_embree_hits_what_the_camera_sees(needs_opengl):

@@ -1,0 +1,21 @@
+"""A bar on a terminal, drawn between the turns alone: no thread draws while the clock runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+
+
+def show_turns(steps: Iterable[int], what: str, total: int, err: Console) -> Iterator[int]:
+    """The turns themselves, with a bar that says what they are for and how far it is."""
+    with Progress(
+        console=err, transient=True, auto_refresh=False, disable=not err.is_terminal
+    ) as bar:
+        task = bar.add_task(escape(what), total=total)
+        for step in steps:
+            bar.refresh()
+            yield step
+            bar.advance(task)

@@ -1,0 +1,27 @@
+"""The bar: on a terminal only, and nobody draws while a turn is timed."""
+
+import io
+import threading
+
+from rich.console import Console
+
+from benchmarks.progress import show_turns
+
+
+def test_bar_is_drawn_between_turns_and_by_no_thread():
+    shown = io.StringIO()
+    console = Console(file=shown, force_terminal=True)
+    before = threading.active_count()
+    seen = []
+    for step in show_turns(range(-1, 3), "fps: [soccer]", 4, console):
+        seen.append(step)
+        assert threading.active_count() == before
+    assert seen == [-1, 0, 1, 2]
+    assert "fps: [soccer]" in shown.getvalue()
+    assert "75%" in shown.getvalue()
+
+
+def test_there_is_no_bar_where_there_is_no_terminal():
+    shown = io.StringIO()
+    assert list(show_turns(range(3), "fps", 3, Console(file=shown))) == [0, 1, 2]
+    assert shown.getvalue() == ""
