@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from omnisim.cameras import CentralCamera
 from omnisim.errors import OmnisimError
@@ -48,6 +47,8 @@ class Twist:
 
     def through(self, world_from_base: NDArray[np.float64]) -> Motion:
         """The motion that is at a pose (4, 4) in the middle of the frame."""
+        from scipy.linalg import expm  # slow to import, and seldom needed
+
         x, y, z = self.angular_radps
         rates = np.array(
             [

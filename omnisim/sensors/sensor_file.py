@@ -76,7 +76,7 @@ class Mirror(Table):
     theta_max_deg: Number | None = None
     rim_radius_m: Positive | None = None
     polygons: PolygonCount = 1024
-    mounting: Mounting = Mounting()
+    mounting: Mounting = Field(default_factory=Mounting)
 
     @model_validator(mode="after")
     def _one_rim(self) -> Mirror:
@@ -132,7 +132,7 @@ class Lens(Table):
     model: str | None = None
     calibration: str | None = None
     camera: str | None = None
-    mounting: Mounting = Mounting()
+    mounting: Mounting = Field(default_factory=Mounting)
 
     @model_validator(mode="after")
     def _model_or_calibration(self) -> Lens:
@@ -176,11 +176,11 @@ class Lens(Table):
 class SensorFile(Table):
     """A whole sensor file: either a mirror and the camera that looks at it, or a lens."""
 
-    mirror: Mirror = Mirror()
-    virtual_cameras: VirtualCameras = VirtualCameras()
-    camera: Camera = Camera()
+    mirror: Mirror = Field(default_factory=Mirror)
+    virtual_cameras: VirtualCameras = Field(default_factory=VirtualCameras)
+    camera: Camera = Field(default_factory=Camera)
     lens: Lens | None = None
-    degradation: DegradationTable = DegradationTable()
+    degradation: DegradationTable = Field(default_factory=DegradationTable)
     _source: str = PrivateAttr("sensor")
     _folder: Path = PrivateAttr(Path())
 
