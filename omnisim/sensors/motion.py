@@ -47,8 +47,6 @@ class Twist:
 
     def through(self, world_from_base: NDArray[np.float64]) -> Motion:
         """The motion that is at a pose (4, 4) in the middle of the frame."""
-        from scipy.linalg import expm  # slow to import, and seldom needed
-
         x, y, z = self.angular_radps
         rates = np.array(
             [
@@ -60,6 +58,8 @@ class Twist:
         )
 
         def at(time_s: float) -> NDArray[np.float64]:
+            from scipy.linalg import expm  # slow to import; a shutter that takes no time never asks
+
             moved = expm(rates * time_s)
             moved[3] = (0.0, 0.0, 0.0, 1.0)  # of long ways only nearly so
             return world_from_base @ moved
