@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError, SceneError
 from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
+from omnisim.gpu.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
 
 _VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
@@ -28,7 +29,6 @@ _VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
         ("in_color", "<f2", 4),
     ]
 )
-_SRGB8_ALPHA8 = 0x8C43
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,12 +299,10 @@ class SceneBuffers:
                 f"a texture{used_by} has {width} × {height} texels: this GPU takes at most {limit}"
             )
         texture = self._context.texture(
-            (width, height), 4, np.ascontiguousarray(pixels), internal_format=_SRGB8_ALPHA8
+            (width, height), 4, np.ascontiguousarray(pixels), internal_format=SRGB8_ALPHA8
         )
-        texture.build_mipmaps()
-        if cutoff is not None:
-            for level, level_pixels in enumerate(masked_mipmaps(pixels, cutoff), start=1):
-                texture.write(level_pixels.tobytes(), level=level)
+        levels = mipmaps(pixels) if cutoff is None else masked_mipmaps(pixels, cutoff)
+        upload_levels(texture, levels)
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
 
