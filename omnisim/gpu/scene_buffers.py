@@ -257,7 +257,7 @@ class SceneBuffers:
         material = part.materials[mesh.material]
         linear = instance.world_from_mesh[:3, :3]
         mirrored = bool(np.linalg.det(linear) < 0.0)
-        cofactors = np.array([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
+        cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
         middle = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
         reach = np.linalg.norm(mesh.positions - middle, axis=1).max()
         return Draw(
