@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,7 @@ def _pipelines(context: Any) -> dict[str, Pipeline]:
     whole = EquidistantCamera(fine, fine, 0.5 * fine / math.pi, _middle(fine))
     cube = CubePass(
         context, buffers, SurfacePrograms(buffers, scene.lighting),
-        plan_faces(whole, whole.rig_from_optical, FACE_SIZE_PX),
+        plan_faces(whole, whole.rig_from_optical, face_size_px=FACE_SIZE_PX),
         near_m=0.05, far_m=np.inf, samples=1, unlit=False, background=scene.background,
     )  # fmt: skip
     pipelines = {}
@@ -107,7 +108,7 @@ def _pipelines(context: Any) -> dict[str, Pipeline]:
         if camera.model not in pipelines:
             lens = _in_picture(camera, fine)
             pipelines[camera.model] = Pipeline(
-                context, lens, lens.rig_from_optical, cube, LensCapture(context, lens),
+                context, lens, lens.rig_from_optical, cube, partial(LensCapture, context, lens),
                 SUPERSAMPLING,
             )  # fmt: skip
     return pipelines

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.gpu.face_plan import FacePlan
+from omnisim.gpu.face_plan import MOST_TILES, FacePlan
 from omnisim.gpu.shader_files import build_program, included_files
 from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
@@ -24,6 +24,7 @@ class Emit(Enum):
 
     COLOR = ()
     RAY = ("EMIT_RAY",)
+    LOOKUP = ("EMIT_LOOKUP",)
     SURFACE = ("EMIT_SURFACE",)
     SURFACE_AND_NORMAL = ("EMIT_SURFACE", "NORMALS")
     SURFACE_NORMAL_ALBEDO = ("EMIT_SURFACE", "NORMALS", "ALBEDO")
@@ -44,7 +45,7 @@ class LensCapture:
 
     def __init__(self, context: moderngl.Context, camera: CentralCamera, emit: Emit = Emit.COLOR):
         self._stored_rays = None
-        if emit is not Emit.RAY and searches_for_rays(camera.model):
+        if emit not in (Emit.RAY, Emit.LOOKUP) and searches_for_rays(camera.model):
             self._stored_rays = _stored_rays(context, camera)
         if self._stored_rays is None:
             self.program = _model_program(context, camera, emit)
@@ -143,26 +144,32 @@ Capture = LensCapture | MirrorMeshCapture
 def connect_cube(
     program: moderngl.Program, plan: FacePlan, rig_from_optical: NDArray[np.float64]
 ) -> None:
-    """Tell a capture's program where in the atlas each face stands (`cube_lookup.glsl`)."""
-    tiles = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
-    windows = np.zeros((len(FACE_NAMES), 4), dtype=np.float32)
-    texels = np.zeros(len(FACE_NAMES), dtype=np.float32)
+    """Tell a capture's program where in the atlas each tile stands (`cube_faces.glsl`)."""
+    cores, windows, places = (np.zeros((MOST_TILES, 4), dtype=np.float32) for _ in range(3))
+    texels = np.zeros(MOST_TILES, dtype=np.float32)
     atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
-    for face in plan.faces:
+    for tile, face in enumerate(plan.faces):
         half_px = 0.5 * face.size_px
         middle_px = np.array(face.corner_px) + half_px
-        tiles[face.index] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
-        windows[face.index] = face.tangents.ravel()
-        texels[face.index] = half_px
-    program["u_atlas"] = 0
+        places[tile] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
+        cores[tile] = np.ravel(face.core)
+        windows[tile] = face.tangents.ravel()
+        texels[tile] = half_px
+    face_of_tile = [face.index for face in plan.faces]
+    first_tiles = np.searchsorted(face_of_tile, np.arange(len(FACE_NAMES) + 1))
+    if "u_atlas" in program:  # what only says where to look does not look itself
+        program["u_atlas"] = 0
     if "u_max_level" in program:  # what is no colour has no mip levels
         program["u_max_level"] = float(plan.max_level)
+        program["u_level_bias"] = plan.level_bias
     program["u_rig_from_optical"].write(columns_first(rig_from_optical))
     for name, values in (
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
-        ("u_face_tile", tiles),
-        ("u_face_window", windows),
-        ("u_face_texels", texels),
+        ("u_first_tile", first_tiles.astype("<i4")),
+        ("u_tile_core", cores),
+        ("u_tile_window", windows),
+        ("u_tile_place", places),
+        ("u_tile_texels", texels),
     ):
         if name in program:
             program[name].write(values)

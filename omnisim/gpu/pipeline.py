@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.errors import GraphicsError
-from omnisim.gpu.capture_pass import Capture, connect_cube
+from omnisim.gpu.capture_pass import Capture, Emit, connect_cube
+from omnisim.gpu.covering import covering
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.degradation_pass import DegradationPass
+from omnisim.gpu.lookup_table import LookupTable
 from omnisim.gpu.shader_files import build_program
 
 
@@ -35,8 +37,15 @@ class SubFrame(NamedTuple):
 class Pipeline:
     """Renders one camera in one scene; everything on the GPU is made once.
 
-    The picture has `supersampling` times fewer pixels to a side than the camera: as many of the
-    camera's are averaged. With a `degradation`, its passes come before the encoding.
+    Args:
+        context: where.
+        camera: whose pixels are captured.
+        rig_from_optical: (3, 3).
+        cube: the virtual cameras.
+        make_capture: makes the capture of the camera's rays that emits what is asked for.
+        supersampling: the picture has as many times fewer pixels to a side than the camera: as many
+            of the camera's are averaged.
+        degradation: passes before the encoding.
 
     Raises:
         GraphicsError: a picture larger than the GPU allows.
@@ -48,38 +57,71 @@ class Pipeline:
         camera: CentralCamera,
         rig_from_optical: NDArray[np.float64],
         cube: CubePass,
-        capture: Capture,
+        make_capture: Callable[[Emit], Capture],
         supersampling: int = 1,
         degradation: DegradationPass | None = None,
     ):
-        self._context, self._cube, self._capture = context, cube, capture
+        self._context, self._cube = context, cube
         self._degradation = degradation
         self._size = (camera.width_px // supersampling, camera.height_px // supersampling)
         check_picture_size(context, camera.width_px, camera.height_px)
-        connect_cube(capture.program, cube.plan, rig_from_optical)
+        fine_size = (camera.width_px, camera.height_px)
+        self._lookups = self._capture = None
+        valid = np.ones(self._size[::-1], dtype=np.bool_)
+        if LookupTable.fits(self._size, supersampling):
+            capture = make_capture(Emit.LOOKUP)
+            self._lookups = LookupTable(
+                context, self._size, supersampling, capture, cube.plan, rig_from_optical
+            )
+            valid = self._lookups.valid
+        else:
+            self._capture = make_capture(Emit.COLOR)
+            connect_cube(self._capture.program, cube.plan, rig_from_optical)
         try:
             linear_type = "f2" if degradation is None else "f4"
             self._linear = context.texture(self._size, 4, dtype=linear_type)
             self._linear_target = context.framebuffer([self._linear])
-            self._fine = self._fine_target = None
-            if supersampling > 1:
-                fine_size = (camera.width_px, camera.height_px)
+            encoded = context.renderbuffer(self._size, 4)
+            self._encoded_target = context.framebuffer([encoded])
+            self._both_targets = context.framebuffer([encoded, self._linear])
+            if self._capture is not None:
                 self._fine = context.texture(fine_size, 4, dtype="f2")
                 self._fine_target = context.framebuffer([self._fine])
-            self._encoded_target = context.framebuffer([context.renderbuffer(self._size, 4)])
         except moderngl.Error as reason:
             raise GraphicsError(
                 f"a capture of {camera.width_px} × {camera.height_px} px does not fit on this GPU "
                 f"({reason}): make the picture or camera.supersampling smaller"
             ) from None
-        if self._fine is not None:
-            average = build_program(context, "common/full_screen.vert", "capture/average.frag")
-            average["u_fine"] = 0
-            average["u_supersampling"] = supersampling
-            self._average = context.vertex_array(average, [])
-        encode = build_program(context, "common/full_screen.vert", "capture/encode.frag")
-        encode["u_linear"] = 0
-        self._encode = context.vertex_array(encode, [])
+        # once: nothing is ever drawn where nothing is valid
+        self._both_targets.clear()
+        self._picture = self._picture_array(supersampling, valid)
+        if degradation is not None:
+            encode = build_program(context, "common/full_screen.vert", "capture/encode.frag")
+            encode["u_linear"] = 0
+            self._encode = context.vertex_array(encode, [])
+
+    def _picture_array(
+        self, supersampling: int, valid: NDArray[np.bool_]
+    ) -> moderngl.VertexArray | None:
+        """What draws the valid pixels; None: there are none."""
+        corners = covering(valid)
+        if not corners.size:
+            return None
+        stored = () if self._lookups is None else self._lookups.defines
+        program = build_program(
+            self._context,
+            "capture/picture.vert",
+            "capture/picture.frag",
+            (f"SUPERSAMPLING {supersampling}", *stored),
+        )
+        program["u_picture_size_px"] = self._size
+        if self._lookups is None:
+            program["u_fine"] = 0
+        else:
+            program["u_atlas"] = 0
+            program["u_width_px"] = self._size[0]
+        content = [(self._context.buffer(corners), "2f4", "in_corner_px")]
+        return self._context.vertex_array(program, content)
 
     def render(
         self,
@@ -88,8 +130,9 @@ class Pipeline:
         world_from_movers: Sequence[NDArray[np.float64]] = (),
     ) -> Picture:
         """Render from a pose (4, 4), movers at theirs; linear colours where they are asked for."""
-        self._draw_linear(world_from_rig, world_from_movers)
-        rgba = self._encoded(self._linear)
+        target = self._both_targets if linear else self._encoded_target
+        self._draw(target, world_from_rig, world_from_movers)
+        rgba = self._read_encoded()
         if not linear:
             return Picture(rgba, None)
         width, height = self._size
@@ -114,38 +157,44 @@ class Pipeline:
         """
         degradation = self._degradation
         for sub_frame in sub_frames:
-            self._draw_linear(sub_frame.world_from_rig, sub_frame.world_from_movers)
+            self._draw(self._both_targets, sub_frame.world_from_rig, sub_frame.world_from_movers)
             degradation.add(self._linear, sub_frame.row_weights)
         finished = degradation.finish(expose(degradation.mean_luminance() if metered else None))
-        rgba = self._encoded(finished)
+        self._encode_degraded(finished)
+        rgba = self._read_encoded()
         floats = np.ascontiguousarray(degradation.read()[..., :3]) if linear else None
         return Picture(rgba, floats)
 
-    def _draw_linear(
+    def _draw(
         self,
+        target: moderngl.Framebuffer,
         world_from_rig: NDArray[np.float64],
         world_from_movers: Sequence[NDArray[np.float64]],
     ) -> None:
-        """Draw the ideal picture."""
+        """Draw the ideal picture: encoded, and linear where the target has a place for it."""
         atlas = self._cube.render(world_from_rig, world_from_movers)
-        captured = self._fine_target or self._linear_target
-        captured.use()
-        captured.clear()
         atlas.use(0)
-        self._capture.draw()
-        if self._fine is not None:
-            self._linear_target.use()
+        if self._lookups is not None:
+            self._lookups.use()
+        else:
+            self._fine_target.use()
+            self._fine_target.clear()
+            self._capture.draw()
             self._fine.use(0)
-            self._average.render(moderngl.TRIANGLES, vertices=3)
+        target.use()
+        if self._picture is not None:
+            self._picture.render(moderngl.TRIANGLES)
 
-    def _encoded(self, linear: moderngl.Texture) -> NDArray[np.uint8]:
-        """The values of the file (height, width, 4)."""
-        if self._degradation is not None and self._degradation.encodes:
+    def _encode_degraded(self, linear: moderngl.Texture) -> None:
+        if self._degradation.encodes:
             self._degradation.encode(self._encoded_target)
         else:
             self._encoded_target.use()
             linear.use(0)
             self._encode.render(moderngl.TRIANGLES, vertices=3)
+
+    def _read_encoded(self) -> NDArray[np.uint8]:
+        """The values of the file (height, width, 4)."""
         width, height = self._size
         rgba = np.empty((height, width, 4), dtype=np.uint8)
         self._encoded_target.read_into(rgba, components=4)

@@ -10,26 +10,47 @@ from omnisim.mirrors import tessellate
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import Stage
 
+# Of mip levels: half a level finer than a pixel's footprint is worth 1 to 2.5 dB where the pixel
+# looks once; where many looks are averaged, a whole level is, and most cameras then need none.
+ONE_LOOK_BIAS, MANY_LOOKS_BIAS = -0.5, -1.0
+
 
 def faces_of(
-    sensor: OmniCamera, texels_per_pixel: float, face_size_px: int | None = None
+    sensor: OmniCamera,
+    camera: CentralCamera,
+    texels_per_pixel: float,
+    face_size_px: int | None = None,
+    in_parts: bool = False,
 ) -> FacePlan:
     """The faces that a sensor looks at, with so many texels to a side of its finest pixels.
+
+    Args:
+        sensor: which looks.
+        camera: its camera, or that of a finer picture.
+        texels_per_pixel: of that camera.
+        face_size_px: texels across the 90° of every face; None: as the picture needs.
+        in_parts: see `plan_faces`.
 
     Raises:
         GraphicsError: the camera sees nothing at all.
     """
-    camera = sensor.camera
     past_rim = None
     if sensor.polygons is not None:
-        past_rim = tessellate(camera.mirror, sensor.polygons).edge_middles_m @ MIRROR_FROM_OPTICAL
-    planned = camera.scaled(texels_per_pixel)
-    return plan_faces(planned, camera.rig_from_optical, face_size_px, past_rim)
+        past_rim = (
+            tessellate(sensor.camera.mirror, sensor.polygons).edge_middles_m @ MIRROR_FROM_OPTICAL
+        )
+    return plan_faces(
+        camera,
+        camera.rig_from_optical,
+        texels_per_pixel,
+        face_size_px=face_size_px,
+        also_seen=past_rim,
+        in_parts=in_parts,
+        level_bias=ONE_LOOK_BIAS if sensor.supersampling == 1 else MANY_LOOKS_BIAS,
+    )
 
 
-def capture_of(
-    stage: Stage, sensor: OmniCamera, camera: CentralCamera, emit: Emit = Emit.COLOR
-) -> Capture:
+def capture_of(stage: Stage, sensor: OmniCamera, camera: CentralCamera, emit: Emit) -> Capture:
     """The capture of a sensor's rays: its mirror's mesh, or exactly.
 
     Args:

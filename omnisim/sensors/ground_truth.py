@@ -40,7 +40,7 @@ class GroundTruth:
         self.labels = find_labels(stage.scene, stage.moving)
         camera = sensor.camera
         emit = Emit.SURFACE_NORMAL_ALBEDO if albedo else Emit.SURFACE_AND_NORMAL
-        plan = faces_of(sensor, FINENESS)
+        plan = faces_of(sensor, camera, FINENESS)
         self._visibility = VisibilityPass(
             stage.context, stage.buffers, plan, sensor.near_m, sensor.far_m, hidden, albedo
         )

@@ -76,7 +76,7 @@ class OpticalFlow:
         visibility = VisibilityPass(
             context,
             buffers,
-            plan_faces(camera.scaled(FINENESS), camera.rig_from_optical),
+            plan_faces(camera, camera.rig_from_optical, FINENESS),
             sensor.near_m,
             sensor.far_m,
             hidden,

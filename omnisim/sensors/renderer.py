@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -72,14 +73,15 @@ class Renderer(OnStage):
         sensor, context = self.camera, stage.context
         camera = sensor.captured_camera
         check_picture_size(context, camera.width_px, camera.height_px)
-        plan = faces_of(sensor, sensor.texels_per_pixel, sensor.face_size_px)
+        density = sensor.texels_per_pixel / sensor.supersampling
+        plan = faces_of(sensor, camera, density, sensor.face_size_px, in_parts=True)
         self._cube = self._cube_pass(stage, plan)
         self._pipeline = Pipeline(
             context,
             camera,
             camera.rig_from_optical,
             self._cube,
-            capture_of(stage, sensor, camera),
+            partial(capture_of, stage, sensor, camera),
             sensor.supersampling,
             self._imperfect.make_pass(stage),
         )

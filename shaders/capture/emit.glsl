@@ -1,7 +1,7 @@
 // void emit(bool valid, vec3 ray): the one place where a capture decides what a pixel holds.
-// With EMIT_RAY: the unit ray in the optical frame, and 1 where it is valid. With EMIT_SURFACE: what
-// the ray hits. Otherwise: the linear colour in its direction, and alpha 1 where the camera sees
-// something.
+// With EMIT_RAY: the unit ray in the optical frame, and 1 where it is valid. With EMIT_LOOKUP: where
+// in the atlas to look, below 0 where it is not valid, and the mip level. With EMIT_SURFACE: what the
+// ray hits. Otherwise: the linear colour in its direction, and alpha 1 where the camera sees something.
 
 #if defined(EMIT_SURFACE)
 #include "ground_truth/surface_lookup.glsl"
@@ -10,6 +10,16 @@ layout(location = 0) out vec4 out_value;
 
 void emit(bool valid, vec3 ray) {
     out_value = vec4(normalize(ray), valid ? 1.0 : 0.0);
+}
+#elif defined(EMIT_LOOKUP)
+#include "capture/cube_lookup.glsl"
+layout(location = 0) out vec2 out_place;
+layout(location = 1) out float out_level;
+
+void emit(bool valid, vec3 ray) {
+    vec3 lookup = lookup_of_ray(ray);
+    out_place = valid ? lookup.xy : vec2(-1.0);
+    out_level = lookup.z;
 }
 #else
 #include "capture/cube_lookup.glsl"

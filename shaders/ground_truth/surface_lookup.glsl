@@ -135,8 +135,9 @@ void emit(bool valid, vec3 ray) {
     vec3 rig = u_rig_from_optical * ray;
     int face = face_of(rig);
     vec3 local = u_face_from_rig[face] * rig;
-    vec2 tangent = clamp(local.xy / local.z, u_face_window[face].xy, u_face_window[face].zw);
-    vec4 tile = u_face_tile[face] * vec2(textureSize(u_atlas, 0)).xyxy;
+    int number = tile_of(face, local.xy / local.z);
+    vec2 tangent = clamp(local.xy / local.z, u_tile_window[number].xy, u_tile_window[number].zw);
+    vec4 tile = u_tile_place[number] * vec2(textureSize(u_atlas, 0)).xyxy;
     ivec2 own_texel = ivec2(floor(tile.xy + tangent * tile.zw));
     uvec2 own = texelFetch(u_atlas, own_texel, 0).xy;
 

@@ -1,5 +1,7 @@
 """Every camera model in a room whose colours are computed without any renderer."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ def _render(context, camera):
         context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
         near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
     )  # fmt: skip
-    capture = LensCapture(context, camera)
+    capture = partial(LensCapture, context, camera)
     return Pipeline(context, camera, camera.rig_from_optical, cube, capture).render(POSE).rgba
 
 
