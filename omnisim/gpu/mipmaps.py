@@ -4,6 +4,7 @@ size before it makes its own, which takes longer than all the textures of a scen
 from __future__ import annotations
 
 import ctypes
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -23,6 +24,7 @@ _LINEAR = np.rint(_MOST * linear_from_srgb(_SHADES)).astype(np.uint16)
 _SRGB = np.rint(255.0 * srgb_from_linear(_LEVELS)).astype(np.uint8)
 _WIDE_ALPHA = np.rint(_MOST * _SHADES).astype(np.uint16)  # linear as it is
 _ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
+_BLOCK = 1 << 16  # looked up at once: NumPy makes 64-bit indices of them, which fit into a cache
 
 
 def mipmaps(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
@@ -30,15 +32,26 @@ def mipmaps(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 
     Colours are averaged in linear light.
     """
-    values = np.take(_LINEAR, pixels)
-    values[..., 3] = np.take(_WIDE_ALPHA, pixels[..., 3])
+    values = _looked_up(_LINEAR, _WIDE_ALPHA, pixels)
     levels = []
     while max(values.shape[:2]) > 1:
         values = _halved(_halved(values, 0), 1)
-        level = np.take(_SRGB, values)
-        level[..., 3] = np.take(_ALPHA, values[..., 3])
-        levels.append(level)
+        levels.append(_looked_up(_SRGB, _ALPHA, values))
     return levels
+
+
+def _looked_up(
+    of_color: NDArray[Any], of_alpha: NDArray[Any], values: NDArray[np.unsignedinteger]
+) -> NDArray[Any]:
+    """What the tables have for RGBA values (height, width, 4)."""
+    found = np.empty(values.shape, of_color.dtype)
+    given, taken = values.reshape(-1), found.reshape(-1)
+    for start in range(0, given.size, _BLOCK):
+        # clipping, which never happens, is what lets NumPy write to `out` directly
+        part = slice(start, start + _BLOCK)
+        np.take(of_color, given[part], out=taken[part], mode="clip")
+    found[..., 3] = np.take(of_alpha, values[..., 3], mode="clip")
+    return found
 
 
 def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
