@@ -7,7 +7,6 @@ None of them says which side of a triangle is its front reliably, so both are dr
 from __future__ import annotations
 
 import io
-import logging
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,8 +31,6 @@ PLAIN_GREY = float(linear_from_srgb(0.8))
 _OPAQUE_FROM = 0.999
 # What trimesh also reads and what is no scene, or an archive of files whose formats would be lost.
 _NOT_SCENES = {".dxf", ".svg", ".binvox", ".zip", ".tar.gz", ".tar.bz2", ".tgz", ".bz2", ".gz"}
-# What trimesh would write to standard error is said in our own words, as errors and notices.
-logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def is_scene_format(suffix: str) -> bool:
