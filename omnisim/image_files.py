@@ -25,6 +25,7 @@ FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
 # On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
 JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
+_PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
 _NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 
@@ -72,6 +73,7 @@ def write_image(
     spec["DateTime"] = _NO_DATE
     if metadata is not None:
         spec[METADATA_KEY] = json.dumps(metadata)
+    spec["png:compressionLevel"] = _PNG_LEVEL
     if path.suffix.lower() in (".jpg", ".jpeg"):
         spec["Compression"] = f"jpeg:{jpeg_quality}"
         spec["jpeg:subsampling"] = _JPEG_SUBSAMPLING
@@ -117,6 +119,7 @@ def write_numbers(
     spec["Software"] = f"omnisim {__version__}"
     if metadata is not None:
         spec[METADATA_KEY] = json.dumps(metadata)
+    spec["png:compressionLevel"] = _PNG_LEVEL
     data = _encoded(path, spec, np.ascontiguousarray(numbers.reshape(height, width, channels)))
     with whole_file(path) as partial:
         partial.write_bytes(data)

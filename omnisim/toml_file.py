@@ -21,7 +21,11 @@ class Table(pydantic.BaseModel):
     """A TOML table that takes its own keys only and cannot be changed once read."""
 
     model_config = pydantic.ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        str_strip_whitespace=True,
+        defer_build=True,  # until a file is read: of most kinds none ever is
     )
 
 

@@ -43,6 +43,14 @@ PolygonsOption = Annotated[
 SizeOption = Annotated[
     int | None, typer.Option("--size", metavar="PX", help="Pixels of the shorter side.")
 ]
+QualityOption = Annotated[
+    str | None,
+    typer.Option(
+        "--quality",
+        metavar="fast|default|fine",
+        help="How finely pictures are captured. [dim]the sensor file's[/]",
+    ),
+]
 UnlitOption = Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")]
 UpOption = Annotated[
     str | None,

@@ -42,6 +42,7 @@ class DriveRequest:
     also: str | None = None
     labels: Path | None = None
     preset: str | None = None
+    quality: str | None = None
 
 
 class _Rate(ProgressColumn):
@@ -61,7 +62,11 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels, err)
     polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
     vehicle = with_cameras(
-        Vehicle.load(request.robot), request.size_px, polygons, read_preset(request.preset)
+        Vehicle.load(request.robot),
+        request.size_px,
+        polygons,
+        read_preset(request.preset),
+        request.quality,
     )
     drive = Drive(
         scene,

@@ -15,6 +15,7 @@ from omnisim.cli.arguments import (
     PictureOption,
     PolygonsOption,
     PresetOption,
+    QualityOption,
     SceneArgument,
     SizeOption,
     UnlitOption,
@@ -47,6 +48,7 @@ def render(
     yaw: YawOption = None,
     polygons: PolygonsOption = None,
     size: SizeOption = None,
+    quality: QualityOption = None,
     unlit: UnlitOption = False,
     faces: Annotated[
         Path | None,
@@ -93,7 +95,7 @@ def render(
     request = RenderRequest(
         scene, output, sensor, camera, camera_name, mirrored, at, yaw, polygons, size, unlit,
         faces, up, device, also, labels, next_at, next_yaw, preview, preset, seed, speed,
-        turn_rate, rays, calibration,
+        turn_rate, rays, calibration, quality,
     )  # fmt: skip
     run(request, out, err)
 

@@ -54,6 +54,7 @@ class RenderRequest:
     turn_rate_degps: float = 0.0
     rays: Path | None = None
     calibration_beside: Path | None = None
+    quality: str | None = None
 
 
 DEFAULT_AHEAD_M = 0.1  # from a picture to the next, where flow is asked for and nobody says
@@ -104,6 +105,8 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         camera = camera.with_degradation(degradation)
     if request.size_px is not None:
         camera = camera.resized(request.size_px)
+    if request.quality is not None:
+        camera = camera.with_quality(request.quality)
     if request.polygons is not None:
         camera = camera.with_polygons(parse_polygons(request.polygons))
     _check_also(request, also)

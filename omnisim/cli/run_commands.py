@@ -13,6 +13,7 @@ from omnisim.cli.arguments import (
     LabelsOption,
     PolygonsOption,
     PresetOption,
+    QualityOption,
     RunArgument,
     SceneArgument,
     SizeOption,
@@ -62,6 +63,7 @@ def drive(
     ] = False,
     polygons: PolygonsOption = None,
     size: SizeOption = None,
+    quality: QualityOption = None,
     unlit: UnlitOption = False,
     also: AlsoOption = None,
     labels: LabelsOption = None,
@@ -92,6 +94,7 @@ def drive(
         also,
         labels,
         preset,
+        quality,
     )
     run(request, out, err)
 

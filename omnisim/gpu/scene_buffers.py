@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError, SceneError
 from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
+from omnisim.gpu.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
 from omnisim.gpu.standing_geometry import StandingGeometry
 from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
-
-_SRGB8_ALPHA8 = 0x8C43
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +71,32 @@ class Placement(NamedTuple):
     centres_m: NDArray[np.float64]
 
 
+class _Shape(NamedTuple):
+    """What the linear part of a pose does.
+
+    Attributes:
+        normal_from_mesh: (3, 3) for directions at right angles to surfaces.
+        mirrored: whether it turns left into right.
+        stretch: by how much it lengthens what it lengthens most.
+    """
+
+    normal_from_mesh: NDArray[np.float64]
+    mirrored: bool
+    stretch: float
+
+
+def _shapes(instances: Sequence[Instance]) -> list[_Shape]:
+    """All at once: one by one they take longer than the whole upload."""
+    if not instances:
+        return []
+    linear = np.array([instance.world_from_mesh[:3, :3] for instance in instances])
+    mirrored = np.linalg.det(linear) < 0.0
+    cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    cofactors[mirrored] *= -1.0
+    stretch = np.linalg.norm(linear, 2, axis=(1, 2))
+    return list(map(_Shape, cofactors, mirrored.tolist(), stretch.tolist()))
+
+
 class SceneBuffers:
     """Uploads a scene and its movers once; the passes of all sensors draw from it.
 
@@ -94,11 +119,14 @@ class SceneBuffers:
         self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
         self._white = self._upload_pixels(np.full((1, 1, 4), 255, dtype=np.uint8))
         parts = (scene, *movers)
-        places = self._upload_meshes(parts)
         draws = [
-            self._draw(part, instance, None if number == 0 else number - 1, *places[number][index])
-            for number, part in enumerate(parts)
-            for index, instance in enumerate(part.instances)
+            self._draw(part, instance, None if number == 0 else number - 1, place, shape)
+            for number, (part, places) in enumerate(
+                zip(parts, self._upload_meshes(parts), strict=True)
+            )
+            for instance, place, shape in zip(
+                part.instances, places, _shapes(part.instances), strict=True
+            )
         ]
         materials = [material for part in parts for material in part.materials]
         rank = {id(material): rank for rank, material in enumerate(materials)}
@@ -240,29 +268,31 @@ class SceneBuffers:
         return places
 
     def _draw(
-        self, part: Scene, instance: Instance, mover: int | None, first: int, base: int
+        self,
+        part: Scene,
+        instance: Instance,
+        mover: int | None,
+        place: tuple[int, int],
+        shape: _Shape,
     ) -> Draw:
         mesh = part.meshes[instance.mesh]
         material = part.materials[mesh.material]
-        linear = instance.world_from_mesh[:3, :3]
-        mirrored = bool(np.linalg.det(linear) < 0.0)
-        cofactors = np.array([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
         middle = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
         reach = np.linalg.norm(mesh.positions - middle, axis=1).max()
         return Draw(
             name=instance.name,
             mover=mover,
             mesh=mesh,
-            first=first,
-            base=base,
+            first=place[0],
+            base=place[1],
             count=mesh.triangles.size,
             material=material,
             texture=self._texture(material, mesh),
             own_from_mesh=instance.world_from_mesh,
-            normal_from_mesh=-cofactors if mirrored else cofactors,
-            mirrored=mirrored,
-            centre_m=linear @ middle + instance.world_from_mesh[:3, 3],
-            radius_m=float(reach) * float(np.linalg.norm(linear, 2)),
+            normal_from_mesh=shape.normal_from_mesh,
+            mirrored=shape.mirrored,
+            centre_m=instance.world_from_mesh[:3, :3] @ middle + instance.world_from_mesh[:3, 3],
+            radius_m=float(reach) * shape.stretch,
         )
 
     def _texture(self, material: Material, mesh: Mesh) -> moderngl.Texture:
@@ -288,12 +318,10 @@ class SceneBuffers:
                 f"a texture{used_by} has {width} × {height} texels: this GPU takes at most {limit}"
             )
         texture = self._context.texture(
-            (width, height), 4, np.ascontiguousarray(pixels), internal_format=_SRGB8_ALPHA8
+            (width, height), 4, np.ascontiguousarray(pixels), internal_format=SRGB8_ALPHA8
         )
-        texture.build_mipmaps()
-        if cutoff is not None:
-            for level, level_pixels in enumerate(masked_mipmaps(pixels, cutoff), start=1):
-                texture.write(level_pixels.tobytes(), level=level)
+        levels = mipmaps(pixels) if cutoff is None else masked_mipmaps(pixels, cutoff)
+        upload_levels(texture, levels)
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
 

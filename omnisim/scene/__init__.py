@@ -1,7 +1,13 @@
-"""What there is to see: plain data, and its loading (the only importer of trimesh)."""
+"""What there is to see: plain data, and its loading (the only importer of trimesh, which reads
+every format but glTF)."""
+
+import logging
 
 from omnisim.scene.builtin import builtin_scenes
 from omnisim.scene.load import load_scene
 from omnisim.scene.model import Scene
 
 __all__ = ["Scene", "builtin_scenes", "load_scene"]
+
+# What trimesh would write to standard error is said in our own words, as errors and notices.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())

@@ -292,11 +292,12 @@ class Scene:
 
 def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
     """Smallest and largest corner (2, 3) of the instances' bounding boxes in the world."""
-    boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in meshes]
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for instance in instances:
-        box = np.array(boxes[instance.mesh], dtype=np.float64)
-        corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
-        world = corners @ instance.world_from_mesh[:3, :3].T + instance.world_from_mesh[:3, 3]
-        low, high = np.minimum(low, world.min(axis=0)), np.maximum(high, world.max(axis=0))
-    return np.stack((low, high))
+    if not instances:
+        return np.array([[np.inf] * 3, [-np.inf] * 3])
+    boxes = np.array(
+        [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in meshes], np.float64
+    )[[instance.mesh for instance in instances]]
+    corners = boxes[:, np.indices((2, 2, 2)).reshape(3, 8).T, [0, 1, 2]]  # (instances, 8, 3)
+    world_from_mesh = np.array([instance.world_from_mesh for instance in instances])
+    world = corners @ world_from_mesh[:, :3, :3].swapaxes(1, 2) + world_from_mesh[:, None, :3, 3]
+    return np.stack((world.min(axis=(0, 1)), world.max(axis=(0, 1))))

@@ -1,4 +1,4 @@
-"""From the pictures that trimesh hands on (Pillow) to textures."""
+"""From pictures (Pillow) to textures."""
 
 from __future__ import annotations
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from omnisim.cameras import CentralCamera
 from omnisim.errors import OmnisimError
@@ -59,6 +58,8 @@ class Twist:
         )
 
         def at(time_s: float) -> NDArray[np.float64]:
+            from scipy.linalg import expm  # slow to import; a shutter that takes no time never asks
+
             moved = expm(rates * time_s)
             moved[3] = (0.0, 0.0, 0.0, 1.0)  # of long ways only nearly so
             return world_from_base @ moved

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,14 +16,17 @@ from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.degradations import Degradation
-from omnisim.sensors.sensor_file import (
+from omnisim.sensors.quality import (
+    DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
-    SensorFile,
-    parse_sensor,
-    read_sensor_file,
+    QUALITIES,
+    quality_named,
 )
+
+if TYPE_CHECKING:
+    from omnisim.sensors.sensor_file import SensorFile
 
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
@@ -66,8 +69,8 @@ class OmniCamera:
     near_m: float = 0.05
     far_m: float = np.inf
     samples: int = 1
-    supersampling: int = 3
-    texels_per_pixel: float = 2.5
+    supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
+    texels_per_pixel: float = QUALITIES[DEFAULT_QUALITY].texels_per_pixel
     degradation: Degradation = field(default_factory=Degradation)
 
     def __post_init__(self) -> None:
@@ -106,6 +109,8 @@ class OmniCamera:
         Raises:
             SensorFileError: naming file, key, value and what was wanted.
         """
+        from omnisim.sensors.sensor_file import read_sensor_file  # the paper's camera needs none
+
         return cls._from_settings(read_sensor_file(Path(path)))
 
     @classmethod
@@ -115,6 +120,8 @@ class OmniCamera:
         Raises:
             SensorFileError: naming `source`, key, value and what was wanted.
         """
+        from omnisim.sensors.sensor_file import parse_sensor
+
         return cls._from_settings(parse_sensor(table, source))
 
     @classmethod
@@ -130,8 +137,8 @@ class OmniCamera:
             near_m=virtual.near_m,
             far_m=virtual.far_m,
             samples=virtual.samples,
-            supersampling=settings.camera.supersampling,
-            texels_per_pixel=virtual.texels_per_pixel,
+            supersampling=settings.quality.supersampling,
+            texels_per_pixel=settings.quality.texels_per_pixel,
             degradation=settings.make_degradation(),
         )
 
@@ -168,6 +175,14 @@ class OmniCamera:
             OpticsError: a polygon count that makes no mesh.
         """
         return dataclasses.replace(self, polygons=polygons)
+
+    def with_quality(self, name: str) -> OmniCamera:
+        """The same sensor, captured as finely as a name says: "fast", "default" or "fine".
+
+        Raises:
+            OpticsError: there is no such quality.
+        """
+        return dataclasses.replace(self, **quality_named(name)._asdict())
 
     def with_degradation(self, degradation: Degradation) -> OmniCamera:
         """The same camera, as far from ideal as said."""

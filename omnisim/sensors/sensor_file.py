@@ -25,11 +25,18 @@ from omnisim.mirrors.hyperbolic import (
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.degradation_file import DegradationTable, from_table
+from omnisim.sensors.quality import (
+    DEFAULT_QUALITY,
+    MAX_DENSITY,
+    MAX_SUPERSAMPLING,
+    MIN_DENSITY,
+    Quality,
+    QualityName,
+    quality_named,
+)
 from omnisim.toml_file import Number, Table, parse_table, read_toml, word_or
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
-MAX_SUPERSAMPLING = 8
-MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
@@ -76,7 +83,7 @@ class Mirror(Table):
     theta_max_deg: Number | None = None
     rim_radius_m: Positive | None = None
     polygons: PolygonCount = 1024
-    mounting: Mounting = Mounting()
+    mounting: Mounting = Field(default_factory=Mounting)
 
     @model_validator(mode="after")
     def _one_rim(self) -> Mirror:
@@ -94,7 +101,7 @@ class VirtualCameras(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
-    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = 2.5
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
     near_m: Positive = 0.05
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     samples: Literal[1, 2, 4, 8] = 1
@@ -118,7 +125,8 @@ class Camera(Table):
     height_px: Size = 360
     focal_length_px: FocalLength = "fit"
     principal_point_px: PrincipalPoint = "centre"
-    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] = 3
+    quality: QualityName = DEFAULT_QUALITY
+    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
 
 
 class Lens(Table):
@@ -132,7 +140,7 @@ class Lens(Table):
     model: str | None = None
     calibration: str | None = None
     camera: str | None = None
-    mounting: Mounting = Mounting()
+    mounting: Mounting = Field(default_factory=Mounting)
 
     @model_validator(mode="after")
     def _model_or_calibration(self) -> Lens:
@@ -176,11 +184,11 @@ class Lens(Table):
 class SensorFile(Table):
     """A whole sensor file: either a mirror and the camera that looks at it, or a lens."""
 
-    mirror: Mirror = Mirror()
-    virtual_cameras: VirtualCameras = VirtualCameras()
-    camera: Camera = Camera()
+    mirror: Mirror = Field(default_factory=Mirror)
+    virtual_cameras: VirtualCameras = Field(default_factory=VirtualCameras)
+    camera: Camera = Field(default_factory=Camera)
     lens: Lens | None = None
-    degradation: DegradationTable = DegradationTable()
+    degradation: DegradationTable = Field(default_factory=DegradationTable)
     _source: str = PrivateAttr("sensor")
     _folder: Path = PrivateAttr(Path())
 
@@ -189,7 +197,7 @@ class SensorFile(Table):
         if self.lens is not None:
             if "mirror" in self.model_fields_set:
                 raise ValueError("[lens] and [mirror] both say what camera it is: want one")
-            extra = self.camera.model_fields_set - {"supersampling"}
+            extra = self.camera.model_fields_set - {"quality", "supersampling"}
             if extra:
                 raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")
         return self
@@ -198,6 +206,15 @@ class SensorFile(Table):
     def mounting(self) -> Mounting:
         """Where the effective viewpoint sits."""
         return self.mirror.mounting if self.lens is None else self.lens.mounting
+
+    @property
+    def quality(self) -> Quality:
+        """How finely it is captured: as the name says, but for what has a key of its own."""
+        named = quality_named(self.camera.quality)
+        return Quality(
+            self.camera.supersampling or named.supersampling,
+            self.virtual_cameras.texels_per_pixel or named.texels_per_pixel,
+        )
 
     @property
     def polygon_count(self) -> int | None:

@@ -190,6 +190,13 @@ class Plan:
                 camera.name: _as_json(camera.sensor.degradation.tables())
                 for camera in vehicle.cameras
             },
+            "quality": {
+                camera.name: {
+                    "supersampling": camera.sensor.supersampling,
+                    "texels_per_pixel": camera.sensor.texels_per_pixel,
+                }
+                for camera in vehicle.cameras
+            },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
             "path": {
                 "name": Path(drive.route.path).name,
@@ -261,17 +268,20 @@ def with_cameras(
     size_px: int | None,
     polygons: int | str | None,
     degradation: Degradation | None = None,
+    quality: str | None = None,
 ) -> Vehicle:
-    """The vehicle with other pictures: of another size, by another mesh, or otherwise degraded.
+    """The vehicle with other pictures: of another size or quality, by another mesh, or otherwise
+    degraded.
 
     Args:
         vehicle: is left as it is.
         size_px: pixels of the shorter side, or None: as it is.
         polygons: of the mirror's mesh, None: exactly; or "same": as it is.
         degradation: of all cameras, or None: as their sensor files say.
+        quality: "fast", "default" or "fine", or None: as their sensor files say.
 
     Raises:
-        OpticsError: a size or polygon count that cannot be.
+        OpticsError: a size, polygon count or quality that cannot be.
     """
     cameras = []
     for camera in vehicle.cameras:
@@ -280,6 +290,8 @@ def with_cameras(
             sensor = sensor.with_degradation(degradation)
         if size_px is not None:
             sensor = sensor.resized(size_px)
+        if quality is not None:
+            sensor = sensor.with_quality(quality)
         if polygons != "same":
             sensor = sensor.with_polygons(polygons)
         cameras.append(dataclasses.replace(camera, sensor=sensor))

@@ -164,6 +164,9 @@ def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path
         "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
         r"path\.poses was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
         r"robot\.contents was": Drive(scene, with_cameras(vehicle, 64, "same"), ROUTE, seed=7),
+        r"quality\.omnicam\.supersampling was 3, is 2": Drive(
+            scene, with_cameras(vehicle, None, "same", quality="fast"), ROUTE, seed=7
+        ),
         "unlit was False, is True": Drive(scene, vehicle, ROUTE, seed=7, unlit=True),
     }
     for words, drive in others.items():

@@ -1,0 +1,45 @@
+"""The command starts quickly: nothing is imported that the work at hand does not need."""
+
+import subprocess
+import sys
+
+import pytest
+
+# What only others need: fits and statistics, plots, reports, other formats than glTF, oracles.
+SELDOM = (
+    "scipy", "matplotlib", "jinja2", "trimesh", "networkx", "collada", "yaml", "av", "cv2",
+    "mitsuba", "pyrender", "pycolmap",
+)  # fmt: skip
+# The same of our own: built of many tables, of which the paper's camera needs none.
+SELDOM_OURS = ("omnisim.calibration", "omnisim.plots", "omnisim.sensors.sensor_file")
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_picture_needs_nothing_that_only_others_need(tmp_path):
+    _run(tmp_path, SELDOM + SELDOM_OURS, "render", "rings", "--size", "24", "-o", "a.png")
+    assert (tmp_path / "a.png").is_file()
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_drive_needs_nothing_that_only_others_need(tmp_path):
+    _run(
+        tmp_path, SELDOM, "drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise",
+        "--size", "24", "--quality", "fast", "--step", "3", "--turn-step", "90", "-o", "run",
+    )  # fmt: skip
+    assert (tmp_path / "run" / "omnicam" / "000000.png").is_file()
+
+
+def _run(folder, seldom, *arguments):
+    """The command in a process of its own, which must not import any of `seldom`."""
+    code = (
+        "import sys\n"
+        "from omnisim.cli.app import main\n"
+        f"sys.argv = {['omnisim', *arguments]!r}\n"
+        "try:\n    main()\nexcept SystemExit as stopped:\n    assert not stopped.code\n"
+        f"found = set({seldom!r}) & set(sys.modules)\n"
+        "sys.exit(f'imported: {sorted(found)}' if found else 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
