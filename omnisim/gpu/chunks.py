@@ -37,42 +37,39 @@ class Chunks(NamedTuple):
     widths: NDArray[np.float32]
 
 
-_NONE, _NOWHERE = np.zeros(0, dtype=np.float32), np.zeros((0, 3), dtype=np.float32)
-NO_CHUNKS = Chunks(
-    np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64),
-    _NOWHERE, _NOWHERE, _NOWHERE, _NONE, _NONE,
-)  # fmt: skip
-
-
-def chunked(corners: NDArray[np.float32]) -> tuple[NDArray[np.intp], Chunks]:
-    """Cut triangles into chunks of near ones.
+def compact_order(corners: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Order in which near triangles follow each other, and where to cut them into chunks.
 
     Args:
         corners: (n, 3, 3), a triangle's three in a row.
 
     Returns:
-        The order (n,) in which the triangles follow each other, and the chunks in that order.
+        The order (n,), and the first triangle of each chunk, counted in that order.
     """
     if len(corners) <= CHUNK:
-        return np.arange(len(corners)), _cut(corners, np.zeros(len(corners), dtype=np.bool_))
+        return np.arange(len(corners)), np.zeros(1, dtype=np.intp)
     lows, highs = corners.min(axis=1), corners.max(axis=1)
     start, extent = lows.min(axis=0), max(float((highs.max(axis=0) - lows.min(axis=0)).max()), 1e-9)
     is_large = (highs - lows).max(axis=1) > LARGE * extent
     cells = ((0.5 * (lows + highs) - start) * ((1 << _BITS) - 1) / extent).astype(np.uint64)
-    order = np.lexsort((_morton(cells), is_large))
-    return order, _cut(corners[order], is_large[order])
+    small = len(corners) - int(is_large.sum())
+    cuts = np.concatenate((np.arange(0, small, CHUNK), np.arange(small, len(corners), CHUNK)))
+    return np.lexsort((_morton(cells), is_large)), cuts
 
 
-def _cut(corners: NDArray[np.float32], is_large: NDArray[np.bool_]) -> Chunks:
-    """Chunks of at most `CHUNK` triangles, as they follow each other, the large ones apart."""
-    small = int(np.argmax(is_large)) if is_large.any() else len(corners)
-    first = np.concatenate((np.arange(0, small, CHUNK), np.arange(small, len(corners), CHUNK)))
+def chunks_of(corners: NDArray[np.float32], first: NDArray[np.intp]) -> Chunks:
+    """Chunks of triangles as they follow each other.
+
+    Args:
+        corners: (n, 3, 3), a triangle's three in a row.
+        first: (m,) first triangle of each chunk.
+    """
     count = np.diff(first, append=len(corners))
     lows = np.minimum.reduceat(corners.min(axis=1), first)
     highs = np.maximum.reduceat(corners.max(axis=1), first)
-    areas_2 = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(areas_2, axis=1, keepdims=True)
-    normals = areas_2 / np.where(lengths > 0.0, lengths, 1.0)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.where(lengths > 0.0, lengths, 1.0)
     axes = np.add.reduceat(normals, first)
     axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-30)
     cosines = np.sum(normals * np.repeat(axes, count, axis=0), axis=1)
@@ -83,13 +80,6 @@ def _cut(corners: NDArray[np.float32], is_large: NDArray[np.bool_]) -> Chunks:
     return Chunks(
         first, count, lows, highs, axes, spreads.astype(np.float32), widths.astype(np.float32)
     )
-
-
-def joined(parts: list[Chunks]) -> Chunks:
-    """The chunks of triangles that follow each other, part by part."""
-    ends = np.cumsum([0] + [int(part.count.sum()) for part in parts])
-    moved = [part._replace(first=part.first + end) for part, end in zip(parts, ends, strict=False)]
-    return Chunks(*(np.concatenate(values) for values in zip(*moved, strict=True)))
 
 
 def _morton(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -91,9 +91,9 @@ class CubePass:
         arrays = {one: buffers.vertex_array(surfaces[one].program) for one in set(variants)}
         self._vertex_arrays = [arrays[variant] for variant in variants]
         self._flush = gl_function("glFlush")
-        self._standing = (
-            None if plain else StandingDrawing(context, buffers.standing, surfaces, unlit)
-        )
+        self._standing = None
+        if not (plain or buffers.standing.is_empty):
+            self._standing = StandingDrawing(context, buffers.standing, surfaces, unlit)
         alone = buffers.shown(hidden)
         if not plain:
             alone &= ~buffers.standing.taken

@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.chunks import NO_CHUNKS, chunked, joined
+from omnisim.gpu.chunks import chunks_of, compact_order
 from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
 from omnisim.scene.model import AlphaMode, Material
 
@@ -51,6 +51,7 @@ class StandingGeometry:
         chunks: compact pieces, look by look; boxes counted from the anchor.
         look_of_chunk: (n,).
         taken: (draws,), which of the draws are in here.
+        is_empty: nothing is: then it has no chunks.
     """
 
     def __init__(self, context: moderngl.Context, draws: Sequence[Draw]):
@@ -62,23 +63,27 @@ class StandingGeometry:
             if taken:
                 groups.setdefault(_key(draw), []).append(draw)
         self.looks = tuple(Look(group[0].material, group[0].texture) for group in groups.values())
-        self.chunks, self.look_of_chunk = NO_CHUNKS, np.zeros(0, dtype=np.intp)
-        if not groups:
-            return
-        vertices, indices, chunks, looks = [], [], [], []
-        base = 0
+        vertices, triangles, firsts, looks = [], [], [], []
+        vertex = triangle = 0
         for look, group in enumerate(groups.values()):
             for draw in group:
-                some_vertices, triangles = _in_the_world(draw, self.anchor_m)
-                order, some_chunks = chunked(some_vertices["in_position"][triangles])
+                some_vertices, some_triangles = _in_the_world(draw, self.anchor_m)
+                order, cuts = compact_order(some_vertices["in_position"][some_triangles])
                 vertices.append(some_vertices)
-                indices.append(triangles[order] + np.uint32(base))
-                chunks.append(some_chunks)
-                looks.append(np.full(len(some_chunks.first), look))
-                base += len(some_vertices)
-        self.chunks, self.look_of_chunk = joined(chunks), np.concatenate(looks)
-        self._vertices = context.buffer(np.concatenate(vertices))
-        self._triangles = np.concatenate(indices).astype("<u4").view(TRIANGLE)[:, 0]
+                triangles.append(some_triangles[order] + np.uint32(vertex))
+                firsts.append(triangle + cuts)
+                looks.append(np.full(len(cuts), look))
+                vertex += len(some_vertices)
+                triangle += len(some_triangles)
+        self.is_empty = not groups
+        if self.is_empty:
+            return
+        all_vertices, all_triangles = np.concatenate(vertices), np.concatenate(triangles)
+        corners = all_vertices["in_position"][all_triangles]
+        self.chunks = chunks_of(corners, np.concatenate(firsts))
+        self.look_of_chunk = np.concatenate(looks)
+        self._vertices = context.buffer(all_vertices)
+        self._triangles = all_triangles.astype("<u4").view(TRIANGLE)[:, 0]
 
     def vertex_array(
         self, program: moderngl.Program, indices: moderngl.Buffer
@@ -136,11 +141,9 @@ def _in_the_world(
     turn the same way round in all draws."""  # fmt: skip
     vertices = np.zeros(len(draw.mesh.positions), dtype=VERTEX)
     fill_vertices(vertices, draw.mesh)
-    anchor_from_mesh = draw.own_from_mesh.copy()
-    anchor_from_mesh[:3, 3] -= anchor_m
-    positions = draw.mesh.positions.astype(np.float64)
-    vertices["in_position"] = positions @ anchor_from_mesh[:3, :3].T + anchor_from_mesh[:3, 3]
+    matrix = draw.own_from_mesh
+    vertices["in_position"] = draw.mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - anchor_m)
     if draw.mesh.normals is not None:
-        vertices["in_normal"] = draw.mesh.normals.astype(np.float64) @ draw.normal_from_mesh.T
-    order = (0, 2, 1) if draw.mirrored else (0, 1, 2)
-    return vertices, draw.mesh.triangles[:, order]
+        vertices["in_normal"] = draw.mesh.normals @ draw.normal_from_mesh.T
+    triangles = draw.mesh.triangles
+    return vertices, triangles[:, (0, 2, 1)] if draw.mirrored else triangles

@@ -1,5 +1,4 @@
-"""What there is to see: plain data, and its loading (the only importer of trimesh, which reads
-every format but glTF)."""
+"""What there is to see: plain data, and its loading (the only importer of trimesh)."""
 
 import logging
 

@@ -7,10 +7,12 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote
 
+from trimesh.resolvers import FilePathResolver
+
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl
 
 
-class AssetResolver:
+class AssetResolver(FilePathResolver):
     """Looks files up beside the scene, as their authors meant them, and remembers the missing.
 
     Scene files from Windows write `Textures\\Wood.JPG` for `textures/wood.jpg`; names with
@@ -18,9 +20,9 @@ class AssetResolver:
     scenes refer to `../textures` all the time.
     """
 
-    def __init__(self, scene_file: Path):
-        self.parent = scene_file.absolute().parent
-        self.missing: list[str] = []
+    def __init__(self, scene_file: Path, missing: list[str] | None = None):
+        super().__init__(str(scene_file), allow_anywhere=True)
+        self.missing: list[str] = [] if missing is None else missing
         self.material_files: list[str] = []  # what an OBJ's `mtllib` lines name
 
     def get(self, name: str) -> bytes:
@@ -31,7 +33,7 @@ class AssetResolver:
         """
         if name == MATERIAL_FILES:
             return self._material_files()
-        found = _find(self.parent, name)
+        found = _find(Path(self.parent), name)
         if found is None:
             if name not in self.missing:
                 self.missing.append(name)
@@ -43,15 +45,15 @@ class AssetResolver:
         parts = []
         for line in self.material_files:
             # "a.mtl b.mtl" is two files, "my file.mtl" is one
-            whole = _find(self.parent, line) is not None
+            whole = _find(Path(self.parent), line) is not None
             for name in [line] if whole else line.split():
                 with suppress(FileNotFoundError):
                     parts.append(plain_mtl(self.get(name)))
         return b"\n".join(parts)
 
-    def __getitem__(self, name: str) -> bytes:
-        """The same, as trimesh asks for some files."""
-        return self.get(name)
+    def namespaced(self, namespace: str) -> AssetResolver:
+        """Return the resolver of a folder below; it shares `missing`."""
+        return AssetResolver(Path(self.parent) / namespace / "_", self.missing)
 
 
 def _find(folder: Path, name: str) -> Path | None:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
+import omnisim.scene.gltf_primitives  # noqa: F401 (its handlers complete what trimesh reads)
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.content import Content
-from omnisim.scene.gltf_arrays import GltfArrays
-from omnisim.scene.gltf_header import read_header
-from omnisim.scene.gltf_nodes import node_poses
-from omnisim.scene.gltf_pictures import open_pictures, picture_of
-from omnisim.scene.gltf_primitives import POINTS_AND_LINES, Primitive, read_primitive
-from omnisim.scene.gltf_skins import skinned
+from omnisim.scene.content import Content, load_with_trimesh
+from omnisim.scene.gltf_header import MARKER, marked_file, read_header
+from omnisim.scene.gltf_skins import SKINNED_ATTRIBUTES, skinned
 from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Wrap
 from omnisim.scene.punctual_lights import read_lights
@@ -25,10 +22,12 @@ from omnisim.scene.textures import TextureStore
 
 _REPEAT, _MIRRORED, _CLAMP = 10497, 33648, 33071  # OpenGL's numbers, as samplers state them
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
+_NORMALIZED_SCALE = {"u1": 255.0, "u2": 65535.0, "i1": 127.0, "i2": 32767.0}
 # What a header of the wrong shapes can raise where `gltf_check` has not looked.
 _HEADER_FAULTS = (
     LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError,
 )  # fmt: skip
+_POINTS_AND_LINES = {0, 1, 2, 3}  # OpenGL's numbers of such primitives
 
 
 def read_gltf(
@@ -45,10 +44,10 @@ def read_gltf(
     """
     try:
         header, rest = read_header(path, data)
-        poses = node_poses(header)
-        reader = GltfReader(header, GltfArrays(header, rest, resolver), textures, resolver.missing)
-        meshes, materials, instances = reader.read(poses)
-        lights = read_lights(poses, header, world_from_file)
+        loaded = load_with_trimesh(path, marked_file(path, header, rest), resolver)
+        reader = GltfReader(header, textures, resolver.missing)
+        meshes, materials, instances = reader.read(loaded)
+        lights = read_lights(loaded, header, world_from_file)
         notices = [*reader.notices, *_left_out(header)]
     except _HEADER_FAULTS as reason:
         raise SceneError(f"its JSON does not hold together: {reason!r}") from None
@@ -63,7 +62,7 @@ def _left_out(header: dict[str, Any]) -> list[str]:
     morphed = any(any(holder.get("weights", ())) for holder in holders)
     extensions = header.get("extensionsUsed", [])
     checks = (
-        (modes & POINTS_AND_LINES, "points and lines are not drawn"),
+        (modes & _POINTS_AND_LINES, "points and lines are not drawn"),
         (header.get("animations"), "animations are not played"),
         (morphed, "morph targets are not applied"),
         (
@@ -74,133 +73,110 @@ def _left_out(header: dict[str, Any]) -> list[str]:
     return [words for found, words in checks if found]
 
 
-class _Read(NamedTuple):
-    """A primitive, and the mesh that it became."""
-
-    primitive: Primitive
-    mesh: int
-    middle: NDArray[np.float64]
-
-
 class GltfReader:
-    """Turns a glTF file into our data."""
+    """Turns what trimesh made of a glTF file, and the file's header, into our data."""
 
-    def __init__(
-        self,
-        header: dict[str, Any],
-        arrays: GltfArrays,
-        textures: TextureStore,
-        missing: list[str],
-    ):
-        self._header, self._arrays = header, arrays
+    def __init__(self, header: dict[str, Any], textures: TextureStore, missing: list[str]):
+        self._header = header
         self._missing = missing  # files that were asked for and are not there
         self._textures = textures
-        self._pictures = open_pictures(header, arrays)
-        self._used: set[int] = set()  # materials
+        self._images: dict[int, Any] = {}
         self.notices: list[str] = []
 
     def read(
-        self, poses: Mapping[int, NDArray[np.float64]]
+        self, loaded: trimesh.Scene
     ) -> tuple[tuple[Mesh, ...], tuple[Material, ...], tuple[Instance, ...]]:
         """Return meshes, materials and instances; world_from_mesh is still file_from_mesh.
-
-        Args:
-            poses: (4, 4) file_from_node of the nodes that are drawn.
 
         Raises:
             SceneError: damaged vertices or indices.
         """
         meshes: list[Mesh] = []
-        names: set[str] = set()
-        read = []
-        for index, data in enumerate(self._header.get("meshes", [])):
-            of_mesh = []
-            for number, primitive in enumerate(data["primitives"]):
-                place = f"meshes[{index}].primitives[{number}]"
-                name = _free_name(str(data.get("name", f"mesh {index}")), names)
-                found = self._primitive(primitive, name, place, meshes)
-                if found is not None:
-                    of_mesh.append(found)
-                    names.add(name)
-            read.append(of_mesh)
+        index_of: dict[str, tuple[int, NDArray[np.float64]]] = {}
+        default_material = len(self._header.get("materials", []))
+        for name, geometry in loaded.geometry.items():
+            if not isinstance(geometry, trimesh.Trimesh):
+                continue  # points and lines, of which `_left_out` speaks
+            marker = geometry.metadata.get(MARKER)
+            if marker is None:
+                raise SceneError(f"mesh {name!r}: its attributes cannot be read")
+            material = default_material if marker["material"] is None else marker["material"]
+            image = getattr(geometry.visual, "material", None)
+            self._images.setdefault(material, getattr(image, "baseColorTexture", None))
+            made = self._mesh(name, geometry, marker, material)
+            if made is not None:
+                index_of[name] = (len(meshes), made[1])
+                meshes.append(made[0])
         materials = tuple(
             self._material(index, data)
             for index, data in enumerate([*self._header.get("materials", []), {}])
         )
-        instances = self._instances(poses, read, meshes)
+        instances = self._instances(loaded, index_of, meshes)
         return tuple(meshes), materials, instances
 
-    def _primitive(
-        self, data: dict[str, Any], name: str, place: str, meshes: list[Mesh]
-    ) -> _Read | None:
-        """Read a primitive and add its mesh to `meshes`; None where it has no triangles."""
-        try:
-            primitive = read_primitive(self._arrays, data)
-        except SceneError as reason:
-            raise SceneError(f"{place}: {reason}") from None
-        if primitive is None:
-            return None  # points and lines, of which `_left_out` speaks
-        material = data.get("material", len(self._header.get("materials", [])))
-        self._used.add(material)
-        made = self._mesh(name, primitive, material)
-        if made is None:
-            return None
-        meshes.append(made[0])
-        return _Read(primitive, len(meshes) - 1, made[1])
-
     def _mesh(
-        self, name: str, primitive: Primitive, material: int
+        self, name: str, geometry: trimesh.Trimesh, marker: dict[str, Any], material: int
     ) -> tuple[Mesh, NDArray[np.float64]] | None:
-        attributes = primitive.attributes
-        coordinates = attributes.get(f"TEXCOORD_{self._coordinate_set(material)}")
+        def attribute(key: str) -> NDArray[Any] | None:
+            if key not in marker["raw"]:
+                return None
+            return self._floats(marker["raw"][key], marker["accessors"][key])
+
+        positions = attribute("POSITION")
+        coordinates = attribute(f"TEXCOORD_{self._coordinate_set(material)}")
         if coordinates is not None:
             coordinates = self._transformed(coordinates, material)
             # a mirrored texture is stored with its mirror image beside it
             mirrored = [wrap == _MIRRORED for wrap in self._wraps(material)]
             coordinates = coordinates * np.where(mirrored, 0.5, 1.0)
-        colors = attributes.get("COLOR_0")
+        colors = attribute("COLOR_0")
         return make_mesh(
             name,
-            attributes["POSITION"],
-            primitive.triangles,
+            geometry.vertices if positions is None else positions,
+            geometry.faces,
             material,
-            normals=attributes.get("NORMAL"),
+            normals=attribute("NORMAL"),
             texture_coordinates=coordinates,
             colors=None if colors is None else colors_rgba(colors, 1.0),
         )
 
     def _instances(
         self,
-        poses: Mapping[int, NDArray[np.float64]],
-        read: list[list[_Read]],
+        loaded: trimesh.Scene,
+        index_of: dict[str, tuple[int, NDArray[np.float64]]],
         meshes: list[Mesh],
     ) -> tuple[Instance, ...]:
         """All instances; skinned ones get a mesh of their own, which is added to `meshes`."""
         instances = []
-        for index, file_from_node in poses.items():
+        for name in loaded.graph.nodes_geometry:
+            file_from_mesh, geometry = loaded.graph[name]
+            if geometry not in index_of:
+                continue
+            # Nodes are named by their indices. trimesh puts the primitives of a mesh below its
+            # node, under names of its own.
+            index = int(name if name.isdigit() else loaded.graph.transforms.parents[name])
             node = self._header["nodes"][index]
-            for primitive, mesh, middle in read[node["mesh"]] if "mesh" in node else ():
-                file_from_mesh = file_from_node
-                if "skin" in node and "JOINTS_0" in primitive.attributes:
-                    made = self._skinned(poses, primitive, node["skin"], meshes[mesh])
-                    mesh, middle, file_from_mesh = len(meshes), made[1], np.eye(4)
-                    meshes.append(made[0])
-                label = str(node.get("name", f"node {index}"))
-                instances.append(Instance(label, mesh, moved(file_from_mesh, middle)))
+            mesh, middle = index_of[geometry]
+            if "skin" in node and "JOINTS_0" in loaded.geometry[geometry].metadata[MARKER]["raw"]:
+                made = self._skinned(loaded, geometry, node["skin"], meshes[mesh])
+                mesh, middle, file_from_mesh = len(meshes), made[1], np.eye(4)
+                meshes.append(made[0])
+            label = str(node.get("name", f"node {index}"))
+            instances.append(Instance(label, mesh, moved(file_from_mesh, middle)))
         return tuple(instances)
 
     def _skinned(
-        self,
-        poses: Mapping[int, NDArray[np.float64]],
-        primitive: Primitive,
-        skin: int,
-        mesh: Mesh,
+        self, loaded: trimesh.Scene, geometry: str, skin: int, mesh: Mesh
     ) -> tuple[Mesh, NDArray[np.float64]]:
-        data, binds = self._header["skins"][skin], None
-        if "inverseBindMatrices" in data:  # stored column after column
-            stored = self._arrays.array(data["inverseBindMatrices"])
-            binds = stored.reshape(-1, 4, 4).swapaxes(1, 2)
-        positions, normals = skinned(poses, data, primitive.attributes, binds)
+        marker = loaded.geometry[geometry].metadata[MARKER]
+        attributes = {
+            key: self._floats(values, marker["accessors"][key])
+            for key, values in marker["raw"].items()
+            if key in SKINNED_ATTRIBUTES
+        }
+        positions, normals = skinned(
+            loaded, self._header["skins"][skin], attributes, marker["binds"].get(str(skin))
+        )
         made = make_mesh(
             mesh.name,
             positions,
@@ -213,6 +189,13 @@ class GltfReader:
         if made is None:
             raise SceneError(f"mesh {mesh.name!r}: has a skin and no triangles")
         return made
+
+    def _floats(self, values: NDArray[Any], accessor: int) -> NDArray[Any]:
+        """Integers to the fractions that they stand for, where the accessor says `normalized`."""
+        kind = values.dtype.str[1:]
+        if self._header["accessors"][accessor].get("normalized") and kind in _NORMALIZED_SCALE:
+            return np.maximum(values / _NORMALIZED_SCALE[kind], -1.0)
+        return values
 
     def _texture_info(self, material: int) -> dict[str, Any]:
         materials = self._header.get("materials", [])
@@ -246,10 +229,10 @@ class GltfReader:
             factor = glossy.get("diffuseFactor", (1.0,) * 4)
         name = str(data.get("name", f"material {index}"))
         texture, info = None, self._texture_info(index)
-        if "index" in info and index in self._used:
-            picture = picture_of(self._header["textures"][info["index"]])
-            if picture is None or self._pictures[picture] is None:
-                image = {} if picture is None else self._header["images"][picture]
+        if "index" in info and index in self._images:
+            if self._images[index] is None:
+                source = self._header["textures"][info["index"]].get("source")
+                image = {} if source is None else self._header["images"][source]
                 if image.get("uri") not in self._missing:
                     self.notices.append(
                         f"texture of {name!r} cannot be decoded: its plain colour is drawn"
@@ -257,7 +240,7 @@ class GltfReader:
             else:
                 wraps = self._wraps(index)
                 texture = self._textures.texture(
-                    self._pictures[picture],
+                    self._images[index],
                     name,
                     wraps=tuple(Wrap.CLAMP_TO_EDGE if w == _CLAMP else Wrap.REPEAT for w in wraps),
                     mirrored=tuple(w == _MIRRORED for w in wraps),
@@ -280,12 +263,3 @@ class GltfReader:
         data = self._header["textures"][info["index"]] if "index" in info else {}
         sampler = self._header["samplers"][data["sampler"]] if "sampler" in data else {}
         return sampler.get("wrapS", _REPEAT), sampler.get("wrapT", _REPEAT)
-
-
-def _free_name(name: str, taken: set[str]) -> str:
-    """A name for the next primitive of a mesh: the mesh's own, or with a number behind it."""
-    free, number = name, 0
-    while free in taken:
-        number += 1
-        free = f"{name}_{number}"
-    return free

@@ -1,89 +1,57 @@
-"""The primitives of a glTF file: the triangles of a mesh that share a material."""
+"""What trimesh's glTF reader leaves out of a primitive, by handlers in its extension registry."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from trimesh.exchange.gltf.extensions import register_handler
 
-from omnisim.errors import SceneError
-from omnisim.scene.gltf_arrays import GltfArrays
+from omnisim.scene.gltf_header import MARKER
 
-POINTS_AND_LINES = {0, 1, 2, 3}  # OpenGL's numbers, as the file states them
-_TRIANGLES, _TRIANGLE_STRIP, _TRIANGLE_FAN = 4, 5, 6
-DRACO = "KHR_draco_mesh_compression"
+_TRIANGLES, _TRIANGLE_FAN = 4, 6  # OpenGL's numbers, as the file states them
+_INDEX_TYPES = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
 
 
-class Primitive(NamedTuple):
-    """Attributes (n, components) by name, normalised integers as floats; triangles (m, 3)."""
-
-    attributes: dict[str, NDArray[Any]]
-    triangles: NDArray[np.int64]
-
-
-def read_primitive(arrays: GltfArrays, primitive: dict[str, Any]) -> Primitive | None:
-    """Read a primitive, or None: it has points or lines.
-
-    Raises:
-        SceneError: damaged numbers.
-    """
-    mode = primitive.get("mode", _TRIANGLES)
-    if mode not in (_TRIANGLES, _TRIANGLE_STRIP, _TRIANGLE_FAN):
-        return None
-    decoded, order = _decoded(arrays, primitive)
-    attributes = {}
-    for name, index in primitive["attributes"].items():
-        values = decoded[name] if name in decoded else arrays.array(index)
-        attributes[name] = arrays.floats(index, values)
-    if order is not None:  # Draco has triangles, whatever they were before
-        return Primitive(attributes, order.reshape(-1, 3))
-    if "indices" in primitive:
-        order = arrays.array(primitive["indices"]).ravel()
-        if not np.issubdtype(order.dtype, np.integer):
-            raise SceneError("its indices are not whole numbers")
-    else:
-        order = np.arange(len(attributes["POSITION"]))
-    return Primitive(attributes, _triangles(order.astype(np.int64), mode))
+@register_handler(MARKER, scope="primitive_preprocess")
+def _complete(context: dict[str, Any]) -> None:
+    """Put sparse values into their accessors, and turn a fan into triangles."""
+    accessors, primitive = context["accessors"], context["primitive"]
+    for index, sparse in context["data"]["sparse"].items():
+        accessors[int(index)] = _with_sparse(accessors[int(index)], sparse, context["views"])
+    if primitive.get("mode") == _TRIANGLE_FAN:
+        if "indices" in primitive:
+            order = np.ravel(accessors[primitive["indices"]])
+        else:
+            order = np.arange(len(accessors[primitive["attributes"]["POSITION"]]))
+        hub = np.full(max(len(order) - 2, 0), order[0])
+        accessors.append(np.stack((hub, order[1:-1], order[2:]), axis=1))
+        primitive["indices"], primitive["mode"] = len(accessors) - 1, _TRIANGLES
 
 
-def _triangles(order: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
-    """The triangles (m, 3) that vertices (n,) in this order make.
+def _with_sparse(values: Any, sparse: dict[str, Any], views: list[bytes]) -> Any:
+    where, what, count = sparse["indices"], sparse["values"], sparse["count"]
+    places = np.frombuffer(
+        views[where["bufferView"]],
+        _INDEX_TYPES[where["componentType"]],
+        count,
+        where.get("byteOffset", 0),
+    )
+    width = values[0].size
+    given = np.frombuffer(
+        views[what["bufferView"]], values.dtype, count * width, what.get("byteOffset", 0)
+    )
+    completed = np.array(values)
+    completed[places] = given.reshape(count, *values.shape[1:])
+    return completed
 
-    Source: glTF 2.0, section 3.7.2.1; every other triangle of a strip is turned round.
-    """
-    if mode == _TRIANGLE_STRIP:
-        triangles = np.stack((order[:-2], order[1:-1], order[2:]), axis=1)
-        triangles[1::2] = triangles[1::2, ::-1]
-        return triangles
-    if mode == _TRIANGLE_FAN:
-        hub = np.full(max(len(order) - 2, 0), order[0] if len(order) else 0)
-        return np.stack((hub, order[1:-1], order[2:]), axis=1)
-    if len(order) % 3:
-        raise SceneError(f"{len(order)} indices do not make triangles")
-    return order.reshape(-1, 3)
 
-
-def _decoded(
-    arrays: GltfArrays, primitive: dict[str, Any]
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64] | None]:
-    """What Draco has compressed: attributes by name and the triangles; nothing where it has not.
-
-    Source: KHR_draco_mesh_compression; one blob has all, its attributes go by numbers of their own.
-    """
-    about = primitive.get("extensions", {}).get(DRACO)
-    if about is None:
-        return {}, None
-    import DracoPy  # optional; `read_header` has seen that it is there
-
-    try:
-        blob = DracoPy.decode(bytes(arrays.view(about["bufferView"])))
-    except (DracoPy.FileTypeException, ValueError) as reason:
-        raise SceneError(f"cannot be decoded by Draco: {reason}") from None
-    name_of = {number: name for name, number in about["attributes"].items()}
-    found = {
-        name_of[attribute["unique_id"]]: np.asarray(attribute["data"])
-        for attribute in blob.attributes
-        if attribute["unique_id"] in name_of
-    }
-    return found, np.asarray(blob.faces, dtype=np.int64)
+@register_handler(MARKER, scope="primitive")
+def _keep_raw_attributes(context: dict[str, Any]) -> dict[str, Any]:
+    """Keep the accessors' own arrays, before trimesh turns them into its types."""
+    data, accessors = context["data"], context["accessors"]
+    raw = {name: accessors[index] for name, index in data["attributes"].items()}
+    # matrices are stored column after column
+    binds = {skin: np.swapaxes(accessors[index], 1, 2) for skin, index in data["binds"].items()}
+    kept = {"raw": raw, "accessors": data["attributes"], "material": data["material"]}
+    return {"metadata": {MARKER: kept | {"binds": binds}}}

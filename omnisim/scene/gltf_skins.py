@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 
+SKINNED_ATTRIBUTES = ("POSITION", "NORMAL", "JOINTS_0", "WEIGHTS_0")
+
 
 def skinned(
-    poses: Mapping[int, NDArray[np.float64]],
+    loaded: trimesh.Scene,
     skin: dict[str, Any],
     attributes: dict[str, NDArray[Any]],
     inverse_binds: NDArray[np.float64] | None,
@@ -20,10 +22,10 @@ def skinned(
     """Positions (n, 3) and normals (n, 3) of a primitive in the file's frame.
 
     Args:
-        poses: (4, 4) file_from_node by the nodes' indices.
+        loaded: the file, its nodes named by their indices.
         skin: the skin's entry in the header.
-        attributes: of the primitive, normalised integers as floats: POSITION and NORMAL (n, 3),
-            JOINTS_0 and WEIGHTS_0 (n, 4) are used.
+        attributes: those of `SKINNED_ATTRIBUTES` that the primitive has, normalised integers as
+            floats: POSITION and NORMAL (n, 3), JOINTS_0 and WEIGHTS_0 (n, 4).
         inverse_binds: (joints, 4, 4), or None: identities.
 
     Raises:
@@ -37,9 +39,10 @@ def skinned(
     weights = np.asarray(attributes["WEIGHTS_0"], dtype=np.float64)
     if not joints or corners.max() >= len(joints):
         raise SceneError(f"skin: joint {corners.max()} of {len(joints)}")
-    if not all(joint in poses for joint in joints):
+    known = set(loaded.graph.nodes)
+    if not all(str(joint) in known for joint in joints):
         raise SceneError("skin: a joint is no node of the scene")
-    file_from_joint = np.array([poses[joint] for joint in joints])
+    file_from_joint = np.array([loaded.graph.get(str(joint))[0] for joint in joints])
     matrices = file_from_joint if inverse_binds is None else file_from_joint @ inverse_binds
     total = weights.sum(axis=1, keepdims=True)
     shares = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0.0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
@@ -26,6 +28,7 @@ from omnisim.scene.model import (
     StartPose,
     bounds_m,
 )
+from omnisim.scene.other_formats import read_other
 from omnisim.scene.punctual_lights import lighting_for
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.textures import TextureStore
@@ -34,7 +37,10 @@ from omnisim.scene.textures import TextureStore
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
 # Height of the effective viewpoint above the floor where nobody says: a small robot's.
 DEFAULT_HEIGHT_M = 1.0
-_GLTF = (".glb", ".gltf")
+# What trimesh also reads and what is no scene, or an archive of files whose formats would be lost.
+_NOT_SCENES = {".dxf", ".svg", ".binvox", ".zip", ".tar.gz", ".tar.bz2", ".tgz", ".bz2", ".gz"}
+# What trimesh would write to standard error is said in our own words, as errors and notices.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
@@ -51,7 +57,8 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
     path, settings = locate(source)
-    if not _is_known(path.suffix.lower()):
+    known = {f".{name}" for name in trimesh.available_formats()} - _NOT_SCENES
+    if path.suffix.lower() not in known:
         raise SceneError(
             f"{path}: unknown scene format {path.suffix or '(no suffix)'!r}: want one of "
             ".glb .gltf .obj .ply .stl .dae, or a scene's .toml"
@@ -65,24 +72,13 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
         raise SceneError(f"{path}: asks for more memory than there is") from None
 
 
-def _is_known(suffix: str) -> bool:
-    if suffix in _GLTF:
-        return True
-    # trimesh takes half a second to import, and glTF does without it
-    from omnisim.scene.other_formats import is_scene_format
-
-    return is_scene_format(suffix)
-
-
 def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str | None) -> Scene:
     suffix = path.suffix.lower()
     axes = world_from_file(suffix, data, settings, up_axis)
     textures, resolver = TextureStore(), AssetResolver(path)
-    if suffix in _GLTF:
+    if suffix in (".glb", ".gltf"):
         read = read_gltf(path, data, textures, resolver, axes)
     else:
-        from omnisim.scene.other_formats import read_other
-
         read = read_other(path, data, textures, resolver)
     if not read.instances:
         raise SceneError("has no triangles to draw")

@@ -17,9 +17,8 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.content import Content
+from omnisim.scene.content import Content, load_with_trimesh
 from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.obj_text import plain_obj
@@ -29,13 +28,6 @@ from omnisim.srgb import linear_from_srgb
 # What a surface without any colour looks like: a light grey of 80 % on the screen.
 PLAIN_GREY = float(linear_from_srgb(0.8))
 _OPAQUE_FROM = 0.999
-# What trimesh also reads and what is no scene, or an archive of files whose formats would be lost.
-_NOT_SCENES = {".dxf", ".svg", ".binvox", ".zip", ".tar.gz", ".tar.bz2", ".tgz", ".bz2", ".gz"}
-
-
-def is_scene_format(suffix: str) -> bool:
-    """Whether files with this suffix, with its dot and in small letters, can be read here."""
-    return suffix[1:] in trimesh.available_formats() and suffix not in _NOT_SCENES
 
 
 def read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver) -> Content:
@@ -46,7 +38,7 @@ def read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetR
     """
     if path.suffix.lower() == ".obj":
         data, resolver.material_files = plain_obj(data)
-    loaded = _load_with_trimesh(path, data, resolver)
+    loaded = load_with_trimesh(path, data, resolver)
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
@@ -65,25 +57,6 @@ def read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetR
             mesh, middle = index_of[geometry_name]
             instances.append(Instance(str(node), mesh, moved(file_from_mesh, middle)))
     return Content(tuple(meshes), tuple(materials), tuple(instances), notices)
-
-
-def _load_with_trimesh(path: Path, data: bytes, resolver: AssetResolver) -> trimesh.Scene:
-    """What trimesh makes of a file's bytes.
-
-    Raises:
-        SceneError: it cannot make anything of them.
-    """
-    kind = path.suffix[1:].lower()
-    try:
-        return trimesh.load_scene(
-            io.BytesIO(data), file_type=kind, resolver=resolver, process=False
-        )
-    except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
-        words = f"{' '.join(str(reason).split())[:200]} ({type(reason).__name__})"
-        if isinstance(reason, ImportError):  # trimesh guesses encodings with a library of its own
-            words = "it is not text, and not its binary form either"
-        missing = f"{resolver.missing[-1]} is not there; " if resolver.missing else ""
-        raise SceneError(f"cannot be read as {kind}: {missing}{words}") from None
 
 
 def _mesh(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
@@ -41,23 +41,22 @@ def default_lighting() -> Lighting:
 
 
 def read_lights(
-    poses: Mapping[int, NDArray[np.float64]],
-    header: dict[str, Any],
-    world_from_file: NDArray[np.float64],
+    loaded: trimesh.Scene, header: dict[str, Any], world_from_file: NDArray[np.float64]
 ) -> tuple[Light, ...]:
-    """Lamps of the file in the world frame, whose nodes have `poses` (4, 4) file_from_node.
+    """Lamps of the file in the world frame.
 
     Source: KHR_lights_punctual; a lamp shines along the −z of its node.
     """
     entries = header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
     kinds = {kind.value for kind in LightKind}
     lights = []
+    in_scene = set(loaded.graph.nodes)
     for number, node in enumerate(header.get("nodes", [])):
         index = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
-        if type(index) is not int or not 0 <= index < len(entries) or number not in poses:
+        if type(index) is not int or not 0 <= index < len(entries) or str(number) not in in_scene:
             continue
         data = entries[index]
-        world_from_light = world_from_file @ poses[number]
+        world_from_light = world_from_file @ loaded.graph.get(str(number))[0]
         axis = -world_from_light[:3, 2]
         if data.get("type") not in kinds or not axis.any():
             continue

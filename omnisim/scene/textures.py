@@ -1,4 +1,4 @@
-"""From pictures (Pillow) to textures."""
+"""From the pictures that trimesh hands on (Pillow) to textures."""
 
 from __future__ import annotations
 

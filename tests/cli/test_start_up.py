@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-# What only others need: fits and statistics, plots, reports, other formats than glTF, oracles.
+# What only others need: plots, reports, other formats than glTF, oracles. (Scenes are read by trimesh,
+# which imports scipy.)
 SELDOM = (
-    "scipy", "matplotlib", "jinja2", "trimesh", "networkx", "collada", "yaml", "av", "cv2",
-    "mitsuba", "pyrender", "pycolmap",
+    "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba", "pyrender", "pycolmap",
 )  # fmt: skip
 # The same of our own: built of many tables, of which the paper's camera needs none.
 SELDOM_OURS = ("omnisim.calibration", "omnisim.plots", "omnisim.sensors.sensor_file")
