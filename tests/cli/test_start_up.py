@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-# What only others need: plots, reports, other formats than glTF, oracles. (trimesh reads scenes, and
-# imports scipy.)
+# What only others need: plots, reports, other formats than glTF, oracles. (trimesh, which reads
+# scenes, imports scipy.)
 SELDOM = (
     "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba", "pyrender", "pycolmap",
 )  # fmt: skip
