@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from benchmarks.embree_rays import EmbreeRays, has_embree
 from benchmarks.options import Options
 from benchmarks.patrol import ROBOT, patrol
+from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
 from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.settings import at_setting
@@ -133,14 +134,9 @@ def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
 
 
 def _counts(stage: Stage, renderer: Renderer) -> dict[str, int]:
-    """Triangles that a frame submits, with the few that fill whole targets, and those that it
-    shows."""  # fmt: skip
+    """Triangles that the virtual cameras submit for a frame, and those that it shows."""
     sensor, eye = renderer.camera, STREET[0]
-    with stage.current():
-        query = stage.context.query(primitives=True)
-        with query:
-            renderer.render(eye)
-        submitted = query.primitives  # while the context that counted is the current one
+    submitted = RepeatedFrame(renderer, eye).count().virtual_cameras.triangles
     seen = count_seen_triangles(
         stage.context, stage.scene, sensor.camera, eye, SIZE_PX, sensor.near_m
     )
