@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from benchmarks.embree_rays import EmbreeRays, has_embree
 from benchmarks.options import Options
 from benchmarks.patrol import ROBOT, patrol
+from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
+from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.settings import at_setting
 from benchmarks.suites.scaling_plot import scaling_figure
 from benchmarks.timer import Timings, take_turns
@@ -92,6 +94,8 @@ def lines(report: dict[str, Any]) -> list[str]:
     for row in report["rows"]:
         times = " ".join(f"{row[f'p{p}_ms']:8.1f}ms" for p in (50, 95, 99))
         line = f"{_what(row):>17} {times} {row['fps']:8.2f} FPS {row['rounds']:4} rounds"
+        if row["against"] == "triangles":
+            line += f"   {row['submitted_triangles']} submitted, {row['seen_triangles']} seen"
         if row["against"] == "cameras":
             line += f"   {row['ms_a_camera']:.1f} ms a camera"
         if "embree_ratio" in row:
@@ -122,11 +126,21 @@ def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
             rays = EmbreeRays(scene, sensor.camera)
             variants[EMBREE] = _frame(stage, [(rays.cast, STREET)])
         timings = _take_turns(variants, turns, f"{scene.triangle_count} triangles")
-    row = _row("triangles", stage, timings, OURS)
+        row = _row("triangles", stage, timings, OURS) | _counts(stage, renderer)
     if EMBREE in variants:
         row["embree_p50_ms"] = timings.percentile_ms(EMBREE, 50)
         row.update(timings.ratio(EMBREE, OURS).flat("embree_ratio"))
     return row
+
+
+def _counts(stage: Stage, renderer: Renderer) -> dict[str, int]:
+    """Triangles that the virtual cameras submit for a frame, and those that it shows."""
+    sensor, eye = renderer.camera, STREET[0]
+    submitted = RepeatedFrame(renderer, eye).count().virtual_cameras.triangles
+    seen = count_seen_triangles(
+        stage.context, stage.scene, sensor.camera, eye, SIZE_PX, sensor.near_m
+    )
+    return {"submitted_triangles": submitted, "seen_triangles": seen}
 
 
 def _of_sizes(
@@ -206,7 +220,6 @@ def _row(
         "picture_px": picture_px,
         "cameras": cameras,
         **timings.row(variant),
-        "submitted_triangles": None,  # a frame does not tell them yet
         "rounds": len(timings.seconds[variant]),
     }
 

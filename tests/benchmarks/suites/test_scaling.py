@@ -22,6 +22,9 @@ def test_every_size_is_timed(tmp_path):
         ("cameras", 360, 3),
     ]  # fmt: skip
     assert report["rows"][0]["triangles"] == build_town(1000).triangle_count
+    town = report["rows"][0]
+    assert 0 < town["seen_triangles"] < town["submitted_triangles"]
+    assert town["seen_triangles"] < town["triangles"]
     if has_embree():
         assert report["bounds"][0]["value"] == report["rows"][0]["embree_ratio"]
     assert len(scaling.lines(report)) >= 1 + len(told)
