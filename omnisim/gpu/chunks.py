@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Triangles of a chunk. Fewer are culled more tightly, but each chunk is a draw of its own.
-CHUNK = 128
+CHUNK = 64
 # A wall would make the box of a chunk of screws as large as itself: triangles larger than this
 # share of all that is cut are kept apart.
 LARGE = 1.0 / 8.0

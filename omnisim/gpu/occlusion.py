@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-CELL = 8  # texels to a side of the finest cells
+CELL = 4  # texels to a side of the finest cells
+MOST_CELLS = 4  # to a side, that a box is looked up in
 _SPARE = 1e-4  # of a depth: what is this close behind a surface is drawn, whatever is rounded
 
 
@@ -79,18 +80,18 @@ class CoarseDepth:
     def hides(self, boxes: Outlines) -> NDArray[np.bool_]:
         """Whether all of what each box (n,) covers is nearer than all of the box."""
         first, last = boxes.first // CELL, boxes.last // CELL
-        # the level where a box covers at most two cells to a side
-        levels = np.ceil(np.log2(np.maximum((last - first).max(axis=1), 1))).astype(np.int64)
+        # the level where a box covers at most `MOST_CELLS` to a side
+        spans = np.maximum((last - first).max(axis=1), 1) / (MOST_CELLS - 1)
+        levels = np.maximum(np.ceil(np.log2(spans)), 0.0).astype(np.int64)
         levels = np.minimum(levels, len(self._levels) - 1)
         farthest = np.empty(len(first))
         for number, values in enumerate(self._levels):
             there = np.flatnonzero(levels == number)
             if there.size:
-                (c0, r0), (c1, r1) = (first[there] >> number).T, (last[there] >> number).T
-                farthest[there] = np.minimum(
-                    np.minimum(values[r0, c0], values[r0, c1]),
-                    np.minimum(values[r1, c0], values[r1, c1]),
-                )
+                (left, top), (right, bottom) = (first[there] >> number).T, (last[there] >> number).T
+                steps = np.arange(MOST_CELLS)[:, None]
+                columns, rows = np.minimum(left + steps, right), np.minimum(top + steps, bottom)
+                farthest[there] = values[rows[:, None], columns[None]].min(axis=(0, 1))
         return boxes.nearest * (1.0 + _SPARE) < farthest
 
 

@@ -21,7 +21,7 @@ BANDS = 8
 # Boxes and cones are kept as float32: what is this close to a limit is drawn.
 _SPARE = 1e-5
 # Chunks whose triangles look about so wide hide others, and are drawn first.
-OCCLUDER_RAD = 0.02
+OCCLUDER_RAD = 0.01
 # Fewer triangles than this are drawn in less time than one finds out whether they are hidden.
 WORTH_A_TEST = 80_000
 _INDEX_BYTES = 12  # of a triangle
