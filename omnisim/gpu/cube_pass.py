@@ -93,7 +93,10 @@ class CubePass:
         self._flush = gl_function("glFlush")
         self._standing = None
         if not (plain or buffers.standing.is_empty):
-            self._standing = StandingDrawing(context, buffers.standing, surfaces, unlit)
+            # OpenGL reads no depth of several samples, and what one of them hides another may show
+            self._standing = StandingDrawing(
+                context, buffers.standing, surfaces, unlit, reads_depth=samples <= 1
+            )
         alone = buffers.shown(hidden)
         if not plain:
             alone &= ~buffers.standing.taken

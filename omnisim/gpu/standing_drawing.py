@@ -46,6 +46,8 @@ class StandingDrawing:
         geometry: what stands still; others may draw from it, too.
         surfaces: programs.
         unlit: show plain base colours.
+        reads_depth: whether the depth of what was drawn can be read: otherwise nothing is left out
+            because it is hidden.
 
     Attributes:
         triangles: submitted for the last frame.
@@ -57,8 +59,10 @@ class StandingDrawing:
         geometry: StandingGeometry,
         surfaces: SurfacePrograms,
         unlit: bool,
+        reads_depth: bool = True,
     ):
         self._context, self._geometry = context, geometry
+        self._reads_depth = reads_depth
         variants = [variant_of(look.material, unlit) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
         chunks = geometry.chunks
@@ -103,7 +107,7 @@ class StandingDrawing:
         first = is_large[seen.chunk]
         counts = geometry.chunks.count[seen.chunk]
         self._rest: _Draws | None = seen.where(~first)
-        if counts[~first].sum() < WORTH_A_TEST:
+        if not self._reads_depth or counts[~first].sum() < WORTH_A_TEST:
             self._rest, first = None, np.ones(len(first), dtype=np.bool_)
         self.triangles = 0
         self._plan(seen.where(first))
