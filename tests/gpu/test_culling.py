@@ -1,0 +1,106 @@
+"""What is left out of a face because it cannot be seen there, beside brute force over points."""
+
+import numpy as np
+import pytest
+
+from omnisim import frames
+from omnisim.cube import FACE_FROM_RIG
+from omnisim.gpu.face_drawing import FaceDrawing
+from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.standing_drawing import StandingDrawing
+from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.gpu.vertex_format import VERTEX
+from omnisim.scene.model import Material
+from omnisim.sensors import OmniCamera
+from tests.gpu.test_standing_drawing import sheet
+from tests.scenes import scene_of
+
+CAMERA = OmniCamera().resized(200).camera
+PLAN = plan_faces(CAMERA, CAMERA.rig_from_optical, in_parts=True)
+NEAR_M = 0.05
+POINTS = 400  # of each box
+
+
+def _views(far_m, world_from_rig):
+    # it asks the context and the buffers only when it draws
+    return FaceDrawing(None, None, PLAN, NEAR_M, far_m).views(world_from_rig)
+
+
+def _shown(view, points, far_m, world_from_rig):
+    """Whether a tile shows points (..., 3), counted from the viewpoint: by its tangents."""
+    local = points @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.face.index].T
+    depth = local[..., 2]
+    tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]
+    first, last = view.face.tangents
+    inside = np.all((tangents >= first) & (tangents <= last), axis=-1)
+    return inside & (depth > NEAR_M) & (depth < far_m)
+
+
+@pytest.mark.parametrize("far_m", [np.inf, 4.0])
+def test_no_box_is_left_out_of_a_view_that_shows_a_point_of_it(far_m):
+    generator = np.random.default_rng(1)
+    world_from_rig = frames.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
+    views = _views(far_m, world_from_rig)
+    assert len(views) >= 5
+    count = 300
+    middles_m = generator.uniform(-6.0, 6.0, (count, 3))
+    halves_m = 10.0 ** generator.uniform(-2.0, 0.3, (count, 3))
+    kept = StandingDrawing._in_view(None, views, middles_m, halves_m)
+    inside = generator.uniform(-1.0, 1.0, (count, POINTS, 3))
+    points = middles_m[:, None] + inside * halves_m[:, None]
+    shown = np.array([_shown(view, points, far_m, world_from_rig).any(axis=1) for view in views])
+    assert kept.shape == shown.shape
+    assert not np.any(shown & ~kept)
+    # small boxes are told apart well: what is kept of them is seen, but for corners and slim cuts
+    small = halves_m.max(axis=1) < 0.15
+    assert kept[:, small].sum() < 2 * max(shown[:, small].sum(), 1)
+
+
+def test_matrices_show_what_planes_keep():
+    generator = np.random.default_rng(2)
+    world_from_rig = frames.pose((0.0, 3.0, 1.0), roll_deg=-8.0, yaw_deg=200.0)
+    points = generator.uniform(-5.0, 5.0, (4000, 3))
+    for view in _views(np.inf, world_from_rig):
+        x, y, z, w = (points @ view.clip_from_here[:, :3].T + view.clip_from_here[:, 3]).T
+        drawn = (np.abs(x) <= w) & (np.abs(y) <= w) & (z <= w) & (w > 0.0)
+        kept = np.all(points @ view.planes[:, :3].T + view.planes[:, 3] >= 0.0, axis=1)
+        assert drawn.any()
+        # points on a plane itself do not occur by chance
+        assert np.array_equal(drawn, kept)
+        assert np.array_equal(drawn, _shown(view, points, np.inf, world_from_rig))
+
+
+def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
+    """All triangles of all chunks, from viewpoints at random."""
+    meshes = [
+        sheet("smooth", 0, side=40, size_m=4.0, bumps_m=0.01),
+        sheet("rough", 0, side=40, size_m=2.0, bumps_m=0.05, seed=1),
+        sheet("both sides", 1, side=20, seed=2),
+    ]
+    poses = [np.eye(4), frames.pose((0.0, 0.0, 1.0), roll_deg=60.0), frames.pose((1.0, 0.0, 0.5))]
+    poses[1][:3, :3] = poses[1][:3, :3] @ np.diag((1.0, -1.0, 1.0))
+    scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
+    buffers = SceneBuffers(context, scene)
+    geometry = buffers.standing
+    drawing = StandingDrawing(context, geometry, SurfacePrograms(buffers, scene.lighting), True)
+    chunks = geometry.chunks
+    vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
+    everything = geometry.indices(np.arange(len(chunks.first)))["vertices"]
+    corners_m = vertices["in_position"][everything].astype(np.float64)
+    assert len(corners_m) == sum(len(mesh.triangles) for mesh in meshes)
+    normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    one_sided = ~np.array([look.material.double_sided for look in geometry.looks])
+    generator = np.random.default_rng(3)
+    left_out, could_be = 0, 0
+    for viewpoint_m in generator.uniform(-3.0, 3.0, (60, 3)):
+        middles_m = drawing._middles_m - viewpoint_m
+        away = drawing._all_turned_away(middles_m, np.linalg.norm(middles_m, axis=1))
+        is_front = np.sum(normals * (corners_m[:, 0] - viewpoint_m), axis=1) < 0.0
+        has_front = np.logical_or.reduceat(is_front, chunks.first)
+        assert not np.any(away & has_front)
+        assert np.all(one_sided[geometry.look_of_chunk[away]])
+        left_out += np.count_nonzero(away)
+        could_be += np.count_nonzero(~has_front & one_sided[geometry.look_of_chunk])
+    # cones and balls are wider than what they hold, of the rough sheet in particular
+    assert left_out > could_be / 3
