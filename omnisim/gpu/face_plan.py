@@ -134,6 +134,7 @@ def plan_faces(
         )
         for index in range(len(FACE_NAMES))
     ]
+    parts: list[tuple[int, Need]] = []
     needs = [(i, whole) for i, face in enumerate(of_faces) if (whole := face.whole()) is not None]
     if in_parts and face_size_px is None:
         texels = sum(_texels(need, texels_per_pixel) for _, need in needs)
@@ -143,10 +144,23 @@ def plan_faces(
             for index, face in enumerate(of_faces)
             for part in face.parts(texels_per_pixel, tile_texels)
         ]
-        if len(parts) <= MOST_TILES:
-            needs = parts
     if not needs:
         raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+    plan = _planned(needs, texels_per_pixel, face_size_px, level_bias)
+    if 0 < len(parts) <= MOST_TILES:
+        # a tile's margins are as wide as the coarsest mip texel: they may cost what cutting spares
+        cut = _planned(parts, texels_per_pixel, face_size_px, level_bias)
+        plan = min(cut, plan, key=lambda one: one.texels)
+    return plan
+
+
+def _planned(
+    needs: list[tuple[int, Need]],
+    texels_per_pixel: float,
+    face_size_px: int | None,
+    level_bias: float,
+) -> FacePlan:
+    """A tile for each need of a face, by the face's index."""
     sizes = [
         max(MIN_FACE_PX, math.ceil(2.0 * SPARE * texels_per_pixel * need.finest))
         if face_size_px is None

@@ -1,0 +1,101 @@
+"""Parts of faces beside brute force over the pixels that look at them."""
+
+import numpy as np
+import pytest
+
+from omnisim import OmniCamera
+from omnisim.cube import face_index, face_tangents
+from omnisim.gpu.face_need import MOST_STRETCH
+from omnisim.gpu.face_plan import MOST_TILES, plan_faces
+from omnisim.sensors.capturing import faces_of
+from tests.camera_examples import CAMERA_EXAMPLES
+
+examples = pytest.mark.parametrize("name", CAMERA_EXAMPLES)
+STEP_PX = 1e-3  # for derivatives
+# The finest place may be at a rim between two samples of the face, 1/32 of a tangent apart; there
+# is 1 % to spare for it, which the steepest rims of the examples exceed by as much again.
+LEAST_DENSITY = 0.98
+# Of the paper's mirror: of the virtual cameras for each pixel of the mirror, at the fast setting
+MOST_TEXELS = 3.7
+
+
+def _looks(camera, count=2000):
+    """Where random pixels look: face (n,), tangents (n, 2), pixels to a tangent of 1 (n,)."""
+    generator = np.random.default_rng(0)
+    size = np.array([camera.width_px, camera.height_px])
+    pixels = generator.uniform(-0.5, size - 0.5, (count, 2))
+    steps = np.array([[0.0, 0.0], [STEP_PX, 0.0], [0.0, STEP_PX]])
+    rays = camera.ray_from_pixel(pixels[:, None] + steps)
+    valid = rays.valid.all(axis=1)
+    rig = rays.directions[valid] @ camera.rig_from_optical.T
+    faces = face_index(rig[:, 0])
+    tangents = face_tangents(rig, np.repeat(faces[:, None], 3, axis=1))
+    by_pixel = np.moveaxis(tangents[:, 1:] - tangents[:, :1], 1, 2) / STEP_PX
+    longest, shortest = np.linalg.svd(by_pixel, compute_uv=False).T
+    return faces, tangents[:, 0], np.minimum(1.0 / shortest, MOST_STRETCH / longest)
+
+
+def _tiles_of(plan, faces, tangents):
+    """Whether each look (n,) is in each tile's core: (n, tiles)."""
+    cores = np.array([face.core for face in plan.faces])
+    own = faces[:, None] == np.array([face.index for face in plan.faces])
+    at = tangents[:, None]
+    return own & np.all((at >= cores[:, 0]) & (at <= cores[:, 1]), axis=-1)
+
+
+@examples
+def test_every_look_is_at_one_part_that_is_fine_enough_and_drawn_there(name):
+    camera = CAMERA_EXAMPLES[name]
+    faces, tangents, finest = _looks(camera)
+    plan = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    assert len(plan.faces) <= MOST_TILES
+    tiles = _tiles_of(plan, faces, tangents)
+    assert np.all(tiles.sum(axis=1) == 1)
+    tile = np.argmax(tiles, axis=1)
+    half_px = 0.5 * np.array([face.size_px for face in plan.faces])[tile]
+    assert np.all(half_px >= LEAST_DENSITY * finest)
+    # what a lookup mixes is drawn: half a texel of the coarsest level around it
+    spare = 0.5 * (1 << plan.max_level) / half_px[:, None]
+    windows = np.array([face.tangents for face in plan.faces])[tile]
+    assert np.all((tangents - spare >= windows[:, 0]) & (tangents + spare <= windows[:, 1]))
+
+
+@examples
+def test_parts_take_no_more_texels_than_whole_faces(name):
+    camera = CAMERA_EXAMPLES[name]
+    whole = plan_faces(camera, camera.rig_from_optical)
+    parts = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    assert parts.texels <= whole.texels
+    assert {face.index for face in parts.faces} == {face.index for face in whole.faces}
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [("hyperbolic-paper", 0.7), ("perspective-wide", 0.4), ("equirectangular", 0.6)],
+)
+def test_parts_spare_much_where_a_picture_is_fine_here_and_coarse_there(name, most):
+    camera = CAMERA_EXAMPLES[name]
+    whole = plan_faces(camera, camera.rig_from_optical)
+    parts = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    assert parts.texels < most * whole.texels
+
+
+def test_cores_do_not_overlap():
+    """Two tiles of a face share an edge at most."""
+    camera = CAMERA_EXAMPLES["equirectangular"]
+    plan = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    pairs = [(a, b) for i, a in enumerate(plan.faces) for b in plan.faces[:i] if a.index == b.index]
+    assert pairs
+    for one, other in pairs:
+        first = np.maximum(one.core[0], other.core[0])
+        last = np.minimum(one.core[1], other.core[1])
+        assert np.any(last <= first)
+
+
+@pytest.mark.parametrize("polygons", [None, 64, 4096])
+def test_the_papers_camera_draws_few_texels_for_a_pixel(polygons):
+    sensor = OmniCamera(polygons=polygons).with_quality("fast")
+    density = sensor.texels_per_pixel / sensor.supersampling
+    plan = faces_of(sensor, sensor.captured_camera, density, in_parts=True)
+    rim_px = 0.5 * sensor.camera.width_px
+    assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MOST_TEXELS
