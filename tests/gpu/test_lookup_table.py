@@ -1,0 +1,104 @@
+"""Looks that are found once, beside looks that are found in every frame; and what they cost."""
+
+import dataclasses
+import math
+
+import moderngl
+import numpy as np
+import pytest
+
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera
+from omnisim.gpu.lookup_table import MOST_BYTES, LookupTable
+from omnisim.scene import load_scene
+from omnisim.sensors import OmniCamera, Renderer, Stage
+from tests.gpu.test_standing_drawing import mixed_scene
+
+SIZE_PX = 120
+FISHEYE = EquidistantCamera(SIZE_PX, SIZE_PX, 36.0, (59.5, 59.5), theta_max_rad=math.radians(95.0))
+CAMERAS = {
+    "exact mirror": OmniCamera(polygons=None).resized(SIZE_PX),
+    "mesh": OmniCamera(polygons=64).resized(SIZE_PX),
+    "fisheye": OmniCamera(camera=FISHEYE, polygons=None),
+    "equirectangular": OmniCamera(camera=EquirectangularCamera(160, 80), polygons=None),
+}
+
+
+def _at_start(stage, camera):
+    start = stage.scene.start
+    return camera.base_pose(start.position_m, start.yaw_deg)
+
+
+def _take(stage, camera):
+    with Renderer(stage, camera) as renderer:
+        has_table = renderer._pipeline._lookups is not None
+        return renderer.render(_at_start(stage, camera)).rgba, has_table
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
+def test_the_same_is_seen_with_and_without_a_table(camera, monkeypatch):
+    """Without, captured pixels are half floats, which move some colours by a step of 8 bits."""
+    with Stage(mixed_scene()) as stage:
+        for supersampling in (1, 2, 3):
+            finer = dataclasses.replace(camera, supersampling=supersampling, texels_per_pixel=2.0)
+            stored, has_table = _take(stage, finer)
+            assert has_table
+            with monkeypatch.context() as patch:
+                patch.setattr(LookupTable, "fits", lambda *_: False)
+                live, has_table = _take(stage, finer)
+            assert not has_table
+            assert np.array_equal(stored[..., 3], live[..., 3])
+            assert np.abs(stored.astype(int) - live).max() <= 1
+            assert stored[stored[..., 3] > 0].std(axis=0)[:3].min() > 20.0  # there is much to see
+
+
+def test_a_table_is_as_large_as_its_limit_at_most():
+    side = math.isqrt(MOST_BYTES // 8)
+    assert LookupTable.fits((side, side), 1)
+    assert not LookupTable.fits((side + 1, side + 1), 1)
+    assert LookupTable.fits((side // 3, side // 3), 3)
+    assert not LookupTable.fits((side // 3 + 1, side // 3 + 1), 3)
+
+
+class Notes:
+    """All that moderngl is asked to draw, to write and to read."""
+
+    def __init__(self, patch):
+        self.drawn, self.written, self.read = [], [], []
+        render, write = moderngl.VertexArray.render, moderngl.Buffer.write
+        read_into = moderngl.Framebuffer.read_into
+
+        def render_noted(array, mode=None, vertices=-1, **options):
+            self.drawn.append(array.vertices if vertices < 0 else vertices)
+            return render(array, mode, vertices, **options)
+
+        def write_noted(buffer, data, **options):
+            self.written.append(memoryview(data).nbytes)
+            return write(buffer, data, **options)
+
+        def read_noted(framebuffer, buffer, *arguments, **options):
+            self.read.append(memoryview(buffer).nbytes)
+            return read_into(framebuffer, buffer, *arguments, **options)
+
+        patch.setattr(moderngl.VertexArray, "render", render_noted)
+        patch.setattr(moderngl.Buffer, "write", write_noted)
+        patch.setattr(moderngl.Framebuffer, "read_into", read_noted)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
+    notes = {}
+    with Stage(load_scene("soccer")) as stage:
+        for polygons in (16, 4096):
+            camera = OmniCamera(polygons=polygons).with_quality("fast").resized(200)
+            with Renderer(stage, camera) as renderer:
+                with monkeypatch.context() as patch:
+                    notes[polygons] = Notes(patch)
+                    renderer.render(_at_start(stage, camera))
+                table = renderer._pipeline._lookups._places.size
+                assert table == 8 * 200 * 200 * camera.supersampling**2
+    few, many = notes.values()
+    assert len(few.drawn) > 10  # in the faces and the picture
+    assert few.drawn == many.drawn
+    assert few.written == many.written
+    assert few.read == many.read == [4 * 200 * 200]
