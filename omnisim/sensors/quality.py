@@ -33,7 +33,7 @@ class Quality(NamedTuple):
 
 QUALITIES: dict[str, Quality] = {
     "fast": Quality(2, 1.0),
-    "default": Quality(3, 2.75),
+    "default": Quality(3, 2.9),
     "fine": Quality(4, 4.0),
 }
 DEFAULT_QUALITY: QualityName = "default"
