@@ -1,7 +1,7 @@
 // vec3 lookup_of_ray(vec3 ray): where in the atlas to look for what is seen in a direction:
 // texture coordinates and mip level. The ray is in the optical frame, of any length.
 // vec3 color_from_ray(vec3 ray): what is found there, linear RGB.
-// The faces stand beside each other in one atlas; each was drawn a little wider than it is looked
+// The tiles stand beside each other in one atlas; each was drawn a little wider than it is looked
 // up, so that no lookup crosses into its neighbour.
 
 #include "capture/cube_faces.glsl"
