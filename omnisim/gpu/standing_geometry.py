@@ -126,6 +126,8 @@ def _taken(draws: Sequence[Draw], anchor_m: NDArray[np.float64]) -> NDArray[np.b
     for index, draw in enumerate(draws):
         if draw.mover is not None or draw.material.alpha_mode is AlphaMode.BLEND:
             continue
+        if not draw.count:  # a mesh without triangles has no chunk
+            continue
         if np.linalg.norm(draw.centre_m - anchor_m) + draw.radius_m > FARTHEST_M:
             continue
         if triangles + draw.count // 3 <= MOST_TRIANGLES:

@@ -1,0 +1,75 @@
+"""What stands still, in the world's axes: which draws, where, and which way round."""
+
+import numpy as np
+import pytest
+
+from omnisim import frames
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.standing_geometry import FARTHEST_M
+from omnisim.gpu.vertex_format import VERTEX
+from omnisim.scene.model import AlphaMode, Material, Mesh
+from tests.gpu.test_standing_drawing import sheet
+from tests.scenes import scene_of
+
+MATERIALS = [Material(), Material(alpha_mode=AlphaMode.BLEND)]
+NOTHING = Mesh("nothing", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.uint32), 0)
+
+
+def _corners_m(geometry):
+    """Corners (n, 3, 3) of all triangles, world."""
+    vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
+    triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
+    return vertices["in_position"][triangles].astype(np.float64) + geometry.anchor_m
+
+
+def _sorted(corners_m):
+    """Triangles in an order of their own; each begins with whichever corner it began with."""
+    flat = np.round(corners_m.reshape(len(corners_m), -1), 3)
+    return corners_m[np.lexsort(flat.T)]
+
+
+@pytest.mark.parametrize("far_m", [0.0, 700.0])
+def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m):
+    mesh = sheet("sheet", 0, side=20)
+    scales = np.diag((1.5, -0.7, 2.0)), np.eye(3)
+    poses = []
+    for number, scale in enumerate(scales):
+        pose = frames.pose((far_m + number, -far_m, 2.0), roll_deg=30.0, yaw_deg=50.0 * number)
+        pose[:3, :3] = pose[:3, :3] @ scale
+        poses.append(pose)
+    geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).standing
+    assert geometry.taken.all()
+    assert len(geometry.looks) == 1
+    expected = []
+    for pose, turn in zip(poses, ((0, 2, 1), (0, 1, 2)), strict=True):
+        positions = mesh.positions.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+        expected.append(positions[mesh.triangles[:, turn]])  # a mirrored one is turned back
+    # half a float32's last digit of what is a few metres from the anchor, however far that is
+    np.testing.assert_allclose(
+        _sorted(_corners_m(geometry)), _sorted(np.concatenate(expected)), atol=1e-6
+    )
+
+
+def test_glass_what_is_far_away_and_what_has_no_triangles_is_left_to_others(context):
+    meshes = [sheet("near", 0), sheet("glass", 1), sheet("far", 0), NOTHING, sheet("far too", 0)]
+    poses = [np.eye(4) for _ in meshes]
+    poses[2][0, 3], poses[4][0, 3] = 2.1 * FARTHEST_M, -2.1 * FARTHEST_M
+    buffers = SceneBuffers(context, scene_of(meshes, MATERIALS, poses))
+    taken = {
+        draw.mesh.name
+        for draw, taken in zip(buffers.draws, buffers.standing.taken, strict=True)
+        if taken
+    }
+    assert taken == {"near"}
+    assert len(_corners_m(buffers.standing)) == len(meshes[0].triangles)
+
+
+def test_a_mover_is_not_standing(context):
+    scene = scene_of([sheet("still", 0)])
+    buffers = SceneBuffers(context, scene, (scene_of([sheet("moving", 0)]),))
+    assert [draw.mover is None for draw in buffers.draws] == buffers.standing.taken.tolist()
+    assert not SceneBuffers(context, scene_of([sheet("glass", 1)], MATERIALS)).standing.taken.any()
+
+
+def test_where_nothing_stands_there_are_no_chunks(context):
+    assert SceneBuffers(context, scene_of([sheet("glass", 1)], MATERIALS)).standing.is_empty
