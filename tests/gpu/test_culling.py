@@ -11,7 +11,7 @@ from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.standing_drawing import StandingDrawing
 from omnisim.gpu.surface_program import SurfacePrograms
 from omnisim.gpu.vertex_format import VERTEX
-from omnisim.scene.model import Material
+from omnisim.scene.model import Material, Mesh
 from omnisim.sensors import OmniCamera
 from tests.gpu.test_standing_drawing import sheet
 from tests.scenes import scene_of
@@ -71,14 +71,29 @@ def test_matrices_show_what_planes_keep():
         assert np.array_equal(drawn, _shown(view, points, np.inf, world_from_rig))
 
 
+def _stack(count=32, height_m=4.0):
+    """Small sheets above each other, all fronts up: a chunk that is far higher than wide."""
+    one = sheet("a sheet", 0, side=1, size_m=0.2, bumps_m=0.0)
+    up_m = np.linspace(-0.5, 0.5, count)[:, None, None] * (0.0, 0.0, height_m)
+    triangles = one.triangles + 4 * np.arange(count)[:, None, None]
+    return Mesh(
+        "stack",
+        (one.positions + up_m).reshape(-1, 3).astype(np.float32),
+        triangles.reshape(-1, 3).astype(np.uint32),
+        0,
+    )
+
+
 def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
     """All triangles of all chunks, from viewpoints at random."""
     meshes = [
         sheet("smooth", 0, side=40, size_m=4.0, bumps_m=0.01),
         sheet("rough", 0, side=40, size_m=2.0, bumps_m=0.05, seed=1),
         sheet("both sides", 1, side=20, seed=2),
+        _stack(),
     ]
     poses = [np.eye(4), frames.pose((0.0, 0.0, 1.0), roll_deg=60.0), frames.pose((1.0, 0.0, 0.5))]
+    poses.append(frames.pose((-1.0, 1.0, 0.0), pitch_deg=20.0))
     poses[1][:3, :3] = poses[1][:3, :3] @ np.diag((1.0, -1.0, 1.0))
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)

@@ -60,6 +60,9 @@ MATERIALS = [
     Material("one side of leaves", texture=_leaves(), alpha_mode=AlphaMode.MASK, alpha_cutoff=0.3),
     Material("glass", (0.3, 0.5, 0.9, 0.4), alpha_mode=AlphaMode.BLEND, double_sided=True),
     Material("lamp", (1.0, 0.9, 0.5, 1.0), unlit=True),
+    # one thing in common with another one too few
+    Material("red on both sides", (0.8, 0.2, 0.1, 1.0), double_sided=True),
+    Material("red lamp", (0.8, 0.2, 0.1, 1.0), unlit=True),
 ]
 LIGHT = Lighting(
     (0.2, 0.2, 0.25),
@@ -74,7 +77,7 @@ def mixed_scene():
     """Sheets of every material in a room, at random poses, half of them mirrored or sheared."""
     generator = np.random.default_rng(8)
     meshes, poses = [room()], [np.eye(4)]
-    for number in range(40):
+    for number in range(48):
         material = 1 + number % (len(MATERIALS) - 1)
         meshes.append(sheet(f"sheet {number}", material, seed=number))
         at = generator.uniform((-2.6, -1.7, -1.3), (2.6, 1.7, 0.6))
