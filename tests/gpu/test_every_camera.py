@@ -25,7 +25,7 @@ examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMER
 def _render(context, camera):
     scene = scene_of([room()])
     buffers = SceneBuffers(context, scene)
-    plan = plan_faces(camera, camera.rig_from_optical)
+    plan = plan_faces(camera, camera.rig_from_optical, in_parts=True)
     cube = CubePass(
         context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
         near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),

@@ -1,5 +1,7 @@
 """Parts of faces beside brute force over the pixels that look at them."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,12 @@ STEP_PX = 1e-3  # for derivatives
 LEAST_DENSITY = 0.98
 # Of the paper's mirror: of the virtual cameras for each pixel of the mirror, at the fast setting
 MOST_TEXELS = 3.7
+
+
+@cache
+def _plan(name, in_parts=True):
+    camera = CAMERA_EXAMPLES[name]
+    return plan_faces(camera, camera.rig_from_optical, in_parts=in_parts)
 
 
 def _looks(camera, count=4000):
@@ -47,7 +55,7 @@ def _tiles_of(plan, faces, tangents):
 def test_every_look_is_at_one_part_that_is_fine_enough_and_drawn_there(name):
     camera = CAMERA_EXAMPLES[name]
     faces, tangents, finest = _looks(camera)
-    plan = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    plan = _plan(name)
     assert len(plan.faces) <= MOST_TILES
     tiles = _tiles_of(plan, faces, tangents)
     assert np.all(tiles.sum(axis=1) == 1)
@@ -62,9 +70,7 @@ def test_every_look_is_at_one_part_that_is_fine_enough_and_drawn_there(name):
 
 @examples
 def test_parts_take_no_more_texels_than_whole_faces(name):
-    camera = CAMERA_EXAMPLES[name]
-    whole = plan_faces(camera, camera.rig_from_optical)
-    parts = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    whole, parts = _plan(name, in_parts=False), _plan(name)
     assert parts.texels <= whole.texels
     assert {face.index for face in parts.faces} == {face.index for face in whole.faces}
 
@@ -74,16 +80,13 @@ def test_parts_take_no_more_texels_than_whole_faces(name):
     [("hyperbolic-paper", 0.7), ("perspective-wide", 0.4), ("equirectangular", 0.6)],
 )
 def test_parts_spare_much_where_a_picture_is_fine_here_and_coarse_there(name, most):
-    camera = CAMERA_EXAMPLES[name]
-    whole = plan_faces(camera, camera.rig_from_optical)
-    parts = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    whole, parts = _plan(name, in_parts=False), _plan(name)
     assert parts.texels < most * whole.texels
 
 
 def test_cores_do_not_overlap():
     """Two tiles of a face share an edge at most."""
-    camera = CAMERA_EXAMPLES["equirectangular"]
-    plan = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    plan = _plan("equirectangular")
     pairs = [(a, b) for i, a in enumerate(plan.faces) for b in plan.faces[:i] if a.index == b.index]
     assert pairs
     for one, other in pairs:
