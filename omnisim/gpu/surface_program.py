@@ -22,6 +22,7 @@ class SurfaceVariant(NamedTuple):
 
     lit: bool
     alpha_mode: AlphaMode
+    normals_agree: bool = False
 
     def files(self, lighting: Lighting) -> tuple[str, str, tuple[str, ...]]:
         """Vertex file, fragment file and defines."""
@@ -29,14 +30,27 @@ class SurfaceVariant(NamedTuple):
         if self.lit:
             suns, lamps = _by_kind(lighting)
             defines += ["LIT", f"SUNS {len(suns)}", f"LAMPS {len(lamps)}"]
+            if self.normals_agree:
+                defines.append("NORMALS_AGREE")
+            if lamps or not self.normals_agree:
+                defines.append("POSITION")
         if self.alpha_mode is not AlphaMode.OPAQUE:
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         return "scene/surface.vert", "scene/surface.frag", tuple(defines)
 
 
-def variant_of(material: Material, unlit: bool) -> SurfaceVariant:
-    """The variant that draws a material."""
-    return SurfaceVariant(not (unlit or material.unlit), material.alpha_mode)
+def variant_of(material: Material, unlit: bool, normals_agree: bool = False) -> SurfaceVariant:
+    """The variant that draws a material.
+
+    Args:
+        material: how it looks.
+        unlit: show plain base colours.
+        normals_agree: all normals point to the front sides of their triangles: what is seen of a
+            material with one side needs no other normal, and none turned round.
+    """
+    lit = not (unlit or material.unlit)
+    simple = lit and normals_agree and not material.double_sided
+    return SurfaceVariant(lit, material.alpha_mode, simple)
 
 
 class SurfaceProgram:
