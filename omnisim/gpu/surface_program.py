@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import NamedTuple
 
 import moderngl
@@ -94,7 +95,7 @@ class SurfaceProgram:
 
     def set_look(self, material: Material, texture: moderngl.Texture) -> None:
         """Say how what is drawn next looks."""
-        self._base_color.write(np.array(material.base_color, dtype=np.float32))
+        self._base_color.write(struct.pack("4f", *material.base_color))
         if self._variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff.value = material.alpha_cutoff
         texture.use(0)
