@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# Triangles of a chunk. Fewer are culled more tightly, but each chunk is a draw of its own.
+# Triangles of a chunk. Fewer are culled more tightly, but each chunk has to be looked at.
 CHUNK = 64
 # A wall would make the box of a chunk of screws as large as itself: triangles larger than this
 # share of all that is cut are kept apart.

@@ -63,7 +63,7 @@ class StandingDrawing:
     ):
         self._context, self._geometry = context, geometry
         self._reads_depth = reads_depth
-        variants = [variant_of(look.material, unlit) for look in geometry.looks]
+        variants = [variant_of(look.material, unlit, look.normals_agree) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
         chunks = geometry.chunks
         self._middles_m = 0.5 * (chunks.lows.astype(np.float64) + chunks.highs)
@@ -134,14 +134,14 @@ class StandingDrawing:
         context.front_face = "cw"
         placed, last = set(), -1
         for look, first, count in self._calls[number]:
-            program, (material, texture) = self._programs[look], geometry.looks[look]
+            program, material = self._programs[look], geometry.looks[look].material
             if program not in placed:
                 placed.add(program)
                 program.set_matrices(
                     self._clip_matrices[number], self._here_from_anchor, _NORMAL_FROM_ANCHOR
                 )
             if look != last:
-                program.set_look(material, texture)
+                program.set_look(material, geometry.looks[look].texture)
                 toggle = context.disable if material.double_sided else context.enable
                 toggle(moderngl.CULL_FACE)
                 last = look

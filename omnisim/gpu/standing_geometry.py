@@ -26,16 +26,22 @@ if TYPE_CHECKING:
 # as are places so far away that a float32 does not resolve a tenth of a millimetre there.
 MOST_TRIANGLES = 8_000_000
 FARTHEST_M = 1500.0
-
-
 TRIANGLE = np.dtype([("vertices", "<u4", 3)])  # moved as a whole
 
 
 class Look(NamedTuple):
-    """What chunks of one call have in common."""
+    """What chunks of one call have in common.
+
+    Attributes:
+        material, texture: how they look.
+        normals_agree: all three normals of each triangle point to its front side.
+        number: into `StandingGeometry.looks`.
+    """
 
     material: Material
     texture: moderngl.Texture
+    normals_agree: bool
+    number: int
 
 
 class StandingGeometry:
@@ -58,32 +64,35 @@ class StandingGeometry:
         self._context = context
         self.anchor_m = _middle(draws)
         self.taken = _taken(draws, self.anchor_m)
-        groups: dict[tuple[object, ...], list[Draw]] = {}
-        for draw, taken in zip(draws, self.taken, strict=True):
-            if taken:
-                groups.setdefault(_key(draw), []).append(draw)
-        self.looks = tuple(Look(group[0].material, group[0].texture) for group in groups.values())
-        vertices, triangles, firsts, looks = [], [], [], []
-        vertex = triangle = 0
-        for look, group in enumerate(groups.values()):
-            for draw in group:
-                some_vertices, some_triangles = _in_the_world(draw, self.anchor_m)
-                order, cuts = compact_order(some_vertices["in_position"][some_triangles])
-                vertices.append(some_vertices)
-                triangles.append(some_triangles[order] + np.uint32(vertex))
-                firsts.append(triangle + cuts)
-                looks.append(np.full(len(cuts), look))
-                vertex += len(some_vertices)
-                triangle += len(some_triangles)
-        self.is_empty = not groups
+        draws = [draw for draw, taken in zip(draws, self.taken, strict=True) if taken]
+        self.is_empty = not draws
         if self.is_empty:
             return
-        all_vertices, all_triangles = np.concatenate(vertices), np.concatenate(triangles)
-        corners = all_vertices["in_position"][all_triangles]
-        self.chunks = chunks_of(corners, np.concatenate(firsts))
-        self.look_of_chunk = np.concatenate(looks)
-        self._vertices = context.buffer(all_vertices)
-        self._triangles = all_triangles.astype("<u4").view(TRIANGLE)[:, 0]
+        vertices, triangles = _in_the_world(draws, self.anchor_m)
+        corners = vertices["in_position"][triangles]
+        agree = _normals_agree(corners, vertices["in_normal"][triangles])
+        looks: dict[tuple[object, ...], Look] = {}
+        order, firsts, looks_of_chunks = [], [], []
+        first = placed = 0
+        for draw in draws:
+            last = first + draw.count // 3
+            for has in (True, False):
+                found = first + np.flatnonzero(agree[first:last] == has)
+                if found.size:
+                    some, cuts = compact_order(corners[found])
+                    order.append(found[some])
+                    firsts.append(placed + cuts)
+                    key = (*_key(draw), has)
+                    looks.setdefault(key, Look(draw.material, draw.texture, has, len(looks)))
+                    looks_of_chunks.append(np.full(len(cuts), looks[key].number))
+                    placed += len(found)
+            first = last
+        together = np.concatenate(order)
+        self.looks = tuple(looks.values())
+        self.look_of_chunk = np.concatenate(looks_of_chunks)
+        self.chunks = chunks_of(corners[together], np.concatenate(firsts))
+        self._vertices = context.buffer(vertices)
+        self._triangles = triangles[together].astype("<u4").view(TRIANGLE)[:, 0]
 
     def vertex_array(
         self, program: moderngl.Program, indices: moderngl.Buffer
@@ -98,9 +107,8 @@ class StandingGeometry:
         before = np.cumsum(count) - count
         triangles = np.repeat(first - before, count)
         triangles += np.arange(len(triangles))
-        return np.take(
-            self._triangles, triangles, mode="clip"
-        )  # none is out of range: it is quicker
+        # clipping, which never happens, is quicker than to look whether one is out of range
+        return np.take(self._triangles, triangles, mode="clip")
 
 
 def _key(draw: Draw) -> tuple[object, ...]:
@@ -137,15 +145,28 @@ def _taken(draws: Sequence[Draw], anchor_m: NDArray[np.float64]) -> NDArray[np.b
 
 
 def _in_the_world(
-    draw: Draw, anchor_m: NDArray[np.float64]
+    draws: Sequence[Draw], anchor_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Vertices (n,) in the world's axes, origin at the anchor, and triangles (m, 3) of them, which
-    turn the same way round in all draws."""  # fmt: skip
-    vertices = np.zeros(len(draw.mesh.positions), dtype=VERTEX)
-    fill_vertices(vertices, draw.mesh)
-    matrix = draw.own_from_mesh
-    vertices["in_position"] = draw.mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - anchor_m)
-    if draw.mesh.normals is not None:
-        vertices["in_normal"] = draw.mesh.normals @ draw.normal_from_mesh.T
-    triangles = draw.mesh.triangles
-    return vertices, triangles[:, (0, 2, 1)] if draw.mirrored else triangles
+    """Vertices (n,) in the world's axes, origin at the anchor, and their triangles (m, 3), draw by
+    draw, which turn the same way round in all."""  # fmt: skip
+    vertices = np.zeros(sum(len(draw.mesh.positions) for draw in draws), dtype=VERTEX)
+    triangles = []
+    base = 0
+    for draw in draws:
+        mesh, matrix = draw.mesh, draw.own_from_mesh
+        part = vertices[base : base + len(mesh.positions)]
+        fill_vertices(part, mesh)
+        part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - anchor_m)
+        if mesh.normals is not None:
+            part["in_normal"] = mesh.normals @ draw.normal_from_mesh.T
+        own = mesh.triangles[:, (0, 2, 1)] if draw.mirrored else mesh.triangles
+        triangles.append(own + np.uint32(base))
+        base += len(part)
+    return vertices, np.concatenate(triangles)
+
+
+def _normals_agree(corners: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Whether all three normals (n, 3, 3) of each triangle point to its front side."""
+    fronts = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    agree: NDArray[np.bool_] = (np.einsum("tvc,tc->tv", normals, fronts) > 0.0).all(axis=1)
+    return agree

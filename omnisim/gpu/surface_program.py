@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import NamedTuple
 
 import moderngl
@@ -22,6 +23,7 @@ class SurfaceVariant(NamedTuple):
 
     lit: bool
     alpha_mode: AlphaMode
+    normals_agree: bool = False
 
     def files(self, lighting: Lighting) -> tuple[str, str, tuple[str, ...]]:
         """Vertex file, fragment file and defines."""
@@ -29,14 +31,27 @@ class SurfaceVariant(NamedTuple):
         if self.lit:
             suns, lamps = _by_kind(lighting)
             defines += ["LIT", f"SUNS {len(suns)}", f"LAMPS {len(lamps)}"]
+            if self.normals_agree:
+                defines.append("NORMALS_AGREE")
+            if lamps or not self.normals_agree:
+                defines.append("POSITION")
         if self.alpha_mode is not AlphaMode.OPAQUE:
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         return "scene/surface.vert", "scene/surface.frag", tuple(defines)
 
 
-def variant_of(material: Material, unlit: bool) -> SurfaceVariant:
-    """The variant that draws a material."""
-    return SurfaceVariant(not (unlit or material.unlit), material.alpha_mode)
+def variant_of(material: Material, unlit: bool, normals_agree: bool = False) -> SurfaceVariant:
+    """The variant that draws a material.
+
+    Args:
+        material: how it looks.
+        unlit: show plain base colours.
+        normals_agree: all normals point to the front sides of their triangles: what is seen of a
+            material with one side needs no other normal, and none turned round.
+    """
+    lit = not (unlit or material.unlit)
+    simple = lit and normals_agree and not material.double_sided
+    return SurfaceVariant(lit, material.alpha_mode, simple)
 
 
 class SurfaceProgram:
@@ -80,7 +95,7 @@ class SurfaceProgram:
 
     def set_look(self, material: Material, texture: moderngl.Texture) -> None:
         """Say how what is drawn next looks."""
-        self._base_color.write(np.array(material.base_color, dtype=np.float32))
+        self._base_color.write(struct.pack("4f", *material.base_color))
         if self._variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff.value = material.alpha_cutoff
         texture.use(0)

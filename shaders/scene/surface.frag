@@ -1,5 +1,7 @@
 // A surface of the scene: linear base colour, lit or not. Colours are linear throughout; the
 // texture is stored as sRGB and decoded by the sampler.
+// With NORMALS_AGREE all normals point to the front side, which alone is seen: none is missing, and
+// none is turned round. POSITION: where the surface is counts, for lamps or for the missing normals.
 #version 430 core
 
 uniform vec4 u_base_color;
@@ -14,14 +16,16 @@ uniform float u_alpha_cutoff;
 #endif
 
 #ifdef LIT
-in vec3 v_position;
 in vec3 v_normal;
+#ifdef POSITION
+in vec3 v_position;
+#endif
 #include "scene/lighting.glsl"
 #endif
 
 void main() {
     vec4 color = u_base_color * v_color * texture(u_texture, v_texture_coordinate);
-#ifdef LIT
+#if defined(LIT) && !defined(NORMALS_AGREE)
     // before any discard: derivatives need the whole 2 x 2 block
     vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));
 #endif
@@ -29,11 +33,19 @@ void main() {
     if (color.a < u_alpha_cutoff) discard;
 #endif
 #ifdef LIT
+    vec3 normal = v_normal;
+#ifndef NORMALS_AGREE
     // The side that is seen is the side that is lit, whatever way the triangle is wound.
     flat_normal *= dot(flat_normal, v_position) > 0.0 ? -1.0 : 1.0;
-    vec3 normal = dot(v_normal, v_normal) > 0.0 ? v_normal : flat_normal;
+    normal = dot(v_normal, v_normal) > 0.0 ? v_normal : flat_normal;
     normal *= dot(normal, flat_normal) < 0.0 ? -1.0 : 1.0;
-    color.rgb *= light_on_surface(v_position, normalize(normal));
+#endif
+#ifdef POSITION
+    vec3 position = v_position;
+#else
+    vec3 position = vec3(0.0);  // nobody asks
+#endif
+    color.rgb *= light_on_surface(position, normalize(normal));
 #endif
 #ifndef ALPHA_BLEND
     color.a = 1.0;

@@ -16,8 +16,10 @@ out vec4 v_color;
 uniform mat4 u_here_from_mesh;
 uniform mat3 u_normal_from_mesh;
 in vec3 in_normal;
-out vec3 v_position;
 out vec3 v_normal;
+#ifdef POSITION
+out vec3 v_position;
+#endif
 #endif
 
 void main() {
@@ -25,7 +27,9 @@ void main() {
     v_texture_coordinate = in_texture_coordinate;
     v_color = in_color;
 #ifdef LIT
+#ifdef POSITION
     v_position = (u_here_from_mesh * vec4(in_position, 1.0)).xyz;
+#endif
     v_normal = u_normal_from_mesh * in_normal;
 #endif
 }
