@@ -97,6 +97,9 @@ class CubePass:
             self._standing = StandingDrawing(
                 context, buffers.standing, surfaces, unlit, reads_depth=samples <= 1
             )
+        self._all_programs = set(self._programs)
+        if self._standing is not None:
+            self._all_programs |= self._standing.programs
         alone = buffers.shown(hidden)
         if not plain:
             alone &= ~buffers.standing.taken
@@ -113,7 +116,7 @@ class CubePass:
         context, target = self._context, self._target
         viewpoint_m = world_from_rig[:3, 3]
         placement = self._buffers.place(viewpoint_m, world_from_movers)
-        for program in set(self._programs):
+        for program in self._all_programs:
             program.set_viewpoint(viewpoint_m)
         opaque = self._buffers.from_near_to_far(self._opaque, placement)
         views = self._drawing.views(world_from_rig)

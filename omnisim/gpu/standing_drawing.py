@@ -50,6 +50,7 @@ class StandingDrawing:
             because it is hidden.
 
     Attributes:
+        programs: that it draws with; whoever draws tells them where the viewpoint is.
         triangles: submitted for the last frame.
     """
 
@@ -65,6 +66,7 @@ class StandingDrawing:
         self._reads_depth = reads_depth
         variants = [variant_of(look.material, unlit, look.normals_agree) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
+        self.programs = frozenset(self._programs)
         chunks = geometry.chunks
         self._middles_m = 0.5 * (chunks.lows.astype(np.float64) + chunks.highs)
         self._halves_m = 0.5 * (chunks.highs.astype(np.float64) - chunks.lows)
@@ -202,7 +204,7 @@ class StandingDrawing:
         self._indices = self._context.buffer(reserve=max(size, _INDEX_BYTES), dynamic=True)
         self._vertex_arrays = {
             program: self._geometry.vertex_array(program.program, self._indices)
-            for program in set(self._programs)
+            for program in self.programs
         }
 
 

@@ -32,8 +32,11 @@ LEAST_DB = 65.0
 MOST_OTHER = 5e-5
 
 
-def sheet(name, material, side=12, size_m=1.0, bumps_m=0.15, seed=0):
-    """A bumpy sheet, 2 `side`² triangles, its front up, with coordinates of a texture."""
+def sheet(name, material, side=12, size_m=1.0, bumps_m=0.15, seed=0, up=None):
+    """A bumpy sheet, 2 `side`² triangles, its front up, with coordinates of a texture.
+
+    With `up`, its normals are that much up and otherwise at random.
+    """
     generator = np.random.default_rng(seed)
     line = np.linspace(-0.5, 0.5, side + 1)
     x, y = np.meshgrid(line, line)
@@ -43,7 +46,11 @@ def sheet(name, material, side=12, size_m=1.0, bumps_m=0.15, seed=0):
     a, b, c, d = first, first + 1, first + side + 2, first + side + 1
     triangles = np.stack((a, b, c, a, c, d), axis=-1).reshape(-1, 3).astype(np.uint32)
     places = (np.stack((x, y), axis=-1).reshape(-1, 2) + 0.5).astype(np.float32)
-    return Mesh(name, positions, triangles, material, texture_coordinates=places)
+    normals = None
+    if up is not None:
+        normals = generator.uniform(-0.5, 0.5, positions.shape) + (0.0, 0.0, up)
+        normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    return Mesh(name, positions, triangles, material, normals=normals, texture_coordinates=places)
 
 
 def _leaves():
@@ -79,7 +86,9 @@ def mixed_scene():
     meshes, poses = [room()], [np.eye(4)]
     for number in range(48):
         material = 1 + number % (len(MATERIALS) - 1)
-        meshes.append(sheet(f"sheet {number}", material, seed=number))
+        # no normals; normals that point to the front, to whichever side, and to the back
+        up = (None, 1.0, 0.2, -1.0, None)[number % 5]
+        meshes.append(sheet(f"sheet {number}", material, seed=number, up=up))
         at = generator.uniform((-2.6, -1.7, -1.3), (2.6, 1.7, 0.6))
         if np.linalg.norm(at) < 0.9:
             at *= 0.9 / np.linalg.norm(at)
