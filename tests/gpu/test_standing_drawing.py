@@ -27,8 +27,8 @@ FAST = OmniCamera().with_quality("fast")
 ALWAYS, NEVER = 0, 10**9  # triangles from which on it is worth a test what is hidden
 # Matrices are multiplied in another order, and float32 rounds otherwise. A colour half-way between
 # two steps of 8 bits then takes the other one: a step in up to 1 % of the pixels, 68 dB. And where
-# two surfaces have the same depth, another one may be in front, or
-# the edge of a triangle takes its own normal for turned away: in a pixel of ten thousand.
+# two surfaces have the same depth, another one may be in front, or the edge of a triangle takes its
+# own normal for turned away: in a pixel of ten thousand.
 LEAST_DB = 65.0
 MOST_OTHER = 1e-4
 
