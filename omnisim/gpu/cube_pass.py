@@ -93,7 +93,11 @@ class CubePass:
         self._flush = gl_function("glFlush")
         self._standing = None
         if not (plain or buffers.standing.is_empty):
-            self._standing = StandingDrawing(context, buffers.standing, surfaces, unlit)
+            # Depth of several samples a texel cannot be read, and one of them cannot stand for
+            # all: beside an edge another may see past what hides.
+            self._standing = StandingDrawing(
+                context, buffers.standing, surfaces, unlit, leave_out_hidden=samples <= 1
+            )
         alone = buffers.shown(hidden)
         if not plain:
             alone &= ~buffers.standing.taken

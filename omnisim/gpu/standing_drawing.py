@@ -46,6 +46,8 @@ class StandingDrawing:
         geometry: what stands still; others may draw from it, too.
         surfaces: programs.
         unlit: show plain base colours.
+        leave_out_hidden: do not draw what is hidden, where there is much of it; the depth that is
+            drawn must be readable.
 
     Attributes:
         triangles: submitted for the last frame.
@@ -57,8 +59,10 @@ class StandingDrawing:
         geometry: StandingGeometry,
         surfaces: SurfacePrograms,
         unlit: bool,
+        leave_out_hidden: bool = True,
     ):
         self._context, self._geometry = context, geometry
+        self._leave_out_hidden = leave_out_hidden
         variants = [variant_of(look.material, unlit) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
         chunks = geometry.chunks
@@ -103,7 +107,7 @@ class StandingDrawing:
         first = is_large[seen.chunk]
         counts = geometry.chunks.count[seen.chunk]
         self._rest: _Draws | None = seen.where(~first)
-        if counts[~first].sum() < WORTH_A_TEST:
+        if not self._leave_out_hidden or counts[~first].sum() < WORTH_A_TEST:
             self._rest, first = None, np.ones(len(first), dtype=np.bool_)
         self.triangles = 0
         self._plan(seen.where(first))
