@@ -124,7 +124,7 @@ def _taken(draws: Sequence[Draw], anchor_m: NDArray[np.float64]) -> NDArray[np.b
     taken = np.zeros(len(draws), dtype=np.bool_)
     triangles = 0
     for index, draw in enumerate(draws):
-        if draw.mover is not None or draw.material.alpha_mode is AlphaMode.BLEND:
+        if draw.mover is not None or draw.material.alpha_mode is AlphaMode.BLEND or not draw.count:
             continue
         if np.linalg.norm(draw.centre_m - anchor_m) + draw.radius_m > FARTHEST_M:
             continue

@@ -1,15 +1,18 @@
 """What is left out of a frame because nobody sees it, is not seen: the picture stays the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera
+from omnisim import OmniCamera, Renderer
 from omnisim.gpu import standing_drawing
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.surface_program import SurfacePrograms
 from omnisim.scene import load_scene
 from omnisim.sensors.capturing import faces_of
+from tests.scenes import room, scene_of
 
 POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 
@@ -47,3 +50,15 @@ def test_the_picture_is_the_same_as_without_leaving_out_anything(context, sample
         # texel, but a chunk that is missing shows as many texels together
         assert np.count_nonzero(differs) < 1e-3 * differs.size
         assert quick._standing.has_more == (samples == 1)  # of several, depth cannot be read
+
+
+@pytest.mark.usefixtures("context")
+def test_a_mesh_without_triangles_changes_nothing():
+    sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
+    nothing = replace(room(), triangles=np.zeros((0, 3), dtype=np.uint32))
+    pictures = []
+    for meshes in ([room()], [room(), nothing], [nothing, room()]):
+        with Renderer(scene_of(meshes), sensor) as renderer:
+            pictures.append(renderer.render(sensor.base_pose((0.0, 0.0, 0.0))).rgba)
+    for picture in pictures[1:]:
+        np.testing.assert_array_equal(picture, pictures[0])
