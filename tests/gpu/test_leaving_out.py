@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer
+from omnisim.frames import pose
 from omnisim.gpu import standing_drawing
 from omnisim.gpu.cube_pass import CubePass
 from omnisim.gpu.scene_buffers import SceneBuffers
@@ -40,9 +41,9 @@ def test_the_picture_is_the_same_as_without_leaving_out_anything(context, sample
 
     quick, plain = cube_pass(False), cube_pass(True)
     for position_m in POSITIONS_M:
-        pose = sensor.base_pose(position_m)
+        base = sensor.base_pose(position_m)
         atlases = [
-            np.frombuffer(one.render(pose).read(), dtype=np.float16).astype(np.float32)
+            np.frombuffer(one.render(base).read(), dtype=np.float16).astype(np.float32)
             for one in (quick, plain)
         ]
         differs = np.abs(atlases[0] - atlases[1]) > 0.02
@@ -62,3 +63,26 @@ def test_a_mesh_without_triangles_changes_nothing():
             pictures.append(renderer.render(sensor.base_pose((0.0, 0.0, 0.0))).rgba)
     for picture in pictures[1:]:
         np.testing.assert_array_equal(picture, pictures[0])
+
+
+@pytest.mark.usefixtures("context", "always_tested")
+@pytest.mark.parametrize("far_m", [np.inf, 3.0])
+def test_the_picture_is_the_same_to_the_last_bit_when_everything_is_drawn(monkeypatch, far_m):
+    """What is turned away, out of view or hidden makes no texel another colour."""
+    scene = load_scene("mapping")
+    sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0, far_m=far_m)
+    poses = [pose(at, roll_deg=20.0, yaw_deg=70.0) for at in POSITIONS_M]
+    drawing = standing_drawing.StandingDrawing
+    with Renderer(scene, sensor) as renderer:
+        little = [renderer.render(one).rgba for one in poses]
+        monkeypatch.setattr(
+            drawing, "_all_turned_away", lambda *given: np.zeros(len(given[-1]), dtype=np.bool_)
+        )
+        monkeypatch.setattr(
+            drawing,
+            "_in_view",
+            lambda _, views, middles_m, __: np.ones((len(views), len(middles_m)), dtype=np.bool_),
+        )
+        monkeypatch.setattr(standing_drawing, "WORTH_A_TEST", scene.triangle_count * 100)
+        everything = [renderer.render(one).rgba for one in poses]
+    np.testing.assert_array_equal(little, everything)
