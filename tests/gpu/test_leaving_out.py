@@ -71,7 +71,10 @@ def test_the_picture_is_the_same_to_the_last_bit_when_everything_is_drawn(monkey
     """What is turned away, out of view or hidden makes no texel another colour."""
     scene = load_scene("mapping")
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0, far_m=far_m)
-    poses = [pose(at, roll_deg=20.0, yaw_deg=70.0) for at in POSITIONS_M]
+    poses = [
+        pose(scene.start.position_m + 0.3 * np.array([turn, -turn, 0.3]), yaw_deg=50.0 * turn)
+        for turn in range(12)
+    ]
     drawing = standing_drawing.StandingDrawing
     with Renderer(scene, sensor) as renderer:
         little = [renderer.render(one).rgba for one in poses]
