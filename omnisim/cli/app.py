@@ -56,7 +56,7 @@ def _options(
 
 def main() -> None:
     """Run the command line; what a user can act on is one line and exit status 1."""
-    # Nothing is looked for in all that was imported. At the end it is, though: OpenImageIO's
+    # Nothing is looked for in all that was imported. In the end it is, though: OpenImageIO's
     # binding lists everything that is left then, on the terminal.
     gc.freeze()
     try:
@@ -69,6 +69,8 @@ def main() -> None:
         for line in str(error).splitlines():
             err.print(f"[bold red]error:[/] {_plain(line)}")
         sys.exit(1)
+    finally:
+        gc.unfreeze()
 
 
 def _plain(text: str) -> str:

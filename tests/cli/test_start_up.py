@@ -1,9 +1,12 @@
 """The command starts quickly: nothing is imported that the work at hand does not need."""
 
+import gc
 import subprocess
 import sys
 
 import pytest
+
+from omnisim.cli.app import main
 
 # What only others need: plots, reports, other formats than glTF, oracles. (trimesh, which reads
 # scenes, imports scipy.)
@@ -38,6 +41,14 @@ def test_an_error_is_one_line_even_when_the_process_has_ended():
     assert done.returncode == 1
     assert done.stderr.startswith("error: ringz: no such scene file")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_nothing_stays_frozen_in_a_process_that_goes_on(monkeypatch):
+    before = gc.get_freeze_count()
+    monkeypatch.setattr("sys.argv", ["omnisim", "--version"])
+    with pytest.raises(SystemExit):
+        main()
+    assert gc.get_freeze_count() <= before
 
 
 def _run(folder, seldom, *arguments):
