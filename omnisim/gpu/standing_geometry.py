@@ -2,8 +2,7 @@
 
 The scene's draws are one instance each, with matrices of its own: hundreds of draws a face, each
 culled as a whole. Here instances of one look are one piece of geometry, of which a face draws the
-chunks that it sees, with one call: their indices are put together anew in every frame. (Indirect
-draws, one for each chunk, cost a software renderer 3 µs each, as much as a hundred triangles.)
+chunks that it sees, with one call: their indices are put together anew in every frame.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ class StandingGeometry:
     Attributes:
         looks: of the chunks.
         anchor_m: (3,) float64, origin of the positions, world.
-        chunks: compact pieces, look by look; boxes counted from the anchor.
+        chunks: compact pieces, draw by draw; boxes counted from the anchor.
         look_of_chunk: (n,).
         taken: (draws,), which of the draws are in here.
         is_empty: nothing is: then it has no chunks.
