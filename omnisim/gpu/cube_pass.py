@@ -95,7 +95,7 @@ class CubePass:
         if not (plain or buffers.standing.is_empty):
             # OpenGL reads no depth of several samples, and what one of them hides another may show
             self._standing = StandingDrawing(
-                context, buffers.standing, surfaces, unlit, reads_depth=samples <= 1
+                context, buffers.standing, surfaces, plan, unlit, samples
             )
         self._all_programs = set(self._programs)
         if self._standing is not None:
@@ -146,19 +146,18 @@ class CubePass:
                 # tile by tile: a software renderer keeps what it was told of all tiles in memory
                 # otherwise, and is slower by up to a seventh
                 self._flush()
-        has_more = self._standing is not None and self._standing.has_more
-        if has_more:
-            self._standing.prepare_rest(self._read_depth())
-        for number, view in enumerate(views):
-            self._drawing.aim(target, view)
-            if has_more:
+        while self._standing is not None and self._standing.has_more:
+            self._standing.prepare_more(self._read_depth)
+            for number, view in enumerate(views):
+                self._drawing.aim(target, view)
                 self._standing.draw(number)
-            if blended.size:
-                target.depth_mask = False
-                context.enable(moderngl.BLEND)
-                self._drawing.draw(view, placement, blended, paint)
-                context.disable(moderngl.BLEND)
-                target.depth_mask = True
+        for view in views if blended.size else ():
+            self._drawing.aim(target, view)
+            target.depth_mask = False
+            context.enable(moderngl.BLEND)
+            self._drawing.draw(view, placement, blended, paint)
+            context.disable(moderngl.BLEND)
+            target.depth_mask = True
         self._drawing.end(target)
         if self._resolved is not None:
             context.copy_framebuffer(self._resolved, target)

@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.chunks import chunks_of, compact_order
+from omnisim.gpu.chunks import cut, ranges
 from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
 from omnisim.scene.model import AlphaMode, Material
 
@@ -53,7 +53,8 @@ class StandingGeometry:
     Attributes:
         looks: of the chunks.
         anchor_m: (3,) float64, origin of the positions, world.
-        chunks: compact pieces, draw by draw; boxes counted from the anchor.
+        chunks: compact pieces, of one look each; boxes counted from the anchor.
+        groups: of chunks that are near each other, and of such groups, see `Cut`.
         look_of_chunk: (n,).
         taken: (draws,), which of the draws are in here.
         is_empty: nothing is: then it has no chunks.
@@ -70,28 +71,11 @@ class StandingGeometry:
         vertices, triangles = _in_the_world(draws, self.anchor_m)
         corners = vertices["in_position"][triangles]
         agree = _normals_agree(corners, vertices["in_normal"][triangles])
-        looks: dict[tuple[object, ...], Look] = {}
-        order, firsts, looks_of_chunks = [], [], []
-        first = placed = 0
-        for draw in draws:
-            last = first + draw.count // 3
-            for has in (True, False):
-                found = first + np.flatnonzero(agree[first:last] == has)
-                if found.size:
-                    some, cuts = compact_order(corners[found])
-                    order.append(found[some])
-                    firsts.append(placed + cuts)
-                    key = (*_key(draw), has)
-                    looks.setdefault(key, Look(draw.material, draw.texture, has, len(looks)))
-                    looks_of_chunks.append(np.full(len(cuts), looks[key].number))
-                    placed += len(found)
-            first = last
-        together = np.concatenate(order)
-        self.looks = tuple(looks.values())
-        self.look_of_chunk = np.concatenate(looks_of_chunks)
-        self.chunks = chunks_of(corners[together], np.concatenate(firsts))
+        self.looks, look_of_triangle = _looks(draws, agree)
+        order, self.chunks, self.groups = cut(corners, look_of_triangle)
+        self.look_of_chunk = look_of_triangle[order[self.chunks.first]]
         self._vertices = context.buffer(vertices)
-        self._triangles = triangles[together].astype("<u4").view(TRIANGLE)[:, 0]
+        self._triangles = triangles[order].astype("<u4").view(TRIANGLE)[:, 0]
 
     def vertex_array(
         self, program: moderngl.Program, indices: moderngl.Buffer
@@ -102,12 +86,24 @@ class StandingGeometry:
 
     def indices(self, chunks: NDArray[np.intp]) -> NDArray[np.void]:
         """Indices (n,) of `TRIANGLE` of the triangles of some chunks, in their order."""
-        first, count = self.chunks.first[chunks], self.chunks.count[chunks]
-        before = np.cumsum(count) - count
-        triangles = np.repeat(first - before, count)
-        triangles += np.arange(len(triangles))
+        triangles = ranges(self.chunks.first[chunks], self.chunks.count[chunks])
         # clipping, which never happens, is quicker than to look whether one is out of range
         return np.take(self._triangles, triangles, mode="clip")
+
+
+def _looks(
+    draws: Sequence[Draw], agree: NDArray[np.bool_]
+) -> tuple[tuple[Look, ...], NDArray[np.intp]]:
+    """The looks that triangles of some draws have, and which one each of them (n,) has."""
+    draw_of_triangle = np.repeat(np.arange(len(draws)), [draw.count // 3 for draw in draws])
+    kinds = 2 * draw_of_triangle + agree
+    looks: dict[tuple[object, ...], Look] = {}
+    look_of_kind = np.zeros(2 * len(draws), dtype=np.intp)
+    for kind in np.flatnonzero(np.bincount(kinds)):
+        draw, has = draws[kind // 2], bool(kind % 2)
+        look = Look(draw.material, draw.texture, has, len(looks))
+        look_of_kind[kind] = looks.setdefault((*_key(draw), has), look).number
+    return tuple(looks.values()), look_of_kind[kinds]
 
 
 def _key(draw: Draw) -> tuple[object, ...]:

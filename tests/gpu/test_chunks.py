@@ -1,9 +1,11 @@
 """Chunks of triangles beside brute force: every triangle, in its box and in its cone."""
 
+import itertools
+
 import numpy as np
 import pytest
 
-from omnisim.gpu.chunks import CHUNK, chunks_of, compact_order
+from omnisim.gpu.chunks import CHUNK, FEW_TRIANGLES, GROUP, chunks_of, cut
 
 
 def _corners(count, large=0, seed=5):
@@ -39,20 +41,47 @@ SCENES = {
 scenes = pytest.mark.parametrize("corners", SCENES.values(), ids=SCENES.keys())
 
 
-def _cut(corners):
-    order, first = compact_order(corners)
-    return corners[order], chunks_of(corners[order], first), order
+def _looks(corners, count=3, seed=7):
+    """Looks (n,) of triangles at random, some of which nothing has."""
+    return np.random.default_rng(seed).integers(0, count, len(corners)) * 2
+
+
+def _cut(corners, looks=None):
+    made = cut(corners, np.zeros(len(corners), dtype=int) if looks is None else looks)
+    return corners[made.order], made.chunks, made
 
 
 @scenes
-def test_every_triangle_is_in_one_chunk(corners):
-    _, chunks, order = _cut(corners)
-    assert np.array_equal(np.sort(order), np.arange(len(corners)))
+def test_every_triangle_is_in_one_chunk_of_one_look(corners):
+    looks = _looks(corners)
+    _, chunks, made = _cut(corners, looks)
+    assert np.array_equal(np.sort(made.order), np.arange(len(corners)))
     assert chunks.first[0] == 0
     assert np.array_equal(chunks.first[1:], np.cumsum(chunks.count)[:-1])
     assert chunks.count.sum() == len(corners)
     assert chunks.count.min() >= 1
     assert chunks.count.max() <= CHUNK
+    own = looks[made.order]
+    assert np.array_equal(own, np.repeat(own[chunks.first], chunks.count))
+
+
+@scenes
+def test_every_piece_is_in_one_group_which_is_around_it(corners):
+    _, chunks, made = _cut(corners, _looks(corners))
+    assert made.groups
+    triangles = chunks.count
+    for below, groups in itertools.pairwise((chunks, *made.groups)):
+        assert groups.first[0] == 0
+        assert np.array_equal(groups.first[1:], np.cumsum(groups.count)[:-1])
+        assert groups.count.sum() == len(below.first)
+        assert groups.count.max() <= GROUP
+        for number, (first, count) in enumerate(zip(groups.first, groups.count, strict=True)):
+            own = slice(first, first + count)
+            assert np.array_equal(groups.lows[number], below.lows[own].min(axis=0))
+            assert np.array_equal(groups.highs[number], below.highs[own].max(axis=0))
+            assert groups.widths[number] == below.widths[own].max()
+            assert groups.triangles[number] == triangles[own].sum()
+        triangles = groups.triangles
 
 
 @scenes
@@ -65,8 +94,9 @@ def test_boxes_are_around_their_triangles_and_cones_around_their_normals(corners
         own = slice(first, first + count)
         assert np.array_equal(chunks.lows[number], corners[own].min(axis=(0, 1)))
         assert np.array_equal(chunks.highs[number], corners[own].max(axis=(0, 1)))
-        area = np.sqrt(0.5 * lengths[own].mean())  # of squares: the mean triangle's side
-        assert chunks.widths[number] == pytest.approx(area, rel=1e-4)
+        width = np.sqrt(0.5 * lengths[own].mean())  # of squares: the mean triangle's side
+        few = min(FEW_TRIANGLES / count, 1.0)
+        assert chunks.widths[number] == pytest.approx(width * few**0.25, rel=1e-4)
         has_area = lengths[own] > 1e-9
         units = normals[own][has_area] / lengths[own][has_area, None]
         cosines = units @ chunks.axes[number].astype(np.float64)
@@ -76,18 +106,40 @@ def test_boxes_are_around_their_triangles_and_cones_around_their_normals(corners
             assert angles.max() <= np.arcsin(chunks.spreads[number]) + 2e-3
 
 
+def _surfaces(chunks):
+    """Of the boxes, times their triangles, all in all: about what is drawn for nothing."""
+    x, y, z = (chunks.highs - chunks.lows).T.astype(float)
+    return float(((x * y + y * z + z * x) * chunks.count).sum())
+
+
 def test_chunks_are_compact():
     """Near triangles are together: boxes are far smaller than those of as many at random."""
-    _, chunks, _ = _cut(SCENES["none large"])
-    mixed = chunks_of(SCENES["none large"], chunks.first)
-    sizes, at_random = (np.prod(one.highs - one.lows, axis=1).sum() for one in (chunks, mixed))
-    assert sizes < 0.25 * at_random
+    corners = SCENES["none large"]
+    _, chunks, _ = _cut(corners)
+    assert len(chunks.first) < len(corners) / FEW_TRIANGLES
+    assert _surfaces(chunks) < 0.25 * _surfaces(chunks_of(corners, chunks.first))
+
+
+def test_no_chunk_reaches_from_one_heap_to_another():
+    """Heaps far apart, whose triangles are mixed in the file, fewer than there are in a chunk."""
+    generator = np.random.default_rng(2)
+    places = 100.0 * generator.permutation(64)[:20, None] * (1.0, 0.0, 0.0)
+    heap = np.repeat(np.arange(20), 30)
+    corners = places[heap][:, None] + generator.uniform(-1.0, 1.0, (600, 3, 3))
+    mixed = generator.permutation(600)
+    _, chunks, made = _cut(corners[mixed].astype(np.float32))
+    assert (chunks.highs - chunks.lows).max() <= 2.0
+    # but where triangles are as close as these, not each has a box of its own
+    assert len(chunks.first) < 600 / 2
+    assert len(np.unique(heap[mixed][made.order[chunks.first]])) == 20
 
 
 def test_large_triangles_are_kept_apart():
-    corners, chunks, _ = _cut(SCENES["some large"])
+    """Small ones in a box with a large one would be drawn wherever that is seen."""
+    corners, chunks, _ = _cut(_corners(2000, 6))
     longest = (corners.max(axis=1) - corners.min(axis=1)).max(axis=1)
     is_large = longest > 3.0  # small ones are at most 0.6 wide, of 32 in all
-    shares = np.add.reduceat(is_large.astype(int), chunks.first) / chunks.count
-    assert np.all(shares[shares < 0.5] == 0.0)
-    assert np.count_nonzero(shares) == np.ceil(70 / CHUNK)
+    has_large = np.add.reduceat(is_large.astype(int), chunks.first) > 0
+    assert 3 <= is_large.sum() <= 6
+    # cutting it off has to be worth it: not a full chunk each
+    assert chunks.count[has_large].sum() < 0.7 * CHUNK * has_large.sum()

@@ -1,15 +1,13 @@
 """What is left out of a face because it cannot be seen there, beside brute force over points."""
 
 import numpy as np
-import pytest
 
 from omnisim import frames
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.face_drawing import FaceDrawing
 from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.standing_drawing import StandingDrawing
-from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.gpu.standing_culling import StandingCulling
 from omnisim.gpu.vertex_format import VERTEX
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors import OmniCamera
@@ -19,7 +17,6 @@ from tests.scenes import scene_of
 CAMERA = OmniCamera().resized(200).camera
 PLAN = plan_faces(CAMERA, CAMERA.rig_from_optical, in_parts=True)
 NEAR_M = 0.05
-POINTS = 400  # of each box
 
 
 def _views(far_m, world_from_rig):
@@ -35,26 +32,6 @@ def _shown(view, points, far_m, world_from_rig):
     first, last = view.face.tangents
     inside = np.all((tangents >= first) & (tangents <= last), axis=-1)
     return inside & (depth > NEAR_M) & (depth < far_m)
-
-
-@pytest.mark.parametrize("far_m", [np.inf, 4.0])
-def test_no_box_is_left_out_of_a_view_that_shows_a_point_of_it(far_m):
-    generator = np.random.default_rng(1)
-    world_from_rig = frames.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
-    views = _views(far_m, world_from_rig)
-    assert len(views) >= 5
-    count = 300
-    middles_m = generator.uniform(-6.0, 6.0, (count, 3))
-    halves_m = 10.0 ** generator.uniform(-2.0, 0.3, (count, 3))
-    kept = StandingDrawing._in_view(None, views, middles_m, halves_m)
-    inside = generator.uniform(-1.0, 1.0, (count, POINTS, 3))
-    points = middles_m[:, None] + inside * halves_m[:, None]
-    shown = np.array([_shown(view, points, far_m, world_from_rig).any(axis=1) for view in views])
-    assert kept.shape == shown.shape
-    assert not np.any(shown & ~kept)
-    # small boxes are told apart well: what is kept of them is seen, but for corners and slim cuts
-    small = halves_m.max(axis=1) < 0.15
-    assert kept[:, small].sum() < 2 * max(shown[:, small].sum(), 1)
 
 
 def test_matrices_show_what_planes_keep():
@@ -98,7 +75,7 @@ def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)
     geometry = buffers.standing
-    drawing = StandingDrawing(context, geometry, SurfacePrograms(buffers, scene.lighting), True)
+    culling = StandingCulling(geometry, PLAN, samples=1)
     chunks = geometry.chunks
     vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
     everything = geometry.indices(np.arange(len(chunks.first)))["vertices"]
@@ -109,9 +86,13 @@ def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
     generator = np.random.default_rng(3)
     left_out, could_be = 0, 0
     for viewpoint_m in generator.uniform(-3.0, 3.0, (60, 3)):
-        middles_m = drawing._middles_m - viewpoint_m
-        away = drawing._all_turned_away(middles_m, np.linalg.norm(middles_m, axis=1))
-        is_front = np.sum(normals * (corners_m[:, 0] - viewpoint_m), axis=1) < 0.0
+        middles_m = 0.5 * (chunks.lows + chunks.highs) + (geometry.anchor_m - viewpoint_m)
+        radii_m = 0.5 * np.linalg.norm(chunks.highs - chunks.lows, axis=1)
+        distances_m = np.linalg.norm(middles_m, axis=1)
+        everything = np.arange(len(radii_m))
+        away = culling._turned_away(everything, middles_m.T, distances_m, radii_m)
+        corner_m = corners_m[:, 0] + (geometry.anchor_m - viewpoint_m)
+        is_front = np.sum(normals * corner_m, axis=1) < 0.0
         has_front = np.logical_or.reduceat(is_front, chunks.first)
         assert not np.any(away & has_front)
         assert np.all(one_sided[geometry.look_of_chunk[away]])

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.gpu import standing_drawing
+from omnisim.gpu import standing_culling
 from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.occlusion import CoarseDepth
 from omnisim.scene import load_scene
 from omnisim.scene.model import (
     AlphaMode,
@@ -24,7 +25,7 @@ from omnisim.sensors import OmniCamera, Renderer, Stage
 from tests.scenes import room, scene_of
 
 FAST = OmniCamera().with_quality("fast")
-ALWAYS, NEVER = 0, 10**9  # triangles from which on it is worth a test what is hidden
+ALWAYS, NEVER = 0, 10**9  # triangles that have to be left so that they are drawn in turns
 # Matrices are multiplied in another order, and float32 rounds otherwise. A colour half-way between
 # two steps of 8 bits then takes the other one: a step in up to 1 % of the pixels, 68 dB. And where
 # two surfaces have the same depth, another one may be in front, or the edge of a triangle takes its
@@ -117,7 +118,7 @@ class Pictures:
     def __init__(self, monkeypatch, stage, camera=FAST):
         self._monkeypatch, self._stage, self._camera = monkeypatch, stage, camera
 
-    def take(self, world_from_base=None, worth=None, **options):
+    def take(self, world_from_base=None, worth=None, shows_hidden=False, **options):
         camera, start = self._camera, self._stage.scene.start
         if world_from_base is None:
             world_from_base = camera.base_pose(start.position_m, start.yaw_deg)
@@ -125,9 +126,16 @@ class Pictures:
             if options:
                 patch.setattr("omnisim.sensors.renderer.CubePass", partial(CubePass, **options))
             if worth is not None:
-                patch.setattr(standing_drawing, "WORTH_A_TEST", worth)
+                turns = len(standing_culling.OCCLUDERS_RAD)
+                patch.setattr(standing_culling, "WORTH_A_TURN", (worth,) * turns)
+            if shows_hidden:
+                patch.setattr(
+                    CoarseDepth, "hides", lambda _, boxes: np.zeros_like(boxes.nearest, bool)
+                )
             with Renderer(self._stage, camera) as renderer:
                 rgba = renderer.render(world_from_base).rgba
+                if not options:
+                    self.triangles = renderer._cube._standing.triangles
         return rgba
 
 
@@ -183,4 +191,56 @@ def test_only_depth_of_one_sample_is_read(samples, monkeypatch):
     camera = dataclasses.replace(FAST.resized(60), samples=samples)
     with Stage(mixed_scene()) as stage:
         Pictures(monkeypatch, stage, camera).take(worth=ALWAYS)
-    assert len(reads) == (samples == 1)
+    # before each turn but the first
+    assert len(reads) == (len(standing_culling.OCCLUDERS_RAD) if samples == 1 else 0)
+
+
+def crowd(count=400):
+    """Bumpy sheets at random, near and far, behind and before walls; some lie on each other."""
+    generator = np.random.default_rng(6)
+    meshes = [sheet(f"sheet {n}", 1 + n % 2, side=4, seed=n) for n in range(8)]
+    meshes.append(sheet("wall", 0, side=1, size_m=3.0, bumps_m=0.0))
+    poses, numbers = [], []
+    for number in range(count):
+        at = generator.uniform((-12.0, -12.0, -2.0), (12.0, 12.0, 3.0))
+        if np.linalg.norm(at) < 1.5:
+            continue
+        is_wall = number % 4 == 0
+        roll_deg = 90.0 if is_wall else generator.uniform(0.0, 360.0)
+        pose = frames.pose(at, roll_deg=roll_deg, yaw_deg=generator.uniform(0.0, 360.0))
+        kinds = (8, 8) if is_wall else (number % 8,)  # walls are there twice, to the last bit
+        poses += [pose] * len(kinds)
+        numbers += kinds
+    meshes = [dataclasses.replace(meshes[n], name=str(at)) for at, n in enumerate(numbers)]
+    return scene_of(meshes, MATERIALS, poses, lighting=LIGHT, background=(0.1, 0.2, 0.4))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_what_is_left_out_was_hidden_to_the_last_bit(monkeypatch):
+    """In as many turns, with all that is hidden and without; and drawn plainly."""
+    camera = FAST.resized(240)
+    with Stage(crowd()) as stage:
+        pictures = Pictures(monkeypatch, stage, camera)
+        for at in ((0.0, 0.0, 0.0), (-3.0, 2.0, 0.5), (0.4, 5.0, -0.5)):
+            pose = frames.pose(at, roll_deg=4.0, yaw_deg=70.0) @ np.linalg.inv(camera.base_from_rig)
+            some = pictures.take(pose, worth=ALWAYS)
+            drawn = pictures.triangles
+            everything = pictures.take(pose, worth=ALWAYS, shows_hidden=True)
+            assert np.array_equal(some, everything)
+            assert drawn < 0.8 * pictures.triangles
+            assert_same(some, pictures.take(pose, plain=True))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_picture_does_not_depend_on_the_one_before(monkeypatch):
+    monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (0, 0))
+    camera = FAST.resized(100)
+    poses = [frames.pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
+    with Stage(crowd()) as stage:
+        alone = []
+        for pose in poses:
+            with Renderer(stage, camera) as renderer:
+                alone.append(renderer.render(pose).rgba)
+        with Renderer(stage, camera) as renderer:
+            for number in (0, 1, 0, 2, 1, 2):
+                assert np.array_equal(renderer.render(poses[number]).rgba, alone[number])

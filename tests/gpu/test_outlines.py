@@ -1,0 +1,135 @@
+"""What boxes cover of the atlas, beside points of them, projected one by one."""
+
+import numpy as np
+import pytest
+
+from omnisim import frames
+from omnisim.cube import FACE_FROM_RIG
+from omnisim.gpu.face_drawing import FaceDrawing
+from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.outlines import EDGE_PX, Sight
+from omnisim.sensors import OmniCamera
+
+CAMERA = OmniCamera().resized(200).camera
+PLAN = plan_faces(CAMERA, CAMERA.rig_from_optical, in_parts=True)
+NEAR_M = 0.05
+POINTS = 300  # of each box
+POSE = frames.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
+any_far = pytest.mark.parametrize("far_m", [np.inf, 30.0])
+
+
+def _views(far_m):
+    # it asks the context and the buffers only when it draws
+    return FaceDrawing(None, None, PLAN, NEAR_M, far_m).views(POSE)
+
+
+def _boxes(count=300, seed=1):
+    """Middles and halves (count, 3) from the viewpoint, of all sizes; some are around it."""
+    generator = np.random.default_rng(seed)
+    middles_m = generator.uniform(-6.0, 6.0, (count, 3))
+    halves_m = 10.0 ** generator.uniform(-2.0, 0.3, (count, 3))
+    inside = generator.uniform(-1.0, 1.0, (count, POINTS, 3))
+    inside[:, :8] = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, 8).T
+    return middles_m, halves_m, middles_m[:, None] + inside * halves_m[:, None]
+
+
+def _look(views, middles_m, halves_m, reach_px):
+    """Whether each box (views, n) is in view, whether it is outlined, and outlines of these."""
+    sight, shape = Sight(views, reach_px), (len(views), len(middles_m))
+    view, box = np.divmod(np.arange(np.prod(shape)), shape[1])
+    seen, projected = sight.in_view(
+        view, middles_m[box].T.astype(np.float32), halves_m[box].T.astype(np.float32)
+    )
+    covering, outlines = sight.outlines(projected)
+    in_view, outlined = np.zeros((2, *shape), dtype=np.bool_)
+    in_view.flat[seen], outlined.flat[seen[covering]] = True, True
+    return in_view, outlined, outlines
+
+
+def _texels(view, points):
+    """Where in the atlas points (..., 3) are seen (..., 2), in texels, and whether, by tangents."""
+    local = points @ POSE[:3, :3] @ FACE_FROM_RIG[view.face.index].T
+    depth = local[..., 2]
+    tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]
+    first, last = view.face.tangents
+    shown = np.all((tangents >= first) & (tangents <= last), axis=-1) & (depth > NEAR_M)
+    shares = (tangents - first) / (last - first)
+    corner = (view.face.left_px, view.face.top_px)
+    return corner + shares * view.face.tile_px, shown, depth
+
+
+@any_far
+def test_no_box_is_left_out_of_a_view_that_shows_a_point_of_it(far_m):
+    views = _views(far_m)
+    assert len(views) >= 5
+    middles_m, halves_m, points = _boxes()
+    in_view, outlined, _ = _look(views, middles_m, halves_m, 0.5 + EDGE_PX)
+    shown = np.array([_texels(view, points)[1].any(axis=1) for view in views])
+    assert not np.any(shown & ~in_view)
+    assert not np.any(shown & ~outlined)
+    # small boxes are told apart well: what is kept of them is seen, but for corners and slim cuts
+    small = halves_m.max(axis=1) < 0.15
+    assert in_view[:, small].sum() < 2 * max(shown[:, small].sum(), 1)
+
+
+@any_far
+@pytest.mark.parametrize("reach_px", [EDGE_PX, 0.5 + EDGE_PX])
+def test_outlines_cover_all_texels_that_boxes_do(far_m, reach_px):
+    """A texel is covered where its middle is, or a sample near it: nothing else is drawn."""
+    views = _views(far_m)
+    middles_m, halves_m, points = _boxes()
+    _, outlined, outlines = _look(views, middles_m, halves_m, reach_px)
+    first, last = np.zeros((2, *outlined.shape, 2))
+    nearest = np.zeros(outlined.shape)
+    first[outlined], last[outlined] = outlines.first.T, outlines.last.T
+    nearest[outlined] = outlines.nearest
+    checked = 0
+    for view, here, start, end, depth in zip(views, outlined, first, last, nearest, strict=True):
+        places, shown, distance_m = _texels(view, points)
+        texel = np.floor(places)
+        hit = shown & np.all(np.abs(places - texel - 0.5) <= reach_px, axis=-1)
+        covered = np.all((texel >= start[:, None]) & (texel <= end[:, None]), axis=-1)
+        assert not np.any(hit & ~(covered & here[:, None]))
+        # a depth that is not nearer than what is drawn there
+        z = view.clip_from_here[2] @ np.stack(
+            (*np.moveaxis(points, -1, 0), np.ones(points.shape[:2]))
+        ).reshape(4, -1)
+        drawn = (z.reshape(distance_m.shape) / distance_m)[hit]
+        assert np.all(drawn <= np.broadcast_to(depth[:, None], hit.shape)[hit] * (1.0 + 1e-6))
+        face = view.face
+        corner = np.array((face.left_px, face.top_px))
+        assert np.all(start[here] >= corner)
+        assert np.all(end[here] < corner + face.tile_px)
+        checked += np.count_nonzero(hit)
+    assert checked > 1000
+
+
+def test_what_is_between_the_middles_of_texels_is_not_drawn():
+    """Where a texel has one sample: a box as small as a tenth of one is missed, mostly."""
+    views = _views(np.inf)
+    generator = np.random.default_rng(4)
+    middles_m = generator.uniform(-1.0, 1.0, (2000, 3))
+    middles_m *= 20.0 / np.linalg.norm(middles_m, axis=1, keepdims=True)
+    halves_m = np.full_like(middles_m, 0.005)
+    in_view, one, _ = _look(views, middles_m, halves_m, EDGE_PX)
+    _, several, _ = _look(views, middles_m, halves_m, 0.5 + EDGE_PX)
+    assert in_view.sum() > 1000
+    # at least a quarter texel to a side is covered, as edges are rounded
+    assert 0.04 < one.sum() / in_view.sum() < 0.4
+    assert several.sum() > 0.9 * in_view.sum()
+
+
+def test_outlines_are_tight():
+    """Nothing else than boxes' corners makes them larger than what is seen of many points."""
+    views = _views(np.inf)
+    middles_m, halves_m, points = _boxes(seed=3)
+    small = (halves_m.max(axis=1) < 0.3) & (np.linalg.norm(middles_m, axis=1) > 2.0)
+    middles_m, halves_m, points = middles_m[small], halves_m[small], points[small]
+    _, outlined, outlines = _look(views, middles_m, halves_m, EDGE_PX)
+    sizes = np.zeros((*outlined.shape, 2))
+    sizes[outlined] = (outlines.last - outlines.first + 1).T
+    for view, size in zip(views, sizes, strict=True):
+        places, shown, _ = _texels(view, points)
+        whole = shown.all(axis=1)
+        extent = places[whole].max(axis=1) - places[whole].min(axis=1)
+        assert np.all(size[whole] <= extent + 1.0 + 2.0 * EDGE_PX)
