@@ -24,6 +24,7 @@ class SurfaceVariant(NamedTuple):
 
     lit: bool
     alpha_mode: AlphaMode
+    textured: bool
     shading: Shading = Shading.UNKNOWN
 
     @property
@@ -44,6 +45,8 @@ class SurfaceVariant(NamedTuple):
                 defines.append("POSITION")
         elif self.lit:
             defines.append("LIGHT_KNOWN")
+        if self.textured:
+            defines.append("TEXTURED")
         if self.alpha_mode is not AlphaMode.OPAQUE:
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         return "scene/surface.vert", "scene/surface.frag", tuple(defines)
@@ -60,10 +63,11 @@ def variant_of(
         shading: what is known of the light on its triangles; of no use where both of their sides
             are seen.
     """
+    textured = material.texture is not None
     if unlit or material.unlit:
-        return SurfaceVariant(False, material.alpha_mode)
+        return SurfaceVariant(False, material.alpha_mode, textured)
     known = Shading.UNKNOWN if material.double_sided else shading
-    return SurfaceVariant(True, material.alpha_mode, known)
+    return SurfaceVariant(True, material.alpha_mode, textured, known)
 
 
 class SurfaceProgram:
@@ -74,7 +78,8 @@ class SurfaceProgram:
         self._variant, self._lighting = variant, lighting
         self._clip_from_mesh = program["u_clip_from_mesh"]
         self._base_color = program["u_base_color"]
-        program["u_texture"] = 0
+        if variant.textured:
+            program["u_texture"] = 0
         if variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff = program["u_alpha_cutoff"]
         self._lamps: list[Light] = []
@@ -110,7 +115,8 @@ class SurfaceProgram:
         self._base_color.write(struct.pack("4f", *material.base_color))
         if self._variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff.value = material.alpha_cutoff
-        texture.use(0)
+        if self._variant.textured:
+            texture.use(0)
 
     def _set_lights(self) -> None:
         suns, lamps = _by_kind(self._lighting)

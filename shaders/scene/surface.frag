@@ -4,9 +4,10 @@
 // none is turned round. POSITION: where the surface is counts, for lamps or for the missing normals.
 #version 430 core
 
-uniform sampler2D u_texture;  // white where the material has none
-
+#ifdef TEXTURED
+uniform sampler2D u_texture;
 in vec2 v_texture_coordinate;
+#endif
 #ifdef LIGHT_KNOWN
 flat
 #endif
@@ -26,7 +27,10 @@ in vec3 v_position;
 #endif
 
 void main() {
-    vec4 color = v_color * texture(u_texture, v_texture_coordinate);
+    vec4 color = v_color;
+#ifdef TEXTURED
+    color *= texture(u_texture, v_texture_coordinate);
+#endif
 #if defined(LIT) && !defined(NORMALS_AGREE)
     // before any discard: derivatives need the whole 2 x 2 block
     vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));

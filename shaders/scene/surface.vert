@@ -9,14 +9,16 @@ uniform mat4 u_clip_from_mesh;
 uniform vec4 u_base_color;
 
 in vec3 in_position;
-in vec2 in_texture_coordinate;
 in vec4 in_color;
-out vec2 v_texture_coordinate;
 #ifdef LIGHT_KNOWN
 flat
 #endif
 out vec4 v_color;
 
+#ifdef TEXTURED
+in vec2 in_texture_coordinate;
+out vec2 v_texture_coordinate;
+#endif
 #ifdef LIGHT_KNOWN
 in vec3 in_light;
 #endif
@@ -32,7 +34,9 @@ out vec3 v_position;
 
 void main() {
     gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
+#ifdef TEXTURED
     v_texture_coordinate = in_texture_coordinate;
+#endif
     v_color = u_base_color * in_color;
 #ifdef LIGHT_KNOWN
     v_color.rgb *= in_light;
