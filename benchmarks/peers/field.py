@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
+from functools import partial
 
 from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
 from benchmarks.peers.gazebo import GazeboWay
@@ -18,7 +20,11 @@ FAST, DEFAULT = "omnisim, fast", "omnisim, default"
 PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
 PAPER, GAZEBO = PaperWay.name, GazeboWay.name
 EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
-NAMES = (FAST, DEFAULT, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
+# Ours at other settings: texels to a side of the picture's finest pixels, at 2 × 2 captures.
+BETWEEN = {f"omnisim, {texels:g} texels": texels for texels in (0.6, 0.8, 1.3, 1.7)}
+# From the quickest to the best.
+LADDER = (*list(BETWEEN)[:2], FAST, *list(BETWEEN)[2:], DEFAULT)
+NAMES = (*LADDER, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
 
 
 class Field(Closing):
@@ -35,6 +41,7 @@ class Field(Closing):
         make: dict[str, Callable[[], Peer]] = {
             FAST: lambda: Omnisim(stage, fast, FAST),
             DEFAULT: lambda: Omnisim(stage, at_setting(SENSOR, "default"), DEFAULT),
+            **{name: partial(_between, stage, name) for name in BETWEEN},
             UNLIT: lambda: Omnisim(stage, fast, UNLIT, unlit=True),
             PAPER: lambda: PaperWay(context, scene),
             GAZEBO: lambda: GazeboWay(context, scene),
@@ -65,3 +72,8 @@ class Field(Closing):
         """Give back what the racers hold."""
         for peer in self.peers.values():
             peer.close()
+
+
+def _between(stage: Stage, name: str) -> Peer:
+    fast = at_setting(SENSOR, "fast")
+    return Omnisim(stage, dataclasses.replace(fast, texels_per_pixel=BETWEEN[name]), name)
