@@ -13,6 +13,7 @@ from benchmarks.peers.paper import PaperWay
 from benchmarks.peers.peer import SENSOR, Peer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
+from omnisim.sensors import OmniCamera
 from omnisim.sensors.stage import Closing, Stage
 from omnisim.validation.oracles import why_missing
 
@@ -27,6 +28,14 @@ LADDER = (*list(BETWEEN)[:2], FAST, *list(BETWEEN)[2:], DEFAULT)
 NAMES = (*LADDER, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
 
 
+def rung(name: str) -> OmniCamera:
+    """Our camera at a setting of `LADDER`."""
+    if name in BETWEEN:
+        fast = at_setting(SENSOR, "fast")
+        return dataclasses.replace(fast, texels_per_pixel=BETWEEN[name])
+    return at_setting(SENSOR, {FAST: "fast", DEFAULT: "default"}[name])
+
+
 class Field(Closing):
     """The racers in one scene; close it at the end.
 
@@ -37,12 +46,9 @@ class Field(Closing):
 
     def __init__(self, stage: Stage, device: int | None = None):
         scene, context = stage.scene, stage.context
-        fast = at_setting(SENSOR, "fast")
         make: dict[str, Callable[[], Peer]] = {
-            FAST: lambda: Omnisim(stage, fast, FAST),
-            DEFAULT: lambda: Omnisim(stage, at_setting(SENSOR, "default"), DEFAULT),
-            **{name: partial(_between, stage, name) for name in BETWEEN},
-            UNLIT: lambda: Omnisim(stage, fast, UNLIT, unlit=True),
+            **{name: partial(Omnisim, stage, rung(name), name) for name in LADDER},
+            UNLIT: lambda: Omnisim(stage, rung(FAST), UNLIT, unlit=True),
             PAPER: lambda: PaperWay(context, scene),
             GAZEBO: lambda: GazeboWay(context, scene),
         }
@@ -72,8 +78,3 @@ class Field(Closing):
         """Give back what the racers hold."""
         for peer in self.peers.values():
             peer.close()
-
-
-def _between(stage: Stage, name: str) -> Peer:
-    fast = at_setting(SENSOR, "fast")
-    return Omnisim(stage, dataclasses.replace(fast, texels_per_pixel=BETWEEN[name]), name)
