@@ -22,9 +22,9 @@ PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, u
 PAPER, GAZEBO = PaperWay.name, GazeboWay.name
 EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
 # Ours at other settings: texels to a side of the picture's finest pixels, at 2 × 2 captures.
-BETWEEN = {f"omnisim, {texels:g} texels": texels for texels in (0.6, 0.8, 1.3, 1.7)}
+BETWEEN = {f"omnisim, {texels:g} texels": texels for texels in (0.45, 0.6, 0.8, 1.3, 1.7)}
 # From the quickest to the best.
-LADDER = (*list(BETWEEN)[:2], FAST, *list(BETWEEN)[2:], DEFAULT)
+LADDER = (*list(BETWEEN)[:3], FAST, *list(BETWEEN)[3:], DEFAULT)
 NAMES = (*LADDER, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
 
 
