@@ -53,7 +53,7 @@ class StandingDrawing:
     ):
         self._context, self._geometry = context, geometry
         self._culling = StandingCulling(geometry, plan, samples)
-        variants = [variant_of(look.material, unlit, look.normals_agree) for look in geometry.looks]
+        variants = [variant_of(look.material, unlit, look.shading) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
         self.programs = frozenset(self._programs)
         self._make_room(_INDEX_BYTES * int(geometry.chunks.count.sum()))
