@@ -86,11 +86,13 @@ def cut(corners: NDArray[np.float32], looks: NDArray[np.integer]) -> Cut:
     counts = [chunks.count]
     numbers = np.arange(len(first))  # of the chunks, as they follow each other in the end
     around = np.concatenate((-chunks.lows.T, chunks.highs.T))
+    # what is wide is drawn before what is not, and its groups are looked into before: others wait
+    kinds = np.clip(np.frexp(chunks.widths)[1] // 2 + 8, 0, 16)
     for _ in range(MOST_LEVELS):
         total = len(first)
-        same = np.zeros(total, dtype=np.uint8)
-        pieces, first = compact_order(around, same, FEW_PIECES, GROUP, WORTH_A_GROUP)
+        pieces, first = compact_order(around, kinds, FEW_PIECES, GROUP, WORTH_A_GROUP)
         around = np.maximum.reduceat(around[:, pieces], first, axis=1)
+        kinds = np.zeros(len(first), dtype=np.int64)
         # what is below follows
         for level in reversed(range(len(counts))):
             count = counts[level]

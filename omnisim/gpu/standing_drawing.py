@@ -16,10 +16,11 @@ from omnisim.gpu.surface_program import SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
 
 # Chunks are drawn look by look, which are few calls, but not near ones first, which spares what is
-# hidden from being shaded. So they are drawn in bands of distance, each twice as far as the one
-# before, look by look in each. What else is drawn does not change the order of two chunks: of two
-# surfaces with the same depth the same one is seen, whether what is hidden is left out or not.
-BANDS, NEAREST_BAND_M = 16, 0.25
+# hidden from being shaded. So those of the first turn, which is nearly all that is shaded, are drawn
+# in bands of distance, look by look in each; a band ends where distances have doubled so often.
+# What else is drawn does not change the order of two chunks: of two surfaces with the same depth
+# the same one is seen, whether what is hidden is left out or not.
+BANDS, DOUBLINGS, NEAREST_M = 16, 1.5, 0.25
 _STEPS = 1 << 12  # of distance in a band
 _CHUNKS = 1 << 23  # at most, see `standing_geometry.MOST_TRIANGLES`
 _INDEX_BYTES = 12  # of a triangle
@@ -114,12 +115,13 @@ class StandingDrawing:
             return
         geometry = self._geometry
         looks = geometry.look_of_chunk[draws.number]
-        shares, bands = np.frexp(draws.far_m / NEAREST_BAND_M)
-        bands = np.where(draws.turn == 0, np.clip(bands, 0, BANDS - 1), 0)
+        distances = np.maximum(np.log2(draws.far_m / NEAREST_M), 0.0) / DOUBLINGS
+        distances = np.minimum(np.where(draws.turn == 0, distances, 0.0), BANDS - 1e-3)
+        bands = distances.astype(np.int64)
         calls = draws.view * BANDS + bands
         calls = calls * len(geometry.looks) + looks
         # one number for the call, the distance and the chunk: far quicker to sort than three
-        steps = (2 * _STEPS * (shares - 0.5)).astype(np.int64)
+        steps = (_STEPS * (distances - bands)).astype(np.int64)
         order = np.argsort((calls * _STEPS + steps) * _CHUNKS + draws.number)
         calls, numbers = calls[order], draws.number[order]
         begins = np.flatnonzero(np.diff(calls, prepend=-1))
