@@ -16,10 +16,10 @@ from omnisim.gpu.surface_program import SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
 
 # Chunks are drawn look by look, which are few calls, but not near ones first, which spares what is
-# hidden from being shaded. So those of the first turn, which is nearly all that is shaded, are drawn
-# in bands of distance, look by look in each; a band ends where distances have doubled so often.
-# What else is drawn does not change the order of two chunks: of two surfaces with the same depth
-# the same one is seen, whether what is hidden is left out or not.
+# hidden from being shaded. So those of the first turn, nearly all that is shaded, are drawn in
+# bands of distance, look by look in each: a band ends where distances have doubled so often. What
+# else is drawn does not change the order of two chunks: of two surfaces with the same depth the
+# same one is seen, whether what is hidden is left out or not.
 BANDS, DOUBLINGS, NEAREST_M = 16, 1.5, 0.25
 _STEPS = 1 << 12  # of distance in a band
 _CHUNKS = 1 << 23  # at most, see `standing_geometry.MOST_TRIANGLES`
