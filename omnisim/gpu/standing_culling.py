@@ -21,7 +21,7 @@ from omnisim.gpu.standing_geometry import StandingGeometry
 
 # Chunks whose triangles look wider than the first of these hide others, and are drawn first; then
 # those that look wider than the next.
-OCCLUDERS_RAD = (0.025, 0.01)
+OCCLUDERS_RAD = (0.025, 0.007)
 # For each of these turns, how many triangles have to be left: to find out which are hidden takes as
 # long as to draw some of them, and keeps what draws waiting.
 WORTH_A_TURN = (80_000, 200_000)
