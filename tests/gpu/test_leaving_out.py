@@ -7,21 +7,23 @@ import pytest
 
 from omnisim import OmniCamera, Renderer
 from omnisim.frames import pose
-from omnisim.gpu import standing_drawing
+from omnisim.gpu import standing_culling
 from omnisim.gpu.cube_pass import CubePass
+from omnisim.gpu.outlines import Sight
 from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.surface_program import SurfacePrograms
 from omnisim.scene import load_scene
 from omnisim.sensors.capturing import faces_of
 from tests.scenes import room, scene_of
 
+TURNS = len(standing_culling.WORTH_A_TURN)
 POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 
 
 @pytest.fixture
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
-    monkeypatch.setattr(standing_drawing, "WORTH_A_TEST", 0)
+    monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (0,) * TURNS)
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -50,7 +52,8 @@ def test_the_picture_is_the_same_as_without_leaving_out_anything(context, sample
         # the same triangles come from other matrices: an edge may round to the other side of a
         # texel, but a chunk that is missing shows as many texels together
         assert np.count_nonzero(differs) < 1e-3 * differs.size
-        assert quick._standing.has_more == (samples == 1)  # of several, depth cannot be read
+        # of several samples, depth cannot be read
+        assert quick._standing._culling._turn == (TURNS if samples == 1 else 0)
 
 
 @pytest.mark.usefixtures("context")
@@ -75,17 +78,16 @@ def test_the_picture_is_the_same_to_the_last_bit_when_everything_is_drawn(monkey
         pose(scene.start.position_m + 0.3 * np.array([turn, -turn, 0.3]), yaw_deg=50.0 * turn)
         for turn in range(12)
     ]
-    drawing = standing_drawing.StandingDrawing
     with Renderer(scene, sensor) as renderer:
         little = [renderer.render(one).rgba for one in poses]
+        drawn = renderer._cube._standing.triangles
         monkeypatch.setattr(
-            drawing, "_all_turned_away", lambda *given: np.zeros(len(given[-1]), dtype=np.bool_)
+            standing_culling.StandingCulling,
+            "_turned_away",
+            lambda *given: np.zeros(len(given[-1]), dtype=np.bool_),
         )
-        monkeypatch.setattr(
-            drawing,
-            "_in_view",
-            lambda _, views, middles_m, __: np.ones((len(views), len(middles_m)), dtype=np.bool_),
-        )
-        monkeypatch.setattr(standing_drawing, "WORTH_A_TEST", scene.triangle_count * 100)
+        monkeypatch.setattr(Sight, "in_view", lambda _, view, *__: (np.arange(len(view)), None))
+        monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (10**9,) * TURNS)
         everything = [renderer.render(one).rgba for one in poses]
+        assert drawn < renderer._cube._standing.triangles / 20
     np.testing.assert_array_equal(little, everything)
