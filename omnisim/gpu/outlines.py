@@ -69,9 +69,12 @@ class Sight:
         # depth is a + b / w, as the third row of the clip space runs along the fourth
         across = np.sum(clips[:, 2, :3] * clips[:, 3, :3], axis=1)
         nears = clips[:, 2, 3] / (1.0 - across)
+        fars = [-shift / one if one < 0.0 else np.inf
+                for one, shift in zip(across, clips[:, 2, 3], strict=True)]  # fmt: skip
         faces = [view.face for view in views]
         tiles = np.array([(face.left_px, face.top_px, *face.tile_px) for face in faces])
         self._tiles = np.stack((across, clips[:, 2, 3], nears, *tiles.T)).astype(np.float32)
+        self._fars = np.array(fars, dtype=np.float32)
         self._reach_px = reach_px
 
     def in_view(
@@ -80,7 +83,7 @@ class Sight:
         middles_m: NDArray[np.float32],
         halves_m: NDArray[np.float32],
     ) -> tuple[NDArray[np.intp], Projected]:
-        """Which boxes may be in view: no side of the view has all of one behind it.
+        """Which boxes may be in view: none of its six planes has all of one behind it.
 
         Args:
             view: (n,) in which one.
@@ -94,7 +97,9 @@ class Sight:
         middles = [row[0] * middles_m[0] + row[1] * middles_m[1] + row[2] * middles_m[2]
                    for row in rows]  # fmt: skip
         edges = rows * halves_m
-        seen = middles[2] + _sum_of_sizes(edges[2]) >= self._tiles[2][view]
+        depths = _sum_of_sizes(edges[2])
+        seen = middles[2] + depths >= self._tiles[2][view]
+        seen &= middles[2] - depths <= self._fars[view]
         for middle, edge in zip(middles[:2], edges[:2], strict=True):
             seen &= middles[2] + middle + _sum_of_sizes(edges[2] + edge) >= 0.0
             seen &= middles[2] - middle + _sum_of_sizes(edges[2] - edge) >= 0.0

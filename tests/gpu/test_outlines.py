@@ -104,6 +104,19 @@ def test_outlines_cover_all_texels_that_boxes_do(far_m, reach_px):
     assert checked > 1000
 
 
+def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
+    views = _views(30.0)
+    forward = views[0].clip_from_here[3, :3]  # a row of the matrix: w is the distance along it
+    ahead_m = np.array([-1.0, 0.02, 0.08, 5.0, 29.0, 31.0, 40.0])[:, None] * forward
+    sides = np.full((len(ahead_m), 3), 0.01)
+    face = [view for view in views if view.face.index == views[0].face.index]
+    in_view, *_ = _look(face, ahead_m, sides, EDGE_PX)
+    assert in_view[:, 2:5].any(axis=0).all()
+    assert not in_view[:, [0, 1, 5, 6]].any()
+    large, *_ = _look(face, ahead_m[-2:], np.array([[2.0] * 3, [2.0] * 3]), EDGE_PX)
+    assert large.any(axis=0).tolist() == [True, False]
+
+
 def test_what_is_between_the_middles_of_texels_is_not_drawn():
     """Where a texel has one sample: a box as small as a tenth of one is missed, mostly."""
     views = _views(np.inf)
