@@ -16,6 +16,7 @@ from omnisim.gpu.face_plan import FacePlan
 from omnisim.gpu.reversed_depth import float_depth, gl_function
 from omnisim.gpu.scene_buffers import Draw, Placement, SceneBuffers
 from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.vertex_format import vertex_array
 from omnisim.scene.model import AlphaMode, Material
 
 # Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
@@ -53,7 +54,7 @@ class VisibilityPass:
         plan: the faces.
         near_m, far_m: of the virtual cameras.
         hidden: names of the movers' instances that are not drawn.
-        albedo: draw plain base colours, too.
+        albedo: also be able to draw plain base colours.
 
     Attributes:
         plan, near_m, far_m, buffers: as given.
@@ -83,36 +84,39 @@ class VisibilityPass:
         try:
             self.surfaces = context.texture(size, 2, dtype="u4")
             self.albedos = context.texture(size, 4) if albedo else None
-            textures = [self.surfaces] if self.albedos is None else [self.surfaces, self.albedos]
-            self._target = context.framebuffer(textures, float_depth(context, size, 0))
+            depth = float_depth(context, size, 0)
+            self._targets = {False: context.framebuffer([self.surfaces], depth)}
+            if self.albedos is not None:
+                self._targets[True] = context.framebuffer([self.surfaces, self.albedos], depth)
         except moderngl.Error as reason:
             raise GraphicsError(
                 f"ground truth by an atlas of {size[0]} × {size[1]} px does not fit on this GPU "
                 f"({reason}): make the picture smaller"
             ) from None
-        for texture in textures:
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._programs = {}
-        for draw in buffers.draws:
-            variant = _Variant(alpha_cutoff(draw.material) > 0.0, albedo)
-            if variant not in self._programs:
+        self.surfaces.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        if self.albedos is not None:
+            self.albedos.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._holed = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draws]
+        self._programs: dict[_Variant, _VisibilityProgram] = {}
+        for holes in set(self._holed):
+            for with_albedo in self._targets:
+                variant = _Variant(holes, with_albedo)
                 self._programs[variant] = _VisibilityProgram(context, buffers, variant)
-        self._program_of_draw = [
-            self._programs[_Variant(alpha_cutoff(draw.material) > 0.0, albedo)]
-            for draw in buffers.draws
-        ]
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
         self._shown = np.flatnonzero(buffers.shown(hidden) & np.array(seen))
 
-    def render(self, world_from_rig: NDArray[np.float64], placement: Placement) -> None:
+    def render(
+        self, world_from_rig: NDArray[np.float64], placement: Placement, albedo: bool = False
+    ) -> None:
         """Draw all faces from a pose (4, 4), with the draws where they are seen from there."""
-        target = self._target
+        target = self._targets[albedo]
         self._drawing.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
 
         def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
             draw = self.buffers.draws[index]
-            self._program_of_draw[index].draw(draw, index, clip_from_mesh)
+            program = self._programs[_Variant(self._holed[index], albedo)]
+            program.draw(draw, index, clip_from_mesh)
 
         order = self.buffers.from_near_to_far(self._shown, placement)
         for view in self._drawing.views(world_from_rig):
@@ -129,7 +133,9 @@ class _VisibilityProgram:
     def __init__(self, context: moderngl.Context, buffers: SceneBuffers, variant: _Variant):
         folder = "ground_truth/visibility"
         program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
-        self._vertex_array = buffers.vertex_array(program)
+        self._vertex_array = vertex_array(
+            context, program, buffers.vertices, buffers.triangles.indices
+        )
         self._clip_from_mesh = program["u_clip_from_mesh"]
         self._number = program["u_draw_plus_one"]
         self._base_color = program.get("u_base_color", None)
