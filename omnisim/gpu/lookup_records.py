@@ -54,9 +54,15 @@ class DrawTable:
 
 def connect_tables(program: moderngl.Program, visibility: VisibilityPass) -> None:
     """Tell a program with `surface_lookup.glsl` where its textures are."""
+    program["u_atlas"] = _ATLAS
     program["u_corners"] = _CORNERS
     program["u_draws"] = _DRAWS
     program["u_depth_limits_m"] = (visibility.near_m, min(visibility.far_m, 3e38))
+
+
+def connect_places(program: moderngl.Program, visibility: VisibilityPass) -> None:
+    """Tell a program with `place.glsl` how large the atlas is."""
+    program["u_atlas_px"] = (visibility.plan.width_px, visibility.plan.height_px)
 
 
 def use_tables(visibility: VisibilityPass, draws: DrawTable) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture_pass import connect_cube
-from omnisim.gpu.lookup_records import DrawTable, connect_tables, use_tables
+from omnisim.gpu.lookup_records import DrawTable, connect_places, connect_tables, use_tables
 from omnisim.gpu.ray_table import RayTable
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.surface_pass import SurfacePass
@@ -44,6 +44,7 @@ class NextViewPass:
         self._rays, self._now = rays, now
         program = build_program(context, "capture/picture.vert", "ground_truth/next_view.frag")
         connect_cube(program, visibility.plan, np.eye(3))
+        connect_places(program, visibility)
         connect_tables(program, visibility)
         for name, unit in (
             ("u_rays", _RAYS),

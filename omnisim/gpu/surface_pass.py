@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture_pass import connect_cube
-from omnisim.gpu.lookup_records import DrawTable, connect_tables, use_tables
+from omnisim.gpu.lookup_records import DrawTable, connect_places, connect_tables, use_tables
 from omnisim.gpu.ray_table import RayTable
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first
 from omnisim.gpu.visibility_pass import VisibilityPass, clear_integers
 
 _VERTICES, _INDICES = range(2)  # bindings
-_ATLAS, _RAYS, _ALBEDO_ATLAS = 0, 1, 4  # texture units
+_RAYS, _ALBEDO_ATLAS, _PLACES = 1, 4, 5  # texture units
 _HITS, _SURFACES, _NORMALS, _ALBEDOS = range(4)  # attachments
 
 
@@ -60,7 +60,7 @@ class SurfacePass:
         rig_from_optical: NDArray[np.float64],
     ):
         self._visibility, self._rays = visibility, rays
-        self._rig_from_optical = rig_from_optical
+        self._context, self._rig_from_optical = context, rig_from_optical
         visibility.buffers.check_readable("to look up what its pixels show")
         albedo = visibility.albedos is not None
         program = build_program(
@@ -69,9 +69,9 @@ class SurfacePass:
             "ground_truth/surfaces.frag",
             ("NORMALS", "ALBEDO") if albedo else ("NORMALS",),
         )
-        connect_cube(program, visibility.plan, rig_from_optical)
         connect_tables(program, visibility)
         program["u_rays"] = _RAYS
+        program["u_places"] = _PLACES
         if albedo:
             program["u_albedos"] = _ALBEDO_ATLAS
         self._here_from_optical = program["u_here_from_optical"]
@@ -80,6 +80,7 @@ class SurfacePass:
         try:
             self.hits = context.texture(size, 4, dtype="f4")
             self.surfaces = context.texture(size, 2, dtype="u4")
+            self._places = context.texture(size, 4, dtype="f4")
             attachments: list[moderngl.Texture | moderngl.Renderbuffer] = [
                 self.hits,
                 self.surfaces,
@@ -93,7 +94,9 @@ class SurfacePass:
                 f"ground truth of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
                 "make the picture smaller"
             ) from None
-        self.hits.filter = self.surfaces.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        for texture in (self.hits, self.surfaces, self._places):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._find_places()
         # once: nothing is ever drawn where there is no ray
         self._target.use()
         self._target.clear(0.0, 0.0, 0.0, np.inf)
@@ -121,6 +124,7 @@ class SurfacePass:
         self._target.use()
         use_tables(visibility, self._draws)
         self._rays.rays.use(_RAYS)
+        self._places.use(_PLACES)
         if visibility.albedos is not None:
             visibility.albedos.use(_ALBEDO_ATLAS)
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
@@ -128,6 +132,19 @@ class SurfacePass:
         if self._vertex_array is not None:
             self._vertex_array.render(moderngl.TRIANGLES)
         return self._read(normals, albedos)
+
+    def _find_places(self) -> None:
+        """Find where in the atlas the rays look: once, as no pose changes it."""
+        files = "capture/picture.vert", "ground_truth/places.frag"
+        program = build_program(self._context, *files)
+        connect_cube(program, self._visibility.plan, self._rig_from_optical)
+        connect_places(program, self._visibility)
+        program["u_rays"] = _RAYS
+        draws = self._rays.vertex_array(program)
+        self._context.framebuffer([self._places]).use()
+        self._rays.rays.use(_RAYS)
+        if draws is not None:
+            draws.render(moderngl.TRIANGLES)
 
     def _read(self, normals: bool, albedos: bool) -> Surfaces:
         width, height = self._rays.size

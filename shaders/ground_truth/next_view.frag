@@ -9,6 +9,7 @@ uniform mat3 u_rig_from_here;       // of the next view
 
 layout(location = 0) out uint out_hidden;
 
+#include "ground_truth/place.glsl"
 #include "ground_truth/surface_lookup.glsl"
 
 // What is nearer than the point by more than this share hides it. Ranges of the same point are equal
@@ -29,7 +30,7 @@ void main() {
         distance = length(there);
     }
     vec3 ray = normalize(there);
-    Found seen = look_up(u_rig_from_here * ray, ray);
+    Found seen = look_up(place_of(u_rig_from_here * ray), ray);
     bool is_nearer = seen.surface.x != 0u && seen.range < (1.0 - NEARER) * distance;
     out_hidden = is_nearer && seen.surface != surface ? 1u : 0u;
 }

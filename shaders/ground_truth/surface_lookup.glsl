@@ -1,11 +1,10 @@
-// Found look_up(vec3 rig, vec3 here): what a ray hits, exactly; its unit direction in the rig frame
-// and here. "Here" has the world's axes and its origin in the viewpoint, metres.
+// Found look_up(vec3 place, vec3 here): what a ray hits, exactly; from where it looks in the atlas
+// (`place.glsl`) and its unit direction here: in the world's axes, the origin is the viewpoint, metres.
 //
 // The atlas says which triangles are seen around the ray. Those, and what lies beside them where the
 // ray just misses, are cut with the ray itself, and the nearest one counts: nothing is blended, no
 // texel's edge is seen, and the distance is as exact as floats are.
 
-#include "capture/cube_faces.glsl"
 #include "ground_truth/tables.glsl"
 
 const uint HOLED = 1u, DOUBLE_SIDED = 2u, MIRRORED = 4u;  // bits of a draw's kind
@@ -47,8 +46,9 @@ struct Found {
     float range;    // infinite: nothing is hit
     vec3 weights;   // of the corners, not normalised
     vec3 normal;    // of the plane, towards the viewpoint, not of unit length
-    vec2 place_px;  // where in the atlas the ray looks
-    uvec2 own;      // what its own texel shows
+#ifdef ALBEDO
+    ivec2 texel;  // of the atlas, of those around the ray the nearest one that shows it, or its own
+#endif
 };
 
 Triangle triangle_of(uvec4 draw, vec4 here_from_mesh[3], uint number) {
@@ -88,33 +88,31 @@ Cut cut(Triangle t, vec3 ray) {
     return result;
 }
 
-Found look_up(vec3 rig, vec3 here) {
-    int face = face_of(rig);
-    vec3 local = u_face_from_rig[face] * rig;
-    int number = tile_of(face, local.xy / local.z);
-    vec2 tangent = clamp(local.xy / local.z, u_tile_window[number].xy, u_tile_window[number].zw);
-    vec4 tile = u_tile_place[number] * vec2(textureSize(u_atlas, 0)).xyxy;
-    vec2 place_px = tile.xy + tangent * tile.zw;
-    ivec2 own_texel = ivec2(floor(place_px));
-    uvec2 own = texelFetch(u_atlas, own_texel, 0).xy;
-
-    vec2 limits = u_depth_limits_m / local.z;  // along the ray
-    bool beside_nothing = own.x == 0u;
+Found look_up(vec3 place, vec3 here) {
+    ivec2 own_texel = ivec2(floor(place.xy));
+    vec2 limits = u_depth_limits_m / place.z;  // along the ray
     Found hit, miss;  // the nearest that the ray hits; what it misses by least
     hit.surface = miss.surface = uvec2(0u);
     hit.range = INFINITE;
-    hit.place_px = miss.place_px = place_px;
-    hit.own = miss.own = own;
     float least_rad = 1.0;
-    // which texels around show something else than its own, bit by bit; its own comes first, as what
-    // it hits spares the search behind it
+    // Which texels around show something that none before them shows, bit by bit. Its own comes
+    // first, as what it hits spares the search behind it.
+    uvec2 around[PLACES];
+    for (uint at = 0u; at < PLACES; ++at)
+        around[at] = texelFetch(u_atlas, own_texel + step_to(at), 0).xy;
+    uvec2 own = around[OWN];
+    bool beside_nothing = false;
     uint candidates = own.x == 0u ? 0u : 1u;
-    uvec2 before = own;
-    for (uint place = 0u; place < PLACES; ++place) {
-        uvec2 seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+    for (uint at = 0u; at < PLACES; ++at) {
+        uvec2 seen = around[at];
         beside_nothing = beside_nothing || seen.x == 0u;
-        if (seen.x != 0u && seen != own && seen != before) candidates |= 2u << place;
-        before = seen;
+        bool is_new = seen.x != 0u && seen != own;
+        uint row = at / uint(WIDTH), column = at % uint(WIDTH);
+        if (column > 0u) is_new = is_new && seen != around[at - 1u];
+        if (row > 0u) is_new = is_new && seen != around[at - uint(WIDTH)];
+        if (row > 0u && column < uint(WIDTH) - 1u)
+            is_new = is_new && seen != around[at - uint(WIDTH) + 1u];
+        if (is_new) candidates |= 2u << at;
     }
     uvec2 beside = uvec2(0u);  // what is beyond the edge by which the last one was missed
     uint steps = 0u;
@@ -124,9 +122,9 @@ Found look_up(vec3 rig, vec3 here) {
         bool is_own = false;
         if (!is_neighbour) {
             is_own = (candidates & 1u) != 0u;
-            uint place = is_own ? OWN : uint(findLSB(candidates)) - 1u;
+            uint at = is_own ? OWN : uint(findLSB(candidates)) - 1u;
             candidates &= candidates - 1u;
-            seen = texelFetch(u_atlas, own_texel + step_to(place), 0).xy;
+            seen = texelFetch(u_atlas, own_texel + step_to(at), 0).xy;
             steps = 0u;
         }
         beside = uvec2(0u);
@@ -139,7 +137,9 @@ Found look_up(vec3 rig, vec3 here) {
         Cut found = cut(t, here);
         bool may_be_nearer = found.range < FARTHER * hit.range;
         if (found.missed_rad >= EDGE_RAD && steps < MOST_STEPS && may_be_nearer) {
-            if (found.beyond != NO_NEIGHBOUR) beside = uvec2(seen.x, found.beyond);
+            uvec2 next = uvec2(seen.x, found.beyond);
+            // what was looked at before tells nothing new
+            if (found.beyond != NO_NEIGHBOUR && next != own && next != hit.surface) beside = next;
             ++steps;
         }
         if (found.range < limits.x || found.range > limits.y) continue;
@@ -163,5 +163,18 @@ Found look_up(vec3 rig, vec3 here) {
     }
     // A triangle too small to show in any texel: the one beside it that the ray misses by least.
     bool is_missed = hit.surface.x == 0u && !beside_nothing && miss.surface.x != 0u;
-    return is_missed ? miss : hit;
+    if (is_missed) hit = miss;
+#ifdef ALBEDO
+    hit.texel = own_texel;
+    float closest = 9.0;
+    for (uint at = 0u; at < PLACES; ++at) {
+        vec2 away = vec2(own_texel + step_to(at)) + 0.5 - place.xy;
+        float distance = at == OWN ? 0.0 : dot(away, away);  // its own is the nearest
+        if (around[at] == hit.surface && distance < closest) {
+            closest = distance;
+            hit.texel = own_texel + step_to(at);
+        }
+    }
+#endif
+    return hit;
 }

@@ -2,7 +2,8 @@
 // with ALBEDO its plain colour.
 #version 430 core
 
-uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
+uniform sampler2D u_rays;    // unit, optical frame; and 1 where the pixel has one
+uniform sampler2D u_places;  // as places.frag writes them
 uniform mat3 u_here_from_optical;
 
 layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
@@ -36,25 +37,6 @@ vec3 normal_of(Found hit) {
 }
 #endif
 
-#ifdef ALBEDO
-// That of the nearest texel that shows it.
-vec3 albedo_of(Found hit) {
-    ivec2 own_texel = ivec2(floor(hit.place_px)), shown = own_texel;
-    float closest = 9.0;
-    vec2 at = hit.place_px - vec2(own_texel) - 0.5;
-    for (uint place = hit.surface == hit.own ? PLACES : 0u; place < PLACES; ++place) {
-        ivec2 step = step_to(place);
-        vec2 away = vec2(step) - at;
-        if (dot(away, away) < closest && texelFetch(u_atlas, own_texel + step, 0).xy == hit.surface) {
-            closest = dot(away, away);
-            shown = own_texel + step;
-        }
-    }
-    vec3 root = texelFetch(u_albedos, shown, 0).rgb;
-    return root * root;
-}
-#endif
-
 void main() {
     vec4 ray = texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0);
     vec3 here = u_here_from_optical * ray.xyz;
@@ -67,7 +49,7 @@ void main() {
     out_albedo = vec4(0.0);
 #endif
     if (ray.w < 0.5) return;
-    Found hit = look_up(u_rig_from_optical * ray.xyz, here);
+    Found hit = look_up(texelFetch(u_places, ivec2(gl_FragCoord.xy), 0).xyz, here);
     if (hit.surface.x == 0u) return;
     out_hit = vec4(hit.range * here, hit.range);
     out_surface = hit.surface;
@@ -75,6 +57,7 @@ void main() {
     out_normal = vec4(normal_of(hit), 1.0);
 #endif
 #ifdef ALBEDO
-    out_albedo = vec4(albedo_of(hit), 1.0);
+    vec3 root = texelFetch(u_albedos, hit.texel, 0).rgb;
+    out_albedo = vec4(root * root, 1.0);
 #endif
 }
