@@ -28,11 +28,20 @@ class Surfaces(NamedTuple):
     "Here" has the world's axes and its origin in the effective viewpoint.
     """
 
-    points_m: NDArray[np.float32]  # (height, width, 3), here; nothing is hit: direction
-    ranges_m: NDArray[np.float32]  # (height, width); +inf: nothing is hit
+    hits: NDArray[np.float32]  # (height, width, 4), the points and ranges below
     draws_plus_one: NDArray[np.uint32]  # (height, width), 1 + number of the draw; 0: nothing is hit
     normals: NDArray[np.float32] | None  # (height, width, 3), here, unit; 0: nothing is hit
     albedos: NDArray[np.float32] | None  # (height, width, 3) linear RGB; 0: nothing is hit
+
+    @property
+    def points_m(self) -> NDArray[np.float32]:
+        """Points (height, width, 3), here; where nothing is hit, directions."""
+        return self.hits[..., :3]
+
+    @property
+    def ranges_m(self) -> NDArray[np.float32]:
+        """Ranges (height, width); +inf: nothing is hit."""
+        return self.hits[..., 3]
 
 
 class SurfacePass:
@@ -159,4 +168,4 @@ class SurfacePass:
         if albedos:
             colors = np.empty((height, width, 3), dtype=np.float32)
             self._target.read_into(colors, components=3, attachment=_ALBEDOS, dtype="f4")
-        return Surfaces(hits[..., :3], hits[..., 3], surfaces[..., 0], turned, colors)
+        return Surfaces(hits, surfaces[..., 0], turned, colors)

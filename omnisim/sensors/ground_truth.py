@@ -65,6 +65,7 @@ class GroundTruth:
             ],
             dtype=np.uint32,
         )
+        self._class_of_draw = self.labels.class_of_instance[self._instance_of_draw]
 
     def channels(
         self, names: Sequence[str], now: View, after: View | None = None
@@ -90,8 +91,8 @@ class GroundTruth:
             "normals": lambda: surfaces.normals,
             "normals_camera": lambda: surfaces.normals @ world_from_optical.astype(np.float32),
             "albedo": lambda: surfaces.albedos,
-            "semantic": lambda: self.labels.class_of_instance[self._instances(surfaces)],
-            "instance": lambda: self._instances(surfaces),
+            "semantic": lambda: self._class_of_draw[surfaces.draws_plus_one],
+            "instance": lambda: self._instance_of_draw[surfaces.draws_plus_one],
             "valid": lambda: self._rays.valid.astype(np.uint8),
         }
         if after is not None and "flow" in names:
@@ -100,9 +101,6 @@ class GroundTruth:
             flow, occluded = self._flow.between(surfaces, now, after)
             make |= {"flow": lambda: flow, "occluded": lambda: occluded}
         return {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
-
-    def _instances(self, surfaces: Surfaces) -> NDArray[np.uint32]:
-        return self._instance_of_draw[surfaces.draws_plus_one]
 
     def _make_flow(self) -> OpticalFlow:
         next_view = NextViewPass(self._stage.context, self._visibility, self._rays, self._surfaces)
@@ -119,6 +117,6 @@ def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]
 
 def _positions(surfaces: Surfaces, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (height, width, 3) in the world; NaN: none."""
-    points_m = surfaces.points_m + viewpoint_m
-    points_m[surfaces.draws_plus_one == 0] = np.nan
+    points_m = np.add(surfaces.points_m, viewpoint_m, dtype=np.float64)
+    points_m.reshape(-1, 3)[np.flatnonzero(surfaces.draws_plus_one == 0)] = np.nan
     return points_m

@@ -24,6 +24,9 @@ from omnisim.gpu.surface_pass import Surfaces
 # beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at
 # 1.5, and most of those are at silhouettes, where things get hidden.
 FINENESS = 1.5
+# Points projected at a time: what is in between stays in the cache, and BLAS, which puts larger
+# products on threads that then keep the cores from whatever comes next, on one.
+BLOCK = 1 << 14
 VISIBLE, HIDDEN, OUTSIDE, NOTHING_SEEN = 0, 1, 2, 255
 
 
@@ -91,16 +94,19 @@ class OpticalFlow:
         becomes of the point: `VISIBLE`, `HIDDEN`, `OUTSIDE`, `NOTHING_SEEN`."""  # fmt: skip
         then_from_now = _ways(now, after)
         self._next_view.render(after.world_from_rig, after.world_from_movers, then_from_now)
+        # the GPU works meanwhile
         there = self._pixels_next(surfaces, after.world_from_rig, then_from_now)
         motion = there.positions_px - self._now_px
         if self._period_px is not None:
             motion[:, 0] -= self._period_px * np.round(motion[:, 0] / self._period_px)
-        motion[~there.valid] = np.nan
+        motion[np.flatnonzero(~there.valid)] = np.nan
         flow = np.full((self._shape[0] * self._shape[1], 2), np.nan, dtype=np.float32)
-        flow[self._seen] = motion
+        # both numbers of a pixel at once
+        flow.view(np.uint64)[self._seen] = motion.astype(np.float32).view(np.uint64)
         fate = np.full(len(flow), NOTHING_SEEN, dtype=np.uint8)
+        inside = self._inside(there)
         hidden = self._next_view.read().ravel()[self._seen]
-        fate[self._seen] = np.where(self._inside(there), np.where(hidden, HIDDEN, VISIBLE), OUTSIDE)
+        fate[self._seen] = np.where(inside, hidden * np.uint8(HIDDEN), np.uint8(OUTSIDE))
         return flow.reshape(*self._shape, 2), fate.reshape(self._shape)
 
     def _pixels_next(
@@ -110,19 +116,25 @@ class OpticalFlow:
         then_from_now: NDArray[np.float64],
     ) -> Pixels:
         """Where the points (n,) of the valid pixels are in the next picture."""
-        points_m = surfaces.points_m.reshape(-1, 3)[self._seen].astype(np.float64)
+        points_m = np.take(surfaces.hits.reshape(-1, 4), self._seen, axis=0).astype(np.float64)
         draws_plus_one = surfaces.draws_plus_one.ravel()[self._seen]
-        is_hit = draws_plus_one > 0
+        points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no step moves
         if len(then_from_now) > 1:
             path = self._path_of_draw[draws_plus_one]
             for number in np.unique(path[path > 0]):
-                on_it = path == number
-                moved_m = points_m[on_it] @ then_from_now[number, :3, :3].T
-                # as the step of what stands is added to all
-                points_m[on_it] = moved_m + (then_from_now[number] - then_from_now[0])[:3, 3]
-        points_m += is_hit[:, None] * then_from_now[0, :3, 3]
+                on_it = np.flatnonzero(path == number)
+                from_step = then_from_now[number].copy()
+                from_step[:3, 3] -= then_from_now[0, :3, 3]  # as all make that step below
+                points_m[on_it] = points_m[on_it] @ from_step.T
         world_from_optical = world_from_rig[:3, :3] @ self._camera.rig_from_optical
-        return self._camera.pixel_from_ray(points_m @ world_from_optical)
+        optical_from_now = world_from_optical.T @ then_from_now[0, :3]
+        positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
+        for first in range(0, len(points_m), BLOCK):
+            block = slice(first, first + BLOCK)
+            positions_px[block], valid[block] = self._camera.pixel_from_ray(
+                points_m[block] @ optical_from_now.T
+            )
+        return Pixels(positions_px, valid)
 
     def _inside(self, there: Pixels) -> NDArray[np.bool_]:
         """Which points (n,) are in the next picture."""
