@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.scene_buffers import Draw, Placement
 from omnisim.gpu.triangle_table import table_texture, write_table
-from omnisim.gpu.visibility_pass import VisibilityPass, alpha_cutoff
+from omnisim.gpu.visibility_pass import VisibilityPass
+from omnisim.gpu.visibility_program import alpha_cutoff
 
 _RECORD = np.dtype(  # of a draw, as in shaders/ground_truth/tables.glsl
     [
@@ -24,7 +25,7 @@ _RECORD = np.dtype(  # of a draw, as in shaders/ground_truth/tables.glsl
 )
 # What a record says of a draw's material, in the bits of one number.
 _HOLED, _DOUBLE_SIDED, _MIRRORED = 1, 2, 4
-_ATLAS, _CORNERS, _DRAWS = 0, 2, 3  # texture units
+_ATLAS, _CORNERS, _DRAWS, _NUMBERS = 0, 2, 3, 6  # texture units
 
 
 class DrawTable:
@@ -57,6 +58,7 @@ def connect_tables(program: moderngl.Program, visibility: VisibilityPass) -> Non
     program["u_atlas"] = _ATLAS
     program["u_corners"] = _CORNERS
     program["u_draws"] = _DRAWS
+    program["u_numbers"] = _NUMBERS
     program["u_depth_limits_m"] = (visibility.near_m, min(visibility.far_m, 3e38))
 
 
@@ -70,6 +72,7 @@ def use_tables(visibility: VisibilityPass, draws: DrawTable) -> None:
     visibility.surfaces.use(_ATLAS)
     visibility.buffers.triangles.corners.use(_CORNERS)
     draws.texture.use(_DRAWS)
+    visibility.numbers.texture.use(_NUMBERS)
 
 
 def _kind(draw: Draw) -> int:

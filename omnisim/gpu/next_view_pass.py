@@ -12,6 +12,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.capture_pass import connect_cube
 from omnisim.gpu.lookup_records import DrawTable, connect_places, connect_tables, use_tables
 from omnisim.gpu.ray_table import RayTable
+from omnisim.gpu.reversed_depth import gl_function
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.surface_pass import SurfacePass
 from omnisim.gpu.uniforms import columns_first
@@ -65,6 +66,7 @@ class NextViewPass:
         # once: nothing is ever drawn where there is no ray
         self._target.use()
         clear_integers(0)
+        self._flush = gl_function("glFlush")
         draws = visibility.buffers.draws
         self._draws = DrawTable(context, draws)
         self._mover_plus_one = np.array(
@@ -97,6 +99,7 @@ class NextViewPass:
         self._now.surfaces.use(_SURFACES_NOW)
         if self._vertex_array is not None:
             self._vertex_array.render(moderngl.TRIANGLES)
+        self._flush()
 
     def read(self) -> NDArray[np.bool_]:
         """Which pixels' (height, width) points are hidden."""

@@ -10,6 +10,7 @@ uniform mat3 u_rig_from_here;       // of the next view
 layout(location = 0) out uint out_hidden;
 
 #include "ground_truth/place.glsl"
+#define ANY_HIT
 #include "ground_truth/surface_lookup.glsl"
 
 // What is nearer than the point by more than this share hides it. Ranges of the same point are equal
@@ -30,7 +31,6 @@ void main() {
         distance = length(there);
     }
     vec3 ray = normalize(there);
-    Found seen = look_up(place_of(u_rig_from_here * ray), ray);
-    bool is_nearer = seen.surface.x != 0u && seen.range < (1.0 - NEARER) * distance;
-    out_hidden = is_nearer && seen.surface != surface ? 1u : 0u;
+    bool hidden = is_hidden(place_of(u_rig_from_here * ray), ray, surface, (1.0 - NEARER) * distance);
+    out_hidden = hidden ? 1u : 0u;
 }

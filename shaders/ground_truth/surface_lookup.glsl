@@ -4,6 +4,9 @@
 // The atlas says which triangles are seen around the ray. Those, and what lies beside them where the
 // ray just misses, are cut with the ray itself, and the nearest one counts: nothing is blended, no
 // texel's edge is seen, and the distance is as exact as floats are.
+//
+// With ANY_HIT: bool is_hidden(vec3 place, vec3 here, uvec2 surface, float range): whether the ray hits
+// anything before so much, other than that surface.
 
 #include "ground_truth/tables.glsl"
 
@@ -42,7 +45,7 @@ struct Cut {
 };
 
 struct Found {
-    uvec2 surface;  // as in the atlas; 0: nothing is hit
+    uvec2 surface;  // 1 + number of the draw, number of its triangle; 0: nothing is hit
     float range;    // infinite: nothing is hit
     vec3 weights;   // of the corners, not normalised
     vec3 normal;    // of the plane, towards the viewpoint, not of unit length
@@ -88,25 +91,33 @@ Cut cut(Triangle t, vec3 ray) {
     return result;
 }
 
+#ifdef ANY_HIT
+bool is_hidden(vec3 place, vec3 here, uvec2 surface, float range) {
+#else
 Found look_up(vec3 place, vec3 here) {
+#endif
     ivec2 own_texel = ivec2(floor(place.xy));
     vec2 limits = u_depth_limits_m / place.z;  // along the ray
     Found hit, miss;  // the nearest that the ray hits; what it misses by least
     hit.surface = miss.surface = uvec2(0u);
+    bool hits = false;
     hit.range = INFINITE;
+#ifdef ANY_HIT
+    hit.range = range;
+#endif
     float least_rad = 1.0;
     // Which texels around show something that none before them shows, bit by bit. Its own comes
     // first, as what it hits spares the search behind it.
-    uvec2 around[PLACES];
+    uint around[PLACES];
     for (uint at = 0u; at < PLACES; ++at)
-        around[at] = texelFetch(u_atlas, own_texel + step_to(at), 0).xy;
-    uvec2 own = around[OWN];
+        around[at] = texelFetch(u_atlas, own_texel + step_to(at), 0).x;
+    uint own = around[OWN];
     bool beside_nothing = false;
-    uint candidates = own.x == 0u ? 0u : 1u;
+    uint candidates = own == 0u ? 0u : 1u;
     for (uint at = 0u; at < PLACES; ++at) {
-        uvec2 seen = around[at];
-        beside_nothing = beside_nothing || seen.x == 0u;
-        bool is_new = seen.x != 0u && seen != own;
+        uint seen = around[at];
+        beside_nothing = beside_nothing || seen == 0u;
+        bool is_new = seen != 0u && seen != own;
         uint row = at / uint(WIDTH), column = at % uint(WIDTH);
         if (column > 0u) is_new = is_new && seen != around[at - 1u];
         if (row > 0u) is_new = is_new && seen != around[at - uint(WIDTH)];
@@ -114,17 +125,28 @@ Found look_up(vec3 place, vec3 here) {
             is_new = is_new && seen != around[at - uint(WIDTH) + 1u];
         if (is_new) candidates |= 2u << at;
     }
+    uvec2 own_surface = surface_at(own);
+#ifdef ANY_HIT
+    if (own_surface == surface) {  // it hides nothing of itself
+        candidates &= ~1u;
+        hits = true;
+    }
+#endif
+    uint hit_number = 0u, miss_number = 0u;  // 1 + theirs, where a texel shows them
     uvec2 beside = uvec2(0u);  // what is beyond the edge by which the last one was missed
     uint steps = 0u;
     while (candidates != 0u || beside.x != 0u) {
         uvec2 seen = beside;
         bool is_neighbour = beside.x != 0u;
         bool is_own = false;
+        uint number = 0u;
         if (!is_neighbour) {
             is_own = (candidates & 1u) != 0u;
             uint at = is_own ? OWN : uint(findLSB(candidates)) - 1u;
             candidates &= candidates - 1u;
-            seen = texelFetch(u_atlas, own_texel + step_to(at), 0).xy;
+            number = texelFetch(u_atlas, own_texel + step_to(at), 0).x;
+            seen = surface_at(number);
+            if (seen == hit.surface) hit_number = number;
             steps = 0u;
         }
         beside = uvec2(0u);
@@ -139,13 +161,18 @@ Found look_up(vec3 place, vec3 here) {
         if (found.missed_rad >= EDGE_RAD && steps < MOST_STEPS && may_be_nearer) {
             uvec2 next = uvec2(seen.x, found.beyond);
             // what was looked at before tells nothing new
-            if (found.beyond != NO_NEIGHBOUR && next != own && next != hit.surface) beside = next;
+            if (found.beyond != NO_NEIGHBOUR && next != own_surface && next != hit.surface) beside = next;
             ++steps;
         }
         if (found.range < limits.x || found.range > limits.y) continue;
         if (found.missed_rad < EDGE_RAD) {
+            hits = true;
+#ifdef ANY_HIT
+            if (found.range < range && seen != surface) return true;
+#endif
             if (found.range < hit.range) {
                 hit.surface = seen;
+                hit_number = number;
                 hit.range = found.range;
                 hit.weights = found.weights;
                 hit.normal = t.normal;
@@ -156,25 +183,33 @@ Found look_up(vec3 place, vec3 here) {
             vec3 weights = max(found.weights, vec3(0.0));
             weights /= max(weights.x + weights.y + weights.z, 1e-30);
             miss.surface = seen;
+            miss_number = number;
             miss.range = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
             miss.weights = weights;
             miss.normal = t.normal;
         }
     }
     // A triangle too small to show in any texel: the one beside it that the ray misses by least.
-    bool is_missed = hit.surface.x == 0u && !beside_nothing && miss.surface.x != 0u;
-    if (is_missed) hit = miss;
+    bool is_missed = !hits && !beside_nothing && miss.surface.x != 0u;
+#ifdef ANY_HIT
+    return is_missed && miss.range < range && miss.surface != surface;
+#else
+    if (is_missed) {
+        hit = miss;
+        hit_number = miss_number;
+    }
 #ifdef ALBEDO
     hit.texel = own_texel;
     float closest = 9.0;
     for (uint at = 0u; at < PLACES; ++at) {
         vec2 away = vec2(own_texel + step_to(at)) + 0.5 - place.xy;
         float distance = at == OWN ? 0.0 : dot(away, away);  // its own is the nearest
-        if (around[at] == hit.surface && distance < closest) {
+        if (around[at] == hit_number && distance < closest) {
             closest = distance;
             hit.texel = own_texel + step_to(at);
         }
     }
 #endif
     return hit;
+#endif
 }

@@ -7,7 +7,7 @@ uniform sampler2D u_places;  // as places.frag writes them
 uniform mat3 u_here_from_optical;
 
 layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
-layout(location = 1) out uvec2 out_surface;  // as in the atlas; 0: nothing is hit
+layout(location = 1) out uvec2 out_surface;  // 1 + number of the draw, number of its triangle; 0: nothing
 #ifdef NORMALS
 #include "scene/vertex_words.glsl"
 layout(location = 2) out vec4 out_normal;  // here, unit

@@ -4,10 +4,13 @@
 //     the frame of its mesh, and the triangle beyond the opposite edge.
 // uvec4 draw_at(uint number): first index of a draw, bits of its kind, unused.
 // vec4[3] matrix_at(uint number, uint which): rows of one of its matrices.
-// The layout is that in omnisim/gpu/triangle_table.py and surface_pass.py.
+// uvec2 surface_at(uint number_plus_one): what is drawn with a number: 1 + number of the draw, number
+//     of its triangle; 0 for 0.
+// The layout is that in omnisim/gpu/triangle_table.py, lookup_records.py and numbered_geometry.py.
 
 uniform usampler2D u_corners;
 uniform usampler2D u_draws;
+uniform usampler2D u_numbers;
 
 const uint ROW_BITS = 12u;  // of entries in a row of either texture
 const uint DRAW_ENTRIES = 8u;
@@ -32,4 +35,8 @@ vec4[3] matrix_at(uint number, uint which) {
         uintBitsToFloat(entry_at(u_draws, first)),
         uintBitsToFloat(entry_at(u_draws, first + 1u)),
         uintBitsToFloat(entry_at(u_draws, first + 2u)));
+}
+
+uvec2 surface_at(uint number_plus_one) {
+    return number_plus_one == 0u ? uvec2(0u) : entry_at(u_numbers, number_plus_one - 1u).xy;
 }
