@@ -91,16 +91,20 @@ class GroundTruth:
             "normals": lambda: surfaces.normals,
             "normals_camera": lambda: surfaces.normals @ world_from_optical.astype(np.float32),
             "albedo": lambda: surfaces.albedos,
-            "semantic": lambda: self._class_of_draw[surfaces.draws_plus_one],
-            "instance": lambda: self._instance_of_draw[surfaces.draws_plus_one],
+            "semantic": lambda: self._class_of_draw.take(surfaces.draws_plus_one),
+            "instance": lambda: self._instance_of_draw.take(surfaces.draws_plus_one),
             "valid": lambda: self._rays.valid.astype(np.uint8),
         }
-        if after is not None and "flow" in names:
+        leads_on = after is not None and "flow" in names
+        if leads_on:
             if self._flow is None:
                 self._flow = self._make_flow()
-            flow, occluded = self._flow.between(surfaces, now, after)
-            make |= {"flow": lambda: flow, "occluded": lambda: occluded}
-        return {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+            self._flow.start(now, after)
+        # the GPU looks at the next view meanwhile
+        found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+        if leads_on:
+            found["flow"], found["occluded"] = self._flow.finish(surfaces)
+        return {name: found[name] for name in names if name in found}
 
     def _make_flow(self) -> OpticalFlow:
         next_view = NextViewPass(self._stage.context, self._visibility, self._rays, self._surfaces)
@@ -117,6 +121,8 @@ def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]
 
 def _positions(surfaces: Surfaces, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (height, width, 3) in the world; NaN: none."""
-    points_m = np.add(surfaces.points_m, viewpoint_m, dtype=np.float64)
+    points_m = np.empty(surfaces.points_m.shape)
+    for axis in range(3):  # one after the other, which does not copy the points first
+        np.add(surfaces.points_m[..., axis], viewpoint_m[axis], out=points_m[..., axis])
     points_m.reshape(-1, 3)[np.flatnonzero(surfaces.draws_plus_one == 0)] = np.nan
     return points_m

@@ -87,15 +87,20 @@ class OpticalFlow:
         self._path_of_draw = np.array([0, *movers], dtype=np.intp)  # from the draw −1 on
         self._period_px = _period_px(camera)
 
-    def between(
-        self, surfaces: Surfaces, now: View, after: View
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    def start(self, now: View, after: View) -> None:
+        """Start to look at the next view."""
+        self._then_from_now = _ways(now, after)
+        self._optical_from_world = (after.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
+        self._next_view.render(after.world_from_rig, after.world_from_movers, self._then_from_now)
+
+    def finish(self, surfaces: Surfaces) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Flow (height, width, 2) in pixels, NaN where the lens cannot see the point next; and what
-        becomes of the point: `VISIBLE`, `HIDDEN`, `OUTSIDE`, `NOTHING_SEEN`."""  # fmt: skip
-        then_from_now = _ways(now, after)
-        self._next_view.render(after.world_from_rig, after.world_from_movers, then_from_now)
-        # the GPU works meanwhile
-        there = self._pixels_next(surfaces, after.world_from_rig, then_from_now)
+        becomes of the point: `VISIBLE`, `HIDDEN`, `OUTSIDE`, `NOTHING_SEEN`.
+
+        Args:
+            surfaces: what is seen now, where it was started.
+        """  # fmt: skip
+        there = self._pixels_next(surfaces)
         motion = there.positions_px - self._now_px
         if self._period_px is not None:
             motion[:, 0] -= self._period_px * np.round(motion[:, 0] / self._period_px)
@@ -109,31 +114,22 @@ class OpticalFlow:
         fate[self._seen] = np.where(inside, hidden * np.uint8(HIDDEN), np.uint8(OUTSIDE))
         return flow.reshape(*self._shape, 2), fate.reshape(self._shape)
 
-    def _pixels_next(
-        self,
-        surfaces: Surfaces,
-        world_from_rig: NDArray[np.float64],
-        then_from_now: NDArray[np.float64],
-    ) -> Pixels:
+    def _pixels_next(self, surfaces: Surfaces) -> Pixels:
         """Where the points (n,) of the valid pixels are in the next picture."""
         points_m = np.take(surfaces.hits.reshape(-1, 4), self._seen, axis=0).astype(np.float64)
         draws_plus_one = surfaces.draws_plus_one.ravel()[self._seen]
         points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no step moves
-        if len(then_from_now) > 1:
-            path = self._path_of_draw[draws_plus_one]
-            for number in np.unique(path[path > 0]):
-                on_it = np.flatnonzero(path == number)
-                from_step = then_from_now[number].copy()
-                from_step[:3, 3] -= then_from_now[0, :3, 3]  # as all make that step below
-                points_m[on_it] = points_m[on_it] @ from_step.T
-        world_from_optical = world_from_rig[:3, :3] @ self._camera.rig_from_optical
-        optical_from_now = world_from_optical.T @ then_from_now[0, :3]
+        ways = self._optical_from_world @ self._then_from_now[:, :3]
+        paths = self._path_of_draw[draws_plus_one] if len(ways) > 1 else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
         for first in range(0, len(points_m), BLOCK):
             block = slice(first, first + BLOCK)
-            positions_px[block], valid[block] = self._camera.pixel_from_ray(
-                points_m[block] @ optical_from_now.T
-            )
+            optical_m = points_m[block] @ ways[0].T
+            if paths is not None:
+                for path in np.unique(paths[block]):
+                    on_it = np.flatnonzero(paths[block] == path)
+                    optical_m[on_it] = points_m[block][on_it] @ ways[path].T
+            positions_px[block], valid[block] = self._camera.pixel_from_ray(optical_m)
         return Pixels(positions_px, valid)
 
     def _inside(self, there: Pixels) -> NDArray[np.bool_]:
