@@ -19,7 +19,7 @@ from omnisim.gpu.visibility_pass import VisibilityPass, clear_integers
 
 _VERTICES, _INDICES = range(2)  # bindings
 _RAYS, _ALBEDO_ATLAS, _PLACES = 1, 4, 5  # texture units
-_HITS, _SURFACES, _NORMALS, _ALBEDOS = range(4)  # attachments
+_HITS, _SURFACES = range(2)  # attachments; normals and plain colours follow
 
 
 class Surfaces(NamedTuple):
@@ -42,6 +42,14 @@ class Surfaces(NamedTuple):
     def ranges_m(self) -> NDArray[np.float32]:
         """Ranges (height, width); +inf: nothing is hit."""
         return self.hits[..., 3]
+
+
+class _Lookup(NamedTuple):
+    """What looks rays up, for what is asked for."""
+
+    target: moderngl.Framebuffer
+    here_from_optical: moderngl.Uniform
+    vertex_array: moderngl.VertexArray | None
 
 
 class SurfacePass:
@@ -71,45 +79,17 @@ class SurfacePass:
         self._visibility, self._rays = visibility, rays
         self._context, self._rig_from_optical = context, rig_from_optical
         visibility.buffers.check_readable("to look up what its pixels show")
-        albedo = visibility.albedos is not None
-        program = build_program(
-            context,
-            "capture/picture.vert",
-            "ground_truth/surfaces.frag",
-            ("NORMALS", "ALBEDO") if albedo else ("NORMALS",),
-        )
-        connect_tables(program, visibility)
-        program["u_rays"] = _RAYS
-        program["u_places"] = _PLACES
-        if albedo:
-            program["u_albedos"] = _ALBEDO_ATLAS
-        self._here_from_optical = program["u_here_from_optical"]
-        self._vertex_array = rays.vertex_array(program)
         size = rays.size
         try:
             self.hits = context.texture(size, 4, dtype="f4")
             self.surfaces = context.texture(size, 2, dtype="u4")
             self._places = context.texture(size, 4, dtype="f4")
-            attachments: list[moderngl.Texture | moderngl.Renderbuffer] = [
-                self.hits,
-                self.surfaces,
-                context.renderbuffer(size, 4, dtype="f4"),
-            ]
-            if albedo:
-                attachments.append(context.renderbuffer(size, 4, dtype="f2"))
-            self._target = context.framebuffer(attachments)
         except moderngl.Error as reason:
-            raise GraphicsError(
-                f"ground truth of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
-                "make the picture smaller"
-            ) from None
+            raise _too_large(size, reason) from None
         for texture in (self.hits, self.surfaces, self._places):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._find_places()
-        # once: nothing is ever drawn where there is no ray
-        self._target.use()
-        self._target.clear(0.0, 0.0, 0.0, np.inf)
-        clear_integers(_SURFACES)
+        self._lookups: dict[tuple[bool, bool], _Lookup] = {}
         self._draws = DrawTable(context, visibility.buffers.draws)
 
     def render(
@@ -121,26 +101,62 @@ class SurfacePass:
     ) -> Surfaces:
         """Look all rays up from a pose (4, 4), movers at theirs.
 
-        The last two are drawn and read back where they are asked for; plain colours only where the
-        visibility has some.
+        The last two are made where they are asked for; plain colours only where the visibility can
+        have some.
         """
         visibility, buffers = self._visibility, self._visibility.buffers
         placement = buffers.place(world_from_rig[:3, 3], world_from_movers)
         visibility.render(world_from_rig, placement, albedos)
         self._draws.write(placement, placement.normal_from_mesh)
         here_from_optical = world_from_rig[:3, :3] @ self._rig_from_optical
-        self._here_from_optical.write(columns_first(here_from_optical))
-        self._target.use()
+        lookup = self._lookup(normals, albedos)
+        lookup.here_from_optical.write(columns_first(here_from_optical))
+        lookup.target.use()
         use_tables(visibility, self._draws)
         self._rays.rays.use(_RAYS)
         self._places.use(_PLACES)
-        if visibility.albedos is not None:
+        if albedos:
             visibility.albedos.use(_ALBEDO_ATLAS)
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.triangles.indices.bind_to_storage_buffer(_INDICES)
-        if self._vertex_array is not None:
-            self._vertex_array.render(moderngl.TRIANGLES)
-        return self._read(normals, albedos)
+        if lookup.vertex_array is not None:
+            lookup.vertex_array.render(moderngl.TRIANGLES)
+        return self._read(lookup.target, normals, albedos)
+
+    def _lookup(self, normals: bool, albedos: bool) -> _Lookup:
+        """What looks up what is asked for: made when it is first asked for."""
+        if (normals, albedos) not in self._lookups:
+            self._lookups[normals, albedos] = self._make_lookup(normals, albedos)
+        return self._lookups[normals, albedos]
+
+    def _make_lookup(self, normals: bool, albedos: bool) -> _Lookup:
+        context, size = self._context, self._rays.size
+        program = build_program(
+            context,
+            "capture/picture.vert",
+            "ground_truth/surfaces.frag",
+            (*(("NORMALS",) if normals else ()), *(("ALBEDO",) if albedos else ())),
+        )
+        connect_tables(program, self._visibility)
+        program["u_rays"] = _RAYS
+        program["u_places"] = _PLACES
+        if albedos:
+            program["u_albedos"] = _ALBEDO_ATLAS
+        try:
+            attachments: list[moderngl.Texture | moderngl.Renderbuffer] = [self.hits, self.surfaces]
+            if normals:
+                attachments.append(context.renderbuffer(size, 4, dtype="f4"))
+            if albedos:
+                attachments.append(context.renderbuffer(size, 4, dtype="f2"))
+            target = context.framebuffer(attachments)
+        except moderngl.Error as reason:
+            raise _too_large(size, reason) from None
+        # once: nothing is ever drawn where there is no ray
+        target.use()
+        target.clear(0.0, 0.0, 0.0, np.inf)
+        clear_integers(_SURFACES)
+        vertex_array = self._rays.vertex_array(program)
+        return _Lookup(target, program["u_here_from_optical"], vertex_array)
 
     def _find_places(self) -> None:
         """Find where in the atlas the rays look: once, as no pose changes it."""
@@ -155,17 +171,24 @@ class SurfacePass:
         if draws is not None:
             draws.render(moderngl.TRIANGLES)
 
-    def _read(self, normals: bool, albedos: bool) -> Surfaces:
+    def _read(self, target: moderngl.Framebuffer, normals: bool, albedos: bool) -> Surfaces:
         width, height = self._rays.size
         hits = np.empty((height, width, 4), dtype=np.float32)
         surfaces = np.empty((height, width, 2), dtype=np.uint32)
-        self._target.read_into(hits, components=4, attachment=_HITS, dtype="f4")
-        self._target.read_into(surfaces, components=2, attachment=_SURFACES, dtype="u4")
-        turned = colors = None
-        if normals:
-            turned = np.empty((height, width, 3), dtype=np.float32)
-            self._target.read_into(turned, components=3, attachment=_NORMALS, dtype="f4")
-        if albedos:
-            colors = np.empty((height, width, 3), dtype=np.float32)
-            self._target.read_into(colors, components=3, attachment=_ALBEDOS, dtype="f4")
-        return Surfaces(hits, surfaces[..., 0], turned, colors)
+        target.read_into(hits, components=4, attachment=_HITS, dtype="f4")
+        target.read_into(surfaces, components=2, attachment=_SURFACES, dtype="u4")
+        extra: list[NDArray[np.float32] | None] = []
+        attachment = _SURFACES
+        for is_asked_for in (normals, albedos):
+            extra.append(np.empty((height, width, 3), np.float32) if is_asked_for else None)
+            if is_asked_for:
+                attachment += 1
+                target.read_into(extra[-1], components=3, attachment=attachment, dtype="f4")
+        return Surfaces(hits, surfaces[..., 0], *extra)
+
+
+def _too_large(size: tuple[int, int], reason: moderngl.Error) -> GraphicsError:
+    return GraphicsError(
+        f"ground truth of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
+        "make the picture smaller"
+    )

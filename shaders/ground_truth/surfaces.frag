@@ -11,10 +11,13 @@ layout(location = 1) out uvec2 out_surface;  // 1 + number of the draw, number o
 #ifdef NORMALS
 #include "scene/vertex_words.glsl"
 layout(location = 2) out vec4 out_normal;  // here, unit
+#define ALBEDO_LOCATION 3
+#else
+#define ALBEDO_LOCATION 2
 #endif
 #ifdef ALBEDO
 uniform sampler2D u_albedos;
-layout(location = 3) out vec4 out_albedo;
+layout(location = ALBEDO_LOCATION) out vec4 out_albedo;
 #endif
 
 #include "ground_truth/surface_lookup.glsl"
