@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from omnisim.gpu.scene_buffers import SceneBuffers
 
 ROW_BITS = 12  # of entries in a row of a texture, as in shaders/ground_truth/tables.glsl
+_AT_ONCE = 1 << 18  # entries: what is in between stays small
 _CORNER = np.dtype([("position", "<f4", 3), ("neighbour", "<u4")])
 
 
@@ -38,28 +39,34 @@ class TriangleTable:
 
     def __init__(self, buffers: SceneBuffers):
         context = buffers.context
-        corners = np.zeros(buffers.indices.size // 4, dtype=_CORNER)
-        indices = np.zeros(len(corners), dtype="<u4")
-        of_mesh: dict[int, NDArray[np.uint32]] = {}
-        done: set[int] = set()
-        for draw in buffers.draws:
-            if draw.first in done:
-                continue
-            done.add(draw.first)
-            mesh = draw.mesh
-            part = corners[draw.first : draw.first + draw.count]
-            part["position"] = mesh.positions[mesh.triangles.ravel()]
-            indices[draw.first : draw.first + draw.count] = mesh.triangles.ravel() + draw.base
-            if _is_sorted(draw.material):
-                part["neighbour"] = NO_NEIGHBOUR
-                continue
-            if id(mesh) not in of_mesh:
-                of_mesh[id(mesh)] = neighbours(mesh.positions, mesh.triangles)
-            part["neighbour"] = of_mesh[id(mesh)].ravel()
-        self.corners = table_texture(context, len(corners), "the scene's triangles")
-        write_table(self.corners, corners)
+        count = buffers.indices.size // 4
+        self.corners = table_texture(context, count, "the scene's triangles")
         some_sorted = any(_is_sorted(draw.material) for draw in buffers.draws)
-        self.indices = context.buffer(indices) if some_sorted else buffers.indices
+        self.indices = context.buffer(reserve=4 * count) if some_sorted else buffers.indices
+        beside_of_mesh: dict[int, NDArray[np.uint32]] = {}
+        # whole rows are written at once: those of the draws before that are not full wait
+        waiting, first_row = [np.empty(0, dtype=_CORNER)], 0
+        first = 0
+        for draw in sorted(buffers.draws, key=lambda draw: draw.first):
+            if draw.first < first:  # instances share the triangles of their mesh
+                continue
+            first = draw.first + draw.count
+            mesh = draw.mesh
+            if some_sorted:
+                indices = (mesh.triangles.ravel() + np.uint32(draw.base)).astype("<u4")
+                self.indices.write(indices, offset=4 * draw.first)
+            corners = np.empty(draw.count, dtype=_CORNER)
+            corners["position"] = mesh.positions[mesh.triangles.ravel()]
+            corners["neighbour"] = NO_NEIGHBOUR
+            if not _is_sorted(draw.material):
+                if id(mesh) not in beside_of_mesh:
+                    beside_of_mesh[id(mesh)] = neighbours(mesh.positions, mesh.triangles)
+                corners["neighbour"] = beside_of_mesh[id(mesh)].ravel()
+            waiting.append(corners)
+            if sum(map(len, waiting)) >= _AT_ONCE:
+                first_row, left = _write_rows(self.corners, np.concatenate(waiting), first_row)
+                waiting = [left]
+        write_table(self.corners, np.concatenate(waiting), first_row)
 
 
 def _is_sorted(material: Material) -> bool:
@@ -84,10 +91,22 @@ def table_texture(context: moderngl.Context, entries: int, what: str) -> moderng
     return texture
 
 
-def write_table(texture: moderngl.Texture, values: NDArray[np.void]) -> None:
-    """Write all entries of a table."""
-    entries = np.ascontiguousarray(values).view("<u4").ravel()
-    size = 4 * texture.width * texture.height
-    if entries.size < size:  # the last row is not full
-        entries = np.concatenate((entries, np.zeros(size - entries.size, dtype="<u4")))
-    texture.write(entries)
+def write_table(texture: moderngl.Texture, values: NDArray[np.void], first_row: int = 0) -> None:
+    """Write the entries of a table, from a row on."""
+    row, left = _write_rows(texture, values, first_row)
+    if len(left):
+        entries = np.zeros((texture.width, 4), dtype="<u4")
+        entries[: len(left)] = left.view("<u4").reshape(-1, 4)
+        texture.write(entries, viewport=(0, row, texture.width, 1))
+
+
+def _write_rows(
+    texture: moderngl.Texture, values: NDArray[np.void], first_row: int
+) -> tuple[int, NDArray[np.void]]:
+    """Write as many entries as fill rows; return the row that follows, and what is left."""
+    flat = np.ascontiguousarray(values).view(_CORNER).ravel()
+    rows = len(flat) // texture.width
+    if rows:
+        written = flat[: rows * texture.width]
+        texture.write(written, viewport=(0, first_row, texture.width, rows))
+    return first_row + rows, flat[rows * texture.width :]

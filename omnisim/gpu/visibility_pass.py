@@ -99,7 +99,7 @@ class VisibilityPass:
         self._standing = None
         if not buffers.standing.is_empty:
             geometry = NumberedGeometry(buffers.standing, buffers.draws, self.numbers)
-            self._numbered = NumberedPrograms(context, albedo)
+            self._numbered = NumberedPrograms(self._programs)
             self._standing = StandingDrawing(context, geometry, self._numbered, unlit=True)
 
     def render(
@@ -143,8 +143,6 @@ class VisibilityPass:
         self._drawing.end(target)
         for program in self._programs.values():
             program.end()
-        if self._standing is not None:
-            self._numbered.end()
 
     def _read_depth(self, target: moderngl.Framebuffer) -> NDArray[np.float32]:
         """Depth (height, width) of what was drawn so far."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import moderngl
@@ -87,18 +88,17 @@ class VisibilityProgram:
 
 
 class NumberedPrograms:
-    """The variants that draw what stands still, as `StandingDrawing` asks for programs.
+    """What draws what stands still, as `StandingDrawing` asks for programs.
 
     Args:
-        context: where.
-        albedo: whether plain colours may be asked for.
+        programs: all variants that may be asked for.
 
     Attributes:
         albedo: draw plain colours, too, from now on.
     """
 
-    def __init__(self, context: moderngl.Context, albedo: bool):
-        self._context, self._may_have = context, (False, True) if albedo else (False,)
+    def __init__(self, programs: Mapping[VisibilityVariant, VisibilityProgram]):
+        self._programs = programs
         self.albedo = False
         self._pairs: dict[bool, NumberedProgram] = {}
 
@@ -107,16 +107,10 @@ class NumberedPrograms:
         holes = variant.alpha_mode is not AlphaMode.OPAQUE
         if holes not in self._pairs:
             programs = {
-                albedo: VisibilityProgram(self._context, VisibilityVariant(holes, albedo))
-                for albedo in self._may_have
+                key.albedo: one for key, one in self._programs.items() if key.holes == holes
             }
             self._pairs[holes] = NumberedProgram(self, programs)
         return self._pairs[holes]
-
-    def end(self) -> None:
-        """Leave the textures to their own filters."""
-        for pair in self._pairs.values():
-            pair.current.end()
 
 
 class NumberedProgram:
