@@ -91,7 +91,7 @@ def _variant(row: dict[str, Any]) -> str:
 
 
 def _peers_table(report: dict[str, Any]) -> list[str]:
-    """A row for each racer, a column for each scene: time, its ratio to ours, quality."""
+    """A row for each racer, a column for each scene: time, quality, and the ratio to ours."""
     rows = [row for row in report["rows"] if row["missing"] is None]
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     cells = {(row["racer"], row["scene"]): _raced(row) for row in rows}
@@ -106,8 +106,12 @@ def _peers_table(report: dict[str, Any]) -> list[str]:
 
 
 def _raced(row: dict[str, Any]) -> str:
-    told = f"{row['p50_ms']:.1f} ms, {row['ratio']:.3g} ×"
-    return told if row["psnr_db"] is None else f"{told}, {row['psnr_db']:.1f} dB"
+    told = f"{row['p50_ms']:.1f} ms"
+    if row["psnr_db"] is not None:
+        told += f", {row['psnr_db']:.1f} dB"
+    if row["racer"].startswith("omnisim"):
+        return told
+    return f"{told}: {row['ratio']:.3g} × {row['ratio_to'].removeprefix('omnisim, ')}"
 
 
 def _verdicts(report: dict[str, Any]) -> list[str]:

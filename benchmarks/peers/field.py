@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
+from functools import partial
 
 from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
 from benchmarks.peers.gazebo import GazeboWay
@@ -11,6 +13,7 @@ from benchmarks.peers.paper import PaperWay
 from benchmarks.peers.peer import SENSOR, Peer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
+from omnisim.sensors import OmniCamera
 from omnisim.sensors.stage import Closing, Stage
 from omnisim.validation.oracles import why_missing
 
@@ -18,7 +21,19 @@ FAST, DEFAULT = "omnisim, fast", "omnisim, default"
 PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
 PAPER, GAZEBO = PaperWay.name, GazeboWay.name
 EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
-NAMES = (FAST, DEFAULT, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
+# Ours at other settings: texels to a side of the picture's finest pixels, at 2 × 2 captures.
+BETWEEN = {f"omnisim, {texels:g} texels": texels for texels in (0.45, 0.6, 0.8, 1.3, 1.7)}
+# From the quickest to the best.
+LADDER = (*list(BETWEEN)[:3], FAST, *list(BETWEEN)[3:], DEFAULT)
+NAMES = (*LADDER, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
+
+
+def rung(name: str) -> OmniCamera:
+    """Our camera at a setting of `LADDER`."""
+    if name in BETWEEN:
+        fast = at_setting(SENSOR, "fast")
+        return dataclasses.replace(fast, texels_per_pixel=BETWEEN[name])
+    return at_setting(SENSOR, {FAST: "fast", DEFAULT: "default"}[name])
 
 
 class Field(Closing):
@@ -31,11 +46,9 @@ class Field(Closing):
 
     def __init__(self, stage: Stage, device: int | None = None):
         scene, context = stage.scene, stage.context
-        fast = at_setting(SENSOR, "fast")
         make: dict[str, Callable[[], Peer]] = {
-            FAST: lambda: Omnisim(stage, fast, FAST),
-            DEFAULT: lambda: Omnisim(stage, at_setting(SENSOR, "default"), DEFAULT),
-            UNLIT: lambda: Omnisim(stage, fast, UNLIT, unlit=True),
+            **{name: partial(Omnisim, stage, rung(name), name) for name in LADDER},
+            UNLIT: lambda: Omnisim(stage, rung(FAST), UNLIT, unlit=True),
             PAPER: lambda: PaperWay(context, scene),
             GAZEBO: lambda: GazeboWay(context, scene),
         }

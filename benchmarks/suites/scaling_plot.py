@@ -26,6 +26,10 @@ def scaling_figure(report: dict[str, Any]) -> Figure:
     raced = [row for row in rows_of["triangles"] if "embree_ratio" in row]
     if raced:
         town.plot(
+            [row["triangles"] for row in raced], [row["as_good_p50_ms"] for row in raced], "o:",
+            color=style.BLUE, label="as good as a ray a pixel",
+        )  # fmt: skip
+        town.plot(
             [row["triangles"] for row in raced], [row["embree_p50_ms"] for row in raced], "s--",
             color=style.ORANGE, label="Embree's rays, one thread, no colours",
         )  # fmt: skip

@@ -115,7 +115,7 @@ class SceneBuffers:
     """
 
     def __init__(self, context: moderngl.Context, scene: Scene, movers: Sequence[Scene] = ()):
-        self._context = context
+        self._context, self._lighting = context, scene.lighting
         self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
         self._white = self._upload_pixels(np.full((1, 1, 4), 255, dtype=np.uint8))
         parts = (scene, *movers)
@@ -192,7 +192,7 @@ class SceneBuffers:
     @cached_property
     def standing(self) -> StandingGeometry:
         """What does not move, a second time: as one draws much of it quickly."""
-        return StandingGeometry(self._context, self.draws)
+        return StandingGeometry(self._context, self.draws, self._lighting)
 
     def check_readable(self, purpose: str) -> None:
         """Refuse a scene whose triangles shaders cannot read.

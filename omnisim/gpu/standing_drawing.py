@@ -64,7 +64,7 @@ class StandingDrawing:
     ):
         self._context, self._geometry = context, geometry
         self._reads_depth = reads_depth
-        variants = [variant_of(look.material, unlit, look.normals_agree) for look in geometry.looks]
+        variants = [variant_of(look.material, unlit, look.shading) for look in geometry.looks]
         self._programs = [surfaces[variant] for variant in variants]
         self.programs = frozenset(self._programs)
         chunks = geometry.chunks

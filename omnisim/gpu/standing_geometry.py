@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.chunks import chunks_of, compact_order
+from omnisim.gpu.shading import Shading, light_from_afar, shadings
 from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
-from omnisim.scene.model import AlphaMode, Material
+from omnisim.scene.model import AlphaMode, Lighting, Material
 
 if TYPE_CHECKING:
     from omnisim.gpu.scene_buffers import Draw
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 # as are places so far away that a float32 does not resolve a tenth of a millimetre there.
 MOST_TRIANGLES = 8_000_000
 FARTHEST_M = 1500.0
+_SAME_LIGHT = 1e-4  # of white: a fortieth of a step of 255
 TRIANGLE = np.dtype([("vertices", "<u4", 3)])  # moved as a whole
 
 
@@ -33,13 +35,13 @@ class Look(NamedTuple):
 
     Attributes:
         material, texture: how they look.
-        normals_agree: all three normals of each triangle point to its front side.
+        shading: what is known of the light on their triangles.
         number: into `StandingGeometry.looks`.
     """
 
     material: Material
     texture: moderngl.Texture
-    normals_agree: bool
+    shading: Shading
     number: int
 
 
@@ -49,6 +51,7 @@ class StandingGeometry:
     Args:
         context: where.
         draws: all of the scene.
+        lighting: of the scene.
 
     Attributes:
         looks: of the chunks.
@@ -59,7 +62,7 @@ class StandingGeometry:
         is_empty: nothing is: then it has no chunks.
     """
 
-    def __init__(self, context: moderngl.Context, draws: Sequence[Draw]):
+    def __init__(self, context: moderngl.Context, draws: Sequence[Draw], lighting: Lighting):
         self._context = context
         self.anchor_m = _middle(draws)
         self.taken = _taken(draws, self.anchor_m)
@@ -69,20 +72,24 @@ class StandingGeometry:
             return
         vertices, triangles = _in_the_world(draws, self.anchor_m)
         corners = vertices["in_position"][triangles]
-        agree = _normals_agree(corners, vertices["in_normal"][triangles])
+        shading, normals = shadings(vertices, triangles, lighting)
+        shading[_either_side(draws)] = Shading.UNKNOWN.value
+        known = shading == Shading.LIGHT_KNOWN.value
+        lights = light_from_afar(normals[known], lighting)
+        vertices, triangles[known] = _lit(vertices, triangles, known, lights)
         looks: dict[tuple[object, ...], Look] = {}
         order, firsts, looks_of_chunks = [], [], []
         first = placed = 0
         for draw in draws:
             last = first + draw.count // 3
-            for has in (True, False):
-                found = first + np.flatnonzero(agree[first:last] == has)
+            for kind in Shading:
+                found = first + np.flatnonzero(shading[first:last] == kind.value)
                 if found.size:
                     some, cuts = compact_order(corners[found])
                     order.append(found[some])
                     firsts.append(placed + cuts)
-                    key = (*_key(draw), has)
-                    looks.setdefault(key, Look(draw.material, draw.texture, has, len(looks)))
+                    key = (*_key(draw), kind)
+                    looks.setdefault(key, Look(draw.material, draw.texture, kind, len(looks)))
                     looks_of_chunks.append(np.full(len(cuts), looks[key].number))
                     placed += len(found)
             first = last
@@ -164,8 +171,40 @@ def _in_the_world(
     return vertices, np.concatenate(triangles)
 
 
-def _normals_agree(corners: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Whether all three normals (n, 3, 3) of each triangle point to its front side."""
-    fronts = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    agree: NDArray[np.bool_] = (np.einsum("tvc,tc->tv", normals, fronts) > 0.0).all(axis=1)
-    return agree
+def _either_side(draws: Sequence[Draw]) -> NDArray[np.bool_]:
+    """Which triangles (n,) show both sides, or no light: what is known of a front is of no use."""
+    none = [draw.material.double_sided or draw.material.unlit for draw in draws]
+    return np.repeat(none, [draw.count // 3 for draw in draws])
+
+
+def _lit(
+    vertices: NDArray[np.void],
+    triangles: NDArray[np.uint32],
+    known: NDArray[np.bool_],
+    lights: NDArray[np.float32],
+) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
+    """Vertices with light instead of normals for the `known` triangles, and those triangles.
+
+    Args:
+        vertices: (n,) of `VERTEX`.
+        triangles: (m, 3), all.
+        known: (m,), k of them.
+        lights: (k, 3), linear RGB.
+
+    Returns:
+        The vertices, and copies of those that have two lights, or light and a normal; and (k, 3).
+    """
+    own = triangles[known].ravel()
+    lights = np.repeat(lights, 3, axis=0)
+    at_vertex = np.zeros((len(vertices), 3), dtype=np.float32)
+    at_vertex[own] = lights  # of all that a vertex should have, one
+    at_vertex[triangles[~known].ravel()] = np.inf  # it has to keep its normal
+    fits = (np.abs(np.take(at_vertex, own, axis=0) - lights) < _SAME_LIGHT).all(axis=1)
+    there = own[fits]
+    vertices["in_normal"][there] = np.take(at_vertex, there, axis=0)
+    if fits.all():
+        return vertices, own.reshape(-1, 3)
+    copies = vertices[own[~fits]]
+    copies["in_normal"] = lights[~fits]
+    own[~fits] = np.arange(len(vertices), len(vertices) + len(copies))
+    return np.concatenate((vertices, copies)), own.reshape(-1, 3)

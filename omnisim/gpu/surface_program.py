@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.shading import Shading
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Light, Lighting, LightKind, Material
 
 _ALL_AROUND = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
@@ -23,35 +24,50 @@ class SurfaceVariant(NamedTuple):
 
     lit: bool
     alpha_mode: AlphaMode
-    normals_agree: bool = False
+    textured: bool
+    shading: Shading = Shading.UNKNOWN
+
+    @property
+    def has_lamps(self) -> bool:
+        """Whether light is found when it is drawn."""
+        return self.lit and self.shading is not Shading.LIGHT_KNOWN
 
     def files(self, lighting: Lighting) -> tuple[str, str, tuple[str, ...]]:
         """Vertex file, fragment file and defines."""
         defines = []
-        if self.lit:
+        if self.has_lamps:
             suns, lamps = _by_kind(lighting)
             defines += ["LIT", f"SUNS {len(suns)}", f"LAMPS {len(lamps)}"]
-            if self.normals_agree:
+            agree = self.shading is Shading.NORMALS_AGREE
+            if agree:
                 defines.append("NORMALS_AGREE")
-            if lamps or not self.normals_agree:
+            if lamps or not agree:
                 defines.append("POSITION")
+        elif self.lit:
+            defines.append("LIGHT_KNOWN")
+        if self.textured:
+            defines.append("TEXTURED")
         if self.alpha_mode is not AlphaMode.OPAQUE:
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         return "scene/surface.vert", "scene/surface.frag", tuple(defines)
 
 
-def variant_of(material: Material, unlit: bool, normals_agree: bool = False) -> SurfaceVariant:
+def variant_of(
+    material: Material, unlit: bool, shading: Shading = Shading.UNKNOWN
+) -> SurfaceVariant:
     """The variant that draws a material.
 
     Args:
         material: how it looks.
         unlit: show plain base colours.
-        normals_agree: all normals point to the front sides of their triangles: what is seen of a
-            material with one side needs no other normal, and none turned round.
+        shading: what is known of the light on its triangles; of no use where both of their sides
+            are seen.
     """
-    lit = not (unlit or material.unlit)
-    simple = lit and normals_agree and not material.double_sided
-    return SurfaceVariant(lit, material.alpha_mode, simple)
+    textured = material.texture is not None
+    if unlit or material.unlit:
+        return SurfaceVariant(False, material.alpha_mode, textured)
+    known = Shading.UNKNOWN if material.double_sided else shading
+    return SurfaceVariant(True, material.alpha_mode, textured, known)
 
 
 class SurfaceProgram:
@@ -62,13 +78,14 @@ class SurfaceProgram:
         self._variant, self._lighting = variant, lighting
         self._clip_from_mesh = program["u_clip_from_mesh"]
         self._base_color = program["u_base_color"]
-        program["u_texture"] = 0
+        if variant.textured:
+            program["u_texture"] = 0
         if variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff = program["u_alpha_cutoff"]
         self._lamps: list[Light] = []
         self._lamp_positions: moderngl.Uniform | None = None
         self._here_from_mesh = self._normal_from_mesh = None
-        if variant.lit:
+        if variant.has_lamps:
             # ambient light alone needs neither, and the compiler leaves them out
             self._here_from_mesh = program.get("u_here_from_mesh", None)
             self._normal_from_mesh = program.get("u_normal_from_mesh", None)
@@ -98,7 +115,8 @@ class SurfaceProgram:
         self._base_color.write(struct.pack("4f", *material.base_color))
         if self._variant.alpha_mode is AlphaMode.MASK:
             self._alpha_cutoff.value = material.alpha_cutoff
-        texture.use(0)
+        if self._variant.textured:
+            texture.use(0)
 
     def _set_lights(self) -> None:
         suns, lamps = _by_kind(self._lighting)

@@ -11,11 +11,13 @@ from omnisim.scene.model import Mesh
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
         ("in_position", "<f4", 3),
-        ("in_normal", "<f4", 3),  # zero: flat, the triangle's own
+        ("in_normal", "<f4", 3),  # zero: flat, the triangle's own; or in_light, see below
         ("in_texture_coordinate", "<f4", 2),
         ("in_color", "<f2", 4),
     ]
 )
+# What a program asks for by the first name stands where the second does, of flat triangles.
+_LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
 _FORMATS = {3: "3f4", 2: "2f4", 4: "4f2"}
 
 
@@ -41,6 +43,8 @@ def vertex_array(
     layout, names = [], []
     for name in VERTEX.names:
         kind, _ = VERTEX.fields[name]
+        if name == _IN_PLACE_OF and _LIGHT in program:
+            name = _LIGHT
         if name in program:
             layout.append(_FORMATS[kind.shape[0]])
             names.append(name)

@@ -4,11 +4,14 @@
 // none is turned round. POSITION: where the surface is counts, for lamps or for the missing normals.
 #version 430 core
 
-uniform vec4 u_base_color;
-uniform sampler2D u_texture;  // white where the material has none
-
+#ifdef TEXTURED
+uniform sampler2D u_texture;
 in vec2 v_texture_coordinate;
-in vec4 v_color;
+#endif
+#ifdef LIGHT_KNOWN
+flat
+#endif
+in vec4 v_color;  // base colour, and light where that is known
 layout(location = 0) out vec4 out_color;
 
 #ifdef ALPHA_MASK
@@ -24,7 +27,10 @@ in vec3 v_position;
 #endif
 
 void main() {
-    vec4 color = u_base_color * v_color * texture(u_texture, v_texture_coordinate);
+    vec4 color = v_color;
+#ifdef TEXTURED
+    color *= texture(u_texture, v_texture_coordinate);
+#endif
 #if defined(LIT) && !defined(NORMALS_AGREE)
     // before any discard: derivatives need the whole 2 x 2 block
     vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));

@@ -2,16 +2,26 @@
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
 // u_here_from_mesh  axes of the world, origin at the effective viewpoint, metres
 // u_normal_from_mesh  cofactors of the above: normals under any scale
+// With LIGHT_KNOWN in_light is what a white surface shows there, linear RGB.
 #version 430 core
 
 uniform mat4 u_clip_from_mesh;
+uniform vec4 u_base_color;
 
 in vec3 in_position;
-in vec2 in_texture_coordinate;
 in vec4 in_color;
-out vec2 v_texture_coordinate;
+#ifdef LIGHT_KNOWN
+flat
+#endif
 out vec4 v_color;
 
+#ifdef TEXTURED
+in vec2 in_texture_coordinate;
+out vec2 v_texture_coordinate;
+#endif
+#ifdef LIGHT_KNOWN
+in vec3 in_light;
+#endif
 #ifdef LIT
 uniform mat4 u_here_from_mesh;
 uniform mat3 u_normal_from_mesh;
@@ -24,8 +34,13 @@ out vec3 v_position;
 
 void main() {
     gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
+#ifdef TEXTURED
     v_texture_coordinate = in_texture_coordinate;
-    v_color = in_color;
+#endif
+    v_color = u_base_color * in_color;
+#ifdef LIGHT_KNOWN
+    v_color.rgb *= in_light;
+#endif
 #ifdef LIT
 #ifdef POSITION
     v_position = (u_here_from_mesh * vec4(in_position, 1.0)).xyz;

@@ -44,12 +44,13 @@ def _floor(normals):
 
 
 @pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("sides", [1, 2])  # of one side light may be known before it is drawn
 @pytest.mark.parametrize("normals", [True, False], ids=["normals", "flat"])
 @pytest.mark.parametrize("pose", POSES.values(), ids=POSES.keys())
 @pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
-def test_light_on_a_floor(light, pose, normals):
+def test_light_on_a_floor(light, pose, normals, sides):
     lighting = Lighting((AMBIENT,) * 3, (light,), EXPOSURE)
-    scene = scene_of([_floor(normals)], [Material(double_sided=True)], [pose], lighting)
+    scene = scene_of([_floor(normals)], [Material(double_sided=sides == 2)], [pose], lighting)
     sensor = OmniCamera(polygons=None, face_size_px=256, samples=1).resized(91)
     with Renderer(scene, sensor) as renderer:
         shown = renderer.render(sensor.base_pose(VIEWPOINT_M), linear=True).linear

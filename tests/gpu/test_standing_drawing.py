@@ -72,23 +72,18 @@ MATERIALS = [
     Material("red on both sides", (0.8, 0.2, 0.1, 1.0), double_sided=True),
     Material("red lamp", (0.8, 0.2, 0.1, 1.0), unlit=True),
 ]
-LIGHT = Lighting(
-    (0.2, 0.2, 0.25),
-    (
-        Light(LightKind.DIRECTIONAL, (1.0, 0.9, 0.8), 0.5, direction=np.array([0.6, 0.0, -0.8])),
-        Light(LightKind.POINT, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.5, -0.5, 1.0])),
-    ),
-)
+SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.9, 0.8), 0.5, direction=np.array([0.6, 0.0, -0.8]))
+LAMP = Light(LightKind.POINT, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.5, -0.5, 1.0]))
 
 
-def mixed_scene():
+def mixed_scene(*lamps):
     """Sheets of every material in a room, at random poses, half of them mirrored or sheared."""
     generator = np.random.default_rng(8)
     meshes, poses = [room()], [np.eye(4)]
     for number in range(48):
         material = 1 + number % (len(MATERIALS) - 1)
-        # no normals; normals that point to the front, to whichever side, and to the back
-        up = (None, 1.0, 0.2, -1.0, None)[number % 5]
+        # no normals; normals that point to the front, to whichever side, and to the back; one
+        up = (None, 1.0, 0.2, -1.0, 1e9)[number % 5]
         meshes.append(sheet(f"sheet {number}", material, seed=number, up=up))
         at = generator.uniform((-2.6, -1.7, -1.3), (2.6, 1.7, 0.6))
         if np.linalg.norm(at) < 0.9:
@@ -101,7 +96,8 @@ def mixed_scene():
         if number % 4 == 3:
             pose[:3, :3] = pose[:3, :3] @ np.array([[1, 0.3, 0], [0, 1.2, 0], [0, 0, 0.7]])
         poses.append(pose)
-    return scene_of(meshes, MATERIALS, poses, lighting=LIGHT, background=(0.1, 0.2, 0.4))
+    lighting = Lighting((0.2, 0.2, 0.25), lamps or (SUN, LAMP))
+    return scene_of(meshes, MATERIALS, poses, lighting=lighting, background=(0.1, 0.2, 0.4))
 
 
 def mover():
@@ -154,10 +150,13 @@ def test_scenes_look_as_if_drawn_plainly(source, monkeypatch, request):
 
 
 @pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("lamps", [(SUN, LAMP), (SUN,)], ids=["a lamp near by", "the sun alone"])
 @pytest.mark.parametrize("samples", [1, 4])
-def test_materials_movers_and_mirrored_instances_look_as_if_drawn_plainly(samples, monkeypatch):
+def test_materials_movers_and_mirrored_instances_look_as_if_drawn_plainly(
+    samples, lamps, monkeypatch
+):
     camera = dataclasses.replace(FAST.resized(200), samples=samples)
-    with Stage(mixed_scene(), mover()) as stage:
+    with Stage(mixed_scene(*lamps), mover()) as stage:
         pictures = Pictures(monkeypatch, stage, camera)
         for at in ((0.0, 0.0, 0.0), (0.4, -0.3, 0.2)):
             pose = frames.pose(at, roll_deg=5.0, yaw_deg=40.0) @ np.linalg.inv(camera.base_from_rig)

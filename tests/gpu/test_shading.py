@@ -1,0 +1,95 @@
+"""What is known of triangles' light before they are drawn, and what is not."""
+
+import numpy as np
+import pytest
+
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.shading import Shading, light_from_afar, shadings
+from omnisim.gpu.vertex_format import VERTEX
+from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
+from tests.gpu.test_standing_drawing import LAMP, SUN
+from tests.scenes import scene_of
+
+UP, LEANING, DOWN, NONE = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)
+CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+LIGHTING = Lighting((0.1, 0.2, 0.3), (SUN,))
+
+
+def _shading(normals, colors=None, corners=CORNERS, lighting=LIGHTING):
+    vertices = np.zeros(3, dtype=VERTEX)
+    vertices["in_position"], vertices["in_normal"] = corners, normals
+    vertices["in_color"] = 1.0 if colors is None else colors
+    values, directions = shadings(vertices, np.array([[0, 1, 2]], dtype=np.uint32), lighting)
+    return Shading(values[0]), directions[0]
+
+
+@pytest.mark.parametrize("normal", [UP, LEANING])
+def test_light_of_a_flat_triangle_is_known(normal):
+    kind, direction = _shading(3.0 * np.array([normal] * 3))
+    assert kind is Shading.LIGHT_KNOWN
+    np.testing.assert_allclose(direction, normal, atol=1e-7)
+
+
+def test_a_triangle_without_normals_has_its_own():
+    kind, direction = _shading([NONE] * 3)
+    assert kind is Shading.LIGHT_KNOWN
+    np.testing.assert_array_equal(direction, UP)
+
+
+@pytest.mark.parametrize(
+    ("normals", "kind"),
+    [
+        ([UP, UP, LEANING], Shading.NORMALS_AGREE),
+        ([UP, LEANING, UP], Shading.NORMALS_AGREE),
+        ([UP, UP, (1e-3, 0.0, 1.0)], Shading.NORMALS_AGREE),
+        ([UP, UP, NONE], Shading.UNKNOWN),
+        ([NONE, UP, UP], Shading.UNKNOWN),
+        ([UP, UP, DOWN], Shading.UNKNOWN),
+        ([DOWN, DOWN, DOWN], Shading.UNKNOWN),
+    ],
+)
+def test_light_of_another_triangle_is_not(normals, kind):
+    assert _shading(normals)[0] is kind
+
+
+def test_nor_is_that_of_one_of_many_colors_or_of_no_area_or_beside_a_lamp():
+    assert _shading([UP] * 3, np.eye(4)[:3])[0] is Shading.NORMALS_AGREE
+    assert _shading([UP] * 3, [(0.5, 0.0, 1.0, 1.0)] * 3)[0] is Shading.LIGHT_KNOWN
+    assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is Shading.UNKNOWN
+    beside = Lighting((0.1, 0.2, 0.3), (SUN, LAMP))
+    assert _shading([UP] * 3, lighting=beside)[0] is Shading.NORMALS_AGREE
+
+
+def test_light_is_what_lambert_says():
+    sun = Light(LightKind.DIRECTIONAL, (1.0, 0.5, 0.25), 2.0, direction=np.array(DOWN))
+    lighting = Lighting((0.1, 0.2, 0.3), (sun,), exposure=0.5)
+    light = light_from_afar(np.array([UP, DOWN, LEANING], dtype=np.float32), lighting)
+    expected = [(1.1, 0.7, 0.55), (0.1, 0.2, 0.3), (0.9, 0.6, 0.5)]
+    np.testing.assert_allclose(light, expected, rtol=1e-6)
+
+
+def test_vertices_of_two_triangles_that_differ_are_copied(context):
+    """A roof of two flat sides and no normals, and one that bends, on the same vertices."""
+    positions = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 1], [0, 1, 1], [0, 2, 0]], np.float32)
+    flat = Mesh("flat", positions, np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]], np.uint32), 0)
+    normals = np.array([(0, -1, 1), (0, -1, 1), (0, -1, 1), (0, 0, 1), (0, 1, 1)], np.float32)
+    bent = Mesh("bent", positions, flat.triangles, 0, normals=normals)
+    for mesh, kinds in ((flat, [2, 2, 2]), (bent, [2, 1, 0])):
+        scene = scene_of([mesh], [Material()], lighting=LIGHTING)
+        geometry = SceneBuffers(context, scene).standing
+        vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
+        triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
+        looks = np.repeat(geometry.look_of_chunk, geometry.chunks.count)
+        found = [geometry.looks[look].shading.value for look in looks]
+        assert sorted(found) == sorted(kinds)
+        for triangle, kind in zip(triangles, found, strict=True):
+            corners, told = vertices["in_position"][triangle], vertices["in_normal"][triangle]
+            if kind == Shading.LIGHT_KNOWN.value:
+                own = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+                own = (own / np.linalg.norm(own))[None]
+                expected = np.repeat(light_from_afar(own, LIGHTING), 3, axis=0)
+                np.testing.assert_allclose(told, expected, atol=1e-4)
+            else:
+                at = corners + geometry.anchor_m
+                numbers = [np.flatnonzero((positions == corner).all(axis=1))[0] for corner in at]
+                np.testing.assert_array_equal(told, normals[numbers])
