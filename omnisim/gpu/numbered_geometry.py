@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene_buffers import Draw
+from omnisim.gpu.shader_files import build_transform
 from omnisim.gpu.standing_geometry import StandingGeometry
 from omnisim.gpu.triangle_table import ROW_BITS
 
@@ -84,18 +85,20 @@ class NumberedGeometry:
 
     Args:
         geometry: which is not empty.
-        draws: all of the scene.
+        surfaces: of its triangles, see `surfaces_of`.
         numbers: of the frame.
 
     Attributes:
         looks, chunks, look_of_chunk, anchor_m: of the geometry.
     """
 
-    def __init__(self, geometry: StandingGeometry, draws: Sequence[Draw], numbers: TriangleNumbers):
+    def __init__(
+        self, geometry: StandingGeometry, surfaces: NDArray[np.void], numbers: TriangleNumbers
+    ):
         self._geometry, self._numbers = geometry, numbers
         self.looks, self.chunks = geometry.looks, geometry.chunks
         self.look_of_chunk, self.anchor_m = geometry.look_of_chunk, geometry.anchor_m
-        self._surfaces = surfaces_of(geometry, draws)
+        self._surfaces = surfaces
         self.first_number = 0
 
     def vertex_array(self, program: NumberedProgram, indices: moderngl.Buffer) -> NumberedCalls:
@@ -138,44 +141,64 @@ class NumberedCalls:
         self._arrays[program].render(mode, vertices=vertices, first=first)
 
 
-def surfaces_of(geometry: StandingGeometry, draws: Sequence[Draw]) -> NDArray[np.void]:
+def surfaces_of(
+    context: moderngl.Context, geometry: StandingGeometry, draws: Sequence[Draw]
+) -> NDArray[np.void] | None:
     """Of each triangle (n,) of the geometry, in its order, 1 + the number of its draw, and its
-    number in the draw."""  # fmt: skip
-    ordered, surfaces = [], []
-    base = 0
-    for index in np.flatnonzero(geometry.taken):
-        draw = draws[index]
-        own = draw.mesh.triangles[:, (0, 2, 1)] if draw.mirrored else draw.mesh.triangles
-        ordered.append(own + np.uint32(base))
-        base += len(draw.mesh.positions)
-        surfaces.append(_surfaces_of(draw, index))
+    number in the draw. None: they are not found again.
+
+    The geometry has triangles draw by draw, but within a draw in an order of its own, and of some
+    vertices copies behind all others. Positions tell: bit by bit those of the vertices that it has
+    of the draw. Of triangles at the same place any may stand for the other.
+    """  # fmt: skip
+    taken = np.flatnonzero(geometry.taken)
+    triangles, base = [], 0
+    for index in taken:
+        mesh = draws[index].mesh
+        own = mesh.triangles[:, (0, 2, 1)] if draws[index].mirrored else mesh.triangles
+        triangles.append(own + np.uint32(base))
+        base += len(mesh.positions)
+    surfaces = np.concatenate([_surfaces_of(draws[index], index) for index in taken])
+    known = np.concatenate(triangles)
     found = geometry.indices(np.arange(len(geometry.chunks.count)))["vertices"]
-    known, together = np.concatenate(ordered), np.concatenate(surfaces)
-    result = np.empty_like(together)
-    for sorting in (_quick_sorting, _sorting):
-        of_known, of_found = sorting(known), sorting(found)
-        if np.array_equal(known[of_known], found[of_found]):
-            break
-    result[of_found] = together[of_known]
+    if len(found) != len(known):
+        return None
+    places = _places(context, geometry, max(base, int(found.max()) + 1))
+    draw_of_triangle = surfaces["draw_plus_one"].astype(np.uint64)
+    keys_known = _mixed(np.take(places, known).T, draw_of_triangle)
+    keys_found = _mixed(np.take(places, found).T, draw_of_triangle)
+    of_known, of_found = np.argsort(keys_known), np.argsort(keys_found)
+    if not np.array_equal(keys_known[of_known], keys_found[of_found]):
+        return None
+    result = np.empty_like(surfaces)
+    result[of_found] = surfaces[of_known]
     return result
+
+
+def _places(
+    context: moderngl.Context, geometry: StandingGeometry, vertices: int
+) -> NDArray[np.uint64]:
+    """A number (n,) for the position of each vertex, the same for the same bits only."""
+    program = build_transform(context, "ground_truth/positions.vert", ("v_position",))
+    indices = context.buffer(np.arange(vertices, dtype="<u4"))
+    positions = context.buffer(reserve=12 * vertices)
+    context.framebuffer([context.renderbuffer((1, 1), 4)]).use()  # OpenGL wants some, to draw none
+    array = geometry.vertex_array(program, indices)
+    array.transform(positions, moderngl.POINTS, vertices=vertices)
+    words = np.frombuffer(positions.read(), dtype="<u4").reshape(-1, 3)
+    return _mixed(words.astype(np.uint64).T)
+
+
+def _mixed(numbers: NDArray[np.uint64], start: NDArray[np.uint64] | int = 0) -> NDArray[np.uint64]:
+    """One number (n,) for several (m, n): two of 2⁶⁴ hardly ever meet."""
+    mixed = np.zeros(numbers.shape[1], dtype=np.uint64) + np.uint64(1) + start
+    for one in numbers:
+        mixed = (mixed ^ one) * _MIXER
+        mixed ^= mixed >> np.uint64(29)
+    return mixed
 
 
 def _surfaces_of(draw: Draw, index: int) -> NDArray[np.void]:
     surfaces = np.empty(draw.count // 3, dtype=_SURFACE)
     surfaces["draw_plus_one"], surfaces["triangle"] = index + 1, np.arange(draw.count // 3)
     return surfaces
-
-
-def _quick_sorting(triangles: NDArray[np.uint32]) -> NDArray[np.intp]:
-    """An order (n,) of triangles (n, 3), the same for the same ones: by one number for all three,
-    which two triangles hardly ever share."""  # fmt: skip
-    first, second, third = triangles.astype(np.uint64).T
-    with np.errstate(over="ignore"):
-        mixed = (first * _MIXER + second) * _MIXER + third
-    return np.argsort(mixed * _MIXER)
-
-
-def _sorting(triangles: NDArray[np.uint32]) -> NDArray[np.intp]:
-    """Order (n,) in which triangles (n, 3) rise."""
-    first, second, third = triangles.astype(np.uint64).T
-    return np.lexsort((third, first << np.uint64(32) | second))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.face_drawing import FaceDrawing
 from omnisim.gpu.face_plan import FacePlan
-from omnisim.gpu.numbered_geometry import NumberedGeometry, TriangleNumbers
+from omnisim.gpu.numbered_geometry import NumberedGeometry, TriangleNumbers, surfaces_of
 from omnisim.gpu.reversed_depth import float_depth, gl_function
 from omnisim.gpu.scene_buffers import Placement, SceneBuffers
 from omnisim.gpu.standing_drawing import StandingDrawing
@@ -93,12 +93,17 @@ class VisibilityPass:
         }
         self._flush = gl_function("glFlush")
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
-        alone = buffers.shown(hidden) & ~buffers.standing.taken & np.array(seen)
+        alone = buffers.shown(hidden) & np.array(seen)
+        surfaces = None
+        if not buffers.standing.is_empty:
+            surfaces = surfaces_of(context, buffers.standing, buffers.draws)
+        if surfaces is not None:
+            alone &= ~buffers.standing.taken
         self._alone = np.flatnonzero(alone)
         self.numbers = TriangleNumbers(context, buffers.draws, self._alone)
         self._standing = None
-        if not buffers.standing.is_empty:
-            geometry = NumberedGeometry(buffers.standing, buffers.draws, self.numbers)
+        if surfaces is not None:
+            geometry = NumberedGeometry(buffers.standing, surfaces, self.numbers)
             self._numbered = NumberedPrograms(self._programs)
             self._standing = StandingDrawing(context, geometry, self._numbered, unlit=True)
 

@@ -13,6 +13,7 @@ from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
 from tests.gpu.test_standing_drawing import sheet
+from tests.gpu.test_standing_geometry import _corners_m
 from tests.scenes import room, scene_of
 from tests.vehicles import box, checkered
 
@@ -69,24 +70,27 @@ def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
 
 
 def test_triangles_of_chunks_are_found_again_in_their_instances(context):
+    """Though the geometry has copies of vertices, in places of their own."""
     buffers = SceneBuffers(context, _scene())
     geometry, draws = buffers.standing, buffers.draws
-    found = surfaces_of(geometry, draws)
-    triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
+    found = surfaces_of(context, geometry, draws)
     taken = np.flatnonzero(geometry.taken).tolist()
-    bases = np.cumsum([0, *(len(draws[index].mesh.positions) for index in taken)])
-    base_of_draw = dict(zip(taken, bases.tolist(), strict=False))
-    for triangle, (draw_plus_one, number) in zip(triangles.tolist(), found.tolist(), strict=True):
-        own = draws[draw_plus_one - 1].mesh.triangles[number] + base_of_draw[draw_plus_one - 1]
-        assert set(triangle) == set(own.tolist())
-    assert len(np.unique(found)) == sum(draws[index].count // 3 for index in taken)
+    assert len(np.unique(found)) == len(found) == sum(draws[one].count // 3 for one in taken)
+    corners_m = _corners_m(geometry)
+    for index in taken:
+        draw, mine = draws[index], found["draw_plus_one"] == index + 1
+        own_m = draw.mesh.positions[draw.mesh.triangles[found["triangle"][mine]]]
+        own_m = own_m @ draw.own_from_mesh[:3, :3].T + draw.own_from_mesh[:3, 3]
+        if draw.mirrored:  # turned back
+            own_m = own_m[:, (0, 2, 1)]
+        np.testing.assert_allclose(corners_m[mine], own_m, atol=1e-6)
 
 
 def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
     buffers = SceneBuffers(context, _scene())
     alone = np.flatnonzero(~buffers.standing.taken)
     numbers = TriangleNumbers(context, buffers.draws, alone)
-    some = surfaces_of(buffers.standing, buffers.draws)
+    some = surfaces_of(context, buffers.standing, buffers.draws)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):
         numbers.begin()
