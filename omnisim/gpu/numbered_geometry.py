@@ -8,6 +8,7 @@ numbers, and a table says what they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -164,9 +165,9 @@ def surfaces_of(
     if len(found) != len(known):
         return None
     places = _places(context, geometry, max(base, int(found.max()) + 1))
-    draw_of_triangle = surfaces["draw_plus_one"].astype(np.uint64)
-    keys_known = _mixed(np.take(places, known).T, draw_of_triangle)
-    keys_found = _mixed(np.take(places, found).T, draw_of_triangle)
+    keys_known = _keys(surfaces["draw_plus_one"], known, places)
+    keys_found = _keys(surfaces["draw_plus_one"], found, places)
+    del known, found, places
     of_known, of_found = np.argsort(keys_known), np.argsort(keys_found)
     if not np.array_equal(keys_known[of_known], keys_found[of_found]):
         return None
@@ -186,16 +187,23 @@ def _places(
     array = geometry.vertex_array(program, indices)
     array.transform(positions, moderngl.POINTS, vertices=vertices)
     words = np.frombuffer(positions.read(), dtype="<u4").reshape(-1, 3)
-    return _mixed(words.astype(np.uint64).T)
+    return reduce(_mixed, words.T, np.ones(vertices, dtype=np.uint64))
 
 
-def _mixed(numbers: NDArray[np.uint64], start: NDArray[np.uint64] | int = 0) -> NDArray[np.uint64]:
-    """One number (n,) for several (m, n): two of 2⁶⁴ hardly ever meet."""
-    mixed = np.zeros(numbers.shape[1], dtype=np.uint64) + np.uint64(1) + start
-    for one in numbers:
-        mixed = (mixed ^ one) * _MIXER
-        mixed ^= mixed >> np.uint64(29)
+def _keys(
+    draws_plus_one: NDArray[np.uint32], triangles: NDArray[np.uint32], places: NDArray[np.uint64]
+) -> NDArray[np.uint64]:
+    """A number (n,) for each triangle (n, 3): the same where draw and corners are the same."""
+    mixed = _mixed(np.ones(len(triangles), dtype=np.uint64), draws_plus_one)
+    for corner in range(3):
+        mixed = _mixed(mixed, places[triangles[:, corner]])
     return mixed
+
+
+def _mixed(mixed: NDArray[np.uint64], with_them: NDArray[np.integer]) -> NDArray[np.uint64]:
+    """Numbers (n,) of two each: of 2⁶⁴, so that two pairs hardly ever meet."""
+    mixed = (mixed ^ with_them.astype(np.uint64)) * _MIXER
+    return mixed ^ (mixed >> np.uint64(29))
 
 
 def _surfaces_of(draw: Draw, index: int) -> NDArray[np.void]:
