@@ -25,9 +25,6 @@ class Emit(Enum):
     COLOR = ()
     RAY = ("EMIT_RAY",)
     LOOKUP = ("EMIT_LOOKUP",)
-    SURFACE = ("EMIT_SURFACE",)
-    SURFACE_AND_NORMAL = ("EMIT_SURFACE", "NORMALS")
-    SURFACE_NORMAL_ALBEDO = ("EMIT_SURFACE", "NORMALS", "ALBEDO")
 
     @property
     def defines(self) -> tuple[str, ...]:
@@ -162,8 +159,8 @@ def connect_cube(
     if "u_max_level" in program:  # what is no colour has no mip levels
         program["u_max_level"] = float(plan.max_level)
         program["u_level_bias"] = plan.level_bias
-    program["u_rig_from_optical"].write(columns_first(rig_from_optical))
     for name, values in (
+        ("u_rig_from_optical", columns_first(rig_from_optical)),
         ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
         ("u_first_tile", first_tiles.astype("<i4")),
         ("u_tile_core", cores),

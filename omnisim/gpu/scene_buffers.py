@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError, SceneError
-from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.masked_mipmaps import masked_mipmaps
 from omnisim.gpu.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
 from omnisim.gpu.standing_geometry import StandingGeometry
+from omnisim.gpu.triangle_table import TriangleTable
 from omnisim.gpu.vertex_format import VERTEX, fill_vertices, vertex_array
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
 
@@ -185,19 +185,9 @@ class SceneBuffers:
         return np.array([draw.mover is None or draw.name not in hidden for draw in self.draws])
 
     @cached_property
-    def neighbours(self) -> moderngl.Buffer:
-        """Three numbers for each triangle of the index buffer: those beside it in its draw, see
-        `omnisim.gpu.adjacency`. Blended draws, whose order changes, have none."""  # fmt: skip
-        found = np.full((self.indices.size // 12, 3), NO_NEIGHBOUR)
-        of_mesh: dict[int, NDArray[np.uint32]] = {}
-        for draw in self.draws:
-            if is_blended(draw.material):
-                continue
-            if id(draw.mesh) not in of_mesh:
-                of_mesh[id(draw.mesh)] = neighbours(draw.mesh.positions, draw.mesh.triangles)
-            first = draw.first // 3
-            found[first : first + draw.count // 3] = of_mesh[id(draw.mesh)]
-        return self._context.buffer(found)
+    def triangles(self) -> TriangleTable:
+        """All triangles a second time: as one looks up single ones."""
+        return TriangleTable(self)
 
     @cached_property
     def standing(self) -> StandingGeometry:

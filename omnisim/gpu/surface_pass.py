@@ -10,25 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.capture_pass import Capture, Emit, connect_cube
-from omnisim.gpu.scene_buffers import Draw, Placement
+from omnisim.gpu.capture_pass import connect_cube
+from omnisim.gpu.lookup_records import DrawTable, connect_places, connect_tables, use_tables
+from omnisim.gpu.ray_table import RayTable
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first
-from omnisim.gpu.visibility_pass import VisibilityPass, alpha_cutoff, clear_integers
+from omnisim.gpu.visibility_pass import VisibilityPass, clear_integers
 
-_RECORD = np.dtype(  # DrawRecord in shaders/ground_truth/surface_lookup.glsl
-    [
-        ("here_from_mesh", "<f4", (3, 4)),
-        ("normal_from_mesh", "<f4", (3, 4)),
-        ("first", "<u4"),
-        ("kind", "<u4"),
-        ("unused", "<u4", 2),
-    ]
-)
-_VERTICES, _INDICES, _DRAWS, _NEIGHBOURS = range(4)  # bindings
-# What a record says of a draw's material, in the bits of one number.
-_HOLED, _DOUBLE_SIDED, _MIRRORED = 1, 2, 4
-_HITS, _SURFACES, _NORMALS, _ALBEDOS = range(4)  # attachments
+_VERTICES, _INDICES = range(2)  # bindings
+_RAYS, _ALBEDO_ATLAS, _PLACES = 1, 4, 5  # texture units
+_HITS, _SURFACES = range(2)  # attachments; normals and plain colours follow
 
 
 class Surfaces(NamedTuple):
@@ -37,54 +28,42 @@ class Surfaces(NamedTuple):
     "Here" has the world's axes and its origin in the effective viewpoint.
     """
 
-    points_m: NDArray[np.float32]  # (height, width, 3), here; nothing is hit: direction
-    ranges_m: NDArray[np.float32]  # (height, width); +inf: nothing is hit
-    draws: NDArray[np.int32]  # (height, width), into `SceneBuffers.draws`; −1: nothing is hit
-    triangles: NDArray[np.uint32]  # (height, width), of the draw
-    valid: NDArray[np.bool_]  # (height, width): the pixel has a ray
+    hits: NDArray[np.float32]  # (height, width, 4), the points and ranges below
+    draws_plus_one: NDArray[np.uint32]  # (height, width), 1 + number of the draw; 0: nothing is hit
     normals: NDArray[np.float32] | None  # (height, width, 3), here, unit; 0: nothing is hit
     albedos: NDArray[np.float32] | None  # (height, width, 3) linear RGB; 0: nothing is hit
 
+    @property
+    def points_m(self) -> NDArray[np.float32]:
+        """Points (height, width, 3), here; where nothing is hit, directions."""
+        return self.hits[..., :3]
 
-class GivenRays:
-    """A capture whose rays are given anew each time; in the rig frame.
+    @property
+    def ranges_m(self) -> NDArray[np.float32]:
+        """Ranges (height, width); +inf: nothing is hit."""
+        return self.hits[..., 3]
 
-    Attributes:
-        program: for `SurfacePass`.
-    """
 
-    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        self.program = build_program(
-            context,
-            "common/full_screen.vert",
-            "ground_truth/given_rays.frag",
-            defines=Emit.SURFACE.defines,
-        )
-        self.program["u_rays"] = 2
-        self._rays = context.texture(size, 4, dtype="f4")
-        self._rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._vertex_array = context.vertex_array(self.program, [])
+class _Lookup(NamedTuple):
+    """What looks rays up, for what is asked for."""
 
-    def write(self, rays_rig: NDArray[np.float32]) -> None:
-        """Give the rays (height, width, 4): directions of any length, and 1 where there is one."""
-        self._rays.write(rays_rig)
-
-    def draw(self) -> None:
-        """Draw into the framebuffer in use."""
-        self._rays.use(2)
-        self._vertex_array.render(moderngl.TRIANGLES, vertices=3)
+    target: moderngl.Framebuffer
+    here_from_optical: moderngl.Uniform
+    vertex_array: moderngl.VertexArray | None
 
 
 class SurfacePass:
-    """Looks every ray of a capture up in the visible triangles; everything is made once.
+    """Looks the rays of a picture up in the visible triangles; everything is made once.
 
     Args:
         context: where.
         visibility: which triangles are visible.
-        capture: of the rays.
-        size: width and height of the picture.
+        rays: of the pixels.
         rig_from_optical: (3, 3).
-        emit: what the capture was made to emit: a surface alone, or more.
+
+    Attributes:
+        hits: texture; where each ray hits, here, and the range; see `Surfaces`.
+        surfaces: texture; 1 + number of the draw, and number of its triangle.
 
     Raises:
         GraphicsError: a picture or a scene that does not fit on the GPU.
@@ -94,39 +73,24 @@ class SurfacePass:
         self,
         context: moderngl.Context,
         visibility: VisibilityPass,
-        capture: Capture | GivenRays,
-        size: tuple[int, int],
+        rays: RayTable,
         rig_from_optical: NDArray[np.float64],
-        emit: Emit = Emit.SURFACE,
     ):
-        self._context, self._visibility, self._capture = context, visibility, capture
-        self._size, self._rig_from_optical = size, rig_from_optical
-        buffers = visibility.buffers
-        buffers.check_readable("to look up what its pixels show")
-        connect_cube(capture.program, visibility.plan, rig_from_optical)
-        capture.program["u_depth_limits_m"] = (visibility.near_m, min(visibility.far_m, 3e38))
-        self._has_albedo = emit is Emit.SURFACE_NORMAL_ALBEDO
-        if self._has_albedo:
-            capture.program["u_albedos"] = 1
+        self._visibility, self._rays = visibility, rays
+        self._context, self._rig_from_optical = context, rig_from_optical
+        visibility.buffers.check_readable("to look up what its pixels show")
+        size = rays.size
         try:
-            attachments = [
-                context.renderbuffer(size, 4, dtype="f4"),
-                context.renderbuffer(size, 2, dtype="u4"),
-            ]
-            if emit is not Emit.SURFACE:
-                attachments.append(context.renderbuffer(size, 4, dtype="f4"))
-            if self._has_albedo:
-                attachments.append(context.renderbuffer(size, 4, dtype="f2"))
-            self._target = context.framebuffer(attachments)
+            self.hits = context.texture(size, 4, dtype="f4")
+            self.surfaces = context.texture(size, 2, dtype="u4")
+            self._places = context.texture(size, 4, dtype="f4")
         except moderngl.Error as reason:
-            raise GraphicsError(
-                f"ground truth of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
-                "make the picture smaller"
-            ) from None
-        self._records = np.zeros(len(buffers.draws), dtype=_RECORD)
-        self._records["first"] = [draw.first for draw in buffers.draws]
-        self._records["kind"] = [_kind(draw) for draw in buffers.draws]
-        self._record_buffer = context.buffer(reserve=self._records.nbytes)
+            raise _too_large(size, reason) from None
+        for texture in (self.hits, self.surfaces, self._places):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._find_places()
+        self._lookups: dict[tuple[bool, bool], _Lookup] = {}
+        self._draws = DrawTable(context, visibility.buffers.draws)
 
     def render(
         self,
@@ -137,64 +101,94 @@ class SurfacePass:
     ) -> Surfaces:
         """Look all rays up from a pose (4, 4), movers at theirs.
 
-        The last two are read back where they are asked for, if the capture emits them.
+        The last two are made where they are asked for; plain colours only where the visibility can
+        have some.
         """
         visibility, buffers = self._visibility, self._visibility.buffers
         placement = buffers.place(world_from_rig[:3, 3], world_from_movers)
-        visibility.render(world_from_rig, placement)
-        self._write_records(placement)
+        visibility.render(world_from_rig, placement, albedos)
+        self._draws.write(placement, placement.normal_from_mesh)
         here_from_optical = world_from_rig[:3, :3] @ self._rig_from_optical
-        self._capture.program["u_here_from_optical"].write(columns_first(here_from_optical))
-        target = self._target
-        target.use()
-        target.clear()
-        clear_integers(_SURFACES)
-        visibility.surfaces.use(0)
-        if visibility.albedos is not None:
-            visibility.albedos.use(1)
+        lookup = self._lookup(normals, albedos)
+        lookup.here_from_optical.write(columns_first(here_from_optical))
+        lookup.target.use()
+        use_tables(visibility, self._draws)
+        self._rays.rays.use(_RAYS)
+        self._places.use(_PLACES)
+        if albedos:
+            visibility.albedos.use(_ALBEDO_ATLAS)
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
-        buffers.indices.bind_to_storage_buffer(_INDICES)
-        self._record_buffer.bind_to_storage_buffer(_DRAWS)
-        buffers.neighbours.bind_to_storage_buffer(_NEIGHBOURS)
-        self._capture.draw()
-        return self._read(normals, albedos)
+        buffers.triangles.indices.bind_to_storage_buffer(_INDICES)
+        if lookup.vertex_array is not None:
+            lookup.vertex_array.render(moderngl.TRIANGLES)
+        return self._read(lookup.target, normals, albedos)
 
-    def _write_records(self, placement: Placement) -> None:
-        self._records["here_from_mesh"] = placement.here_from_mesh[:, :3]
-        self._records["normal_from_mesh"][..., :3] = placement.normal_from_mesh
-        self._record_buffer.write(self._records)
+    def _lookup(self, normals: bool, albedos: bool) -> _Lookup:
+        """What looks up what is asked for: made when it is first asked for."""
+        if (normals, albedos) not in self._lookups:
+            self._lookups[normals, albedos] = self._make_lookup(normals, albedos)
+        return self._lookups[normals, albedos]
 
-    def _read(self, normals: bool, albedos: bool) -> Surfaces:
-        width, height = self._size
+    def _make_lookup(self, normals: bool, albedos: bool) -> _Lookup:
+        context, size = self._context, self._rays.size
+        program = build_program(
+            context,
+            "capture/picture.vert",
+            "ground_truth/surfaces.frag",
+            (*(("NORMALS",) if normals else ()), *(("ALBEDO",) if albedos else ())),
+        )
+        connect_tables(program, self._visibility)
+        program["u_rays"] = _RAYS
+        program["u_places"] = _PLACES
+        if albedos:
+            program["u_albedos"] = _ALBEDO_ATLAS
+        try:
+            attachments: list[moderngl.Texture | moderngl.Renderbuffer] = [self.hits, self.surfaces]
+            if normals:
+                attachments.append(context.renderbuffer(size, 4, dtype="f4"))
+            if albedos:
+                attachments.append(context.renderbuffer(size, 4, dtype="f2"))
+            target = context.framebuffer(attachments)
+        except moderngl.Error as reason:
+            raise _too_large(size, reason) from None
+        # once: nothing is ever drawn where there is no ray
+        target.use()
+        target.clear(0.0, 0.0, 0.0, np.inf)
+        clear_integers(_SURFACES)
+        vertex_array = self._rays.vertex_array(program)
+        return _Lookup(target, program["u_here_from_optical"], vertex_array)
+
+    def _find_places(self) -> None:
+        """Find where in the atlas the rays look: once, as no pose changes it."""
+        files = "capture/picture.vert", "ground_truth/places.frag"
+        program = build_program(self._context, *files)
+        connect_cube(program, self._visibility.plan, self._rig_from_optical)
+        connect_places(program, self._visibility)
+        program["u_rays"] = _RAYS
+        draws = self._rays.vertex_array(program)
+        self._context.framebuffer([self._places]).use()
+        self._rays.rays.use(_RAYS)
+        if draws is not None:
+            draws.render(moderngl.TRIANGLES)
+
+    def _read(self, target: moderngl.Framebuffer, normals: bool, albedos: bool) -> Surfaces:
+        width, height = self._rays.size
         hits = np.empty((height, width, 4), dtype=np.float32)
         surfaces = np.empty((height, width, 2), dtype=np.uint32)
-        self._target.read_into(hits, components=4, attachment=_HITS, dtype="f4")
-        self._target.read_into(surfaces, components=2, attachment=_SURFACES, dtype="u4")
-        turned = colors = None
-        if normals:
-            turned = np.empty((height, width, 3), dtype=np.float32)
-            self._target.read_into(turned, components=3, attachment=_NORMALS, dtype="f4")
-        if albedos:
-            colors = np.empty((height, width, 3), dtype=np.float32)
-            self._target.read_into(colors, components=3, attachment=_ALBEDOS, dtype="f4")
-        draws = surfaces[..., 0].astype(np.int32) - 1
-        ranges_m = hits[..., 3]
-        # where a mirror's mesh draws nothing the target is as it was cleared
-        ranges_m[draws < 0] = np.inf
-        return Surfaces(
-            points_m=hits[..., :3],
-            ranges_m=ranges_m,
-            draws=draws,
-            triangles=surfaces[..., 1],
-            valid=(surfaces[..., 0] | surfaces[..., 1]) != 0,
-            normals=turned,
-            albedos=colors,
-        )
+        target.read_into(hits, components=4, attachment=_HITS, dtype="f4")
+        target.read_into(surfaces, components=2, attachment=_SURFACES, dtype="u4")
+        extra: list[NDArray[np.float32] | None] = []
+        attachment = _SURFACES
+        for is_asked_for in (normals, albedos):
+            extra.append(np.empty((height, width, 3), np.float32) if is_asked_for else None)
+            if is_asked_for:
+                attachment += 1
+                target.read_into(extra[-1], components=3, attachment=attachment, dtype="f4")
+        return Surfaces(hits, surfaces[..., 0], *extra)
 
 
-def _kind(draw: Draw) -> int:
-    return (
-        _HOLED * (alpha_cutoff(draw.material) > 0.0)
-        + _DOUBLE_SIDED * draw.material.double_sided
-        + _MIRRORED * draw.mirrored
+def _too_large(size: tuple[int, int], reason: moderngl.Error) -> GraphicsError:
+    return GraphicsError(
+        f"ground truth of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
+        "make the picture smaller"
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Collection
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -13,39 +12,27 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.face_drawing import FaceDrawing
 from omnisim.gpu.face_plan import FacePlan
+from omnisim.gpu.numbered_geometry import NumberedGeometry, TriangleNumbers, surfaces_of
 from omnisim.gpu.reversed_depth import float_depth, gl_function
-from omnisim.gpu.scene_buffers import Draw, Placement, SceneBuffers
-from omnisim.gpu.shader_files import build_program
-from omnisim.scene.model import AlphaMode, Material
+from omnisim.gpu.scene_buffers import Placement, SceneBuffers
+from omnisim.gpu.standing_drawing import StandingDrawing
+from omnisim.gpu.vertex_format import vertex_array
+from omnisim.gpu.visibility_program import (
+    NumberedPrograms,
+    VisibilityProgram,
+    VisibilityVariant,
+    alpha_cutoff,
+)
+from omnisim.scene.model import Material
 
-# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
-BLENDED_CUTOFF = 0.5
 _COLOR = 0x1800  # GL_COLOR
-
-
-def alpha_cutoff(material: Material) -> float:
-    """Alpha from which on a surface counts; 0: everywhere."""
-    if material.alpha_mode is AlphaMode.MASK:
-        return material.alpha_cutoff
-    return BLENDED_CUTOFF if material.alpha_mode is AlphaMode.BLEND else 0.0
-
-
-class _Variant(NamedTuple):
-    """What differs between compiled versions of the shader."""
-
-    holes: bool
-    albedo: bool
-
-    @property
-    def defines(self) -> tuple[str, ...]:
-        return (*(("HOLES",) if self.holes else ()), *(("ALBEDO",) if self.albedo else ()))
 
 
 class VisibilityPass:
     """Draws the faces into an atlas of integers; everything on the GPU is made once.
 
-    Sides, planes and holes are those of the picture (`CubePass`). A blended surface counts where
-    its alpha reaches `BLENDED_CUTOFF`.
+    Sides, planes and holes are those of the picture (`CubePass`), and what stands still is drawn as
+    there. A blended surface counts where its alpha reaches `BLENDED_CUTOFF`.
 
     Args:
         context: where.
@@ -53,12 +40,12 @@ class VisibilityPass:
         plan: the faces.
         near_m, far_m: of the virtual cameras.
         hidden: names of the movers' instances that are not drawn.
-        albedo: draw plain base colours, too.
+        albedo: also be able to draw plain base colours.
 
     Attributes:
         plan, near_m, far_m, buffers: as given.
-        surfaces: texture of two integers: 1 + number of the draw (0: nothing is seen), and number
-            of its triangle.
+        surfaces: texture of integers: 1 + number of the triangle; 0: nothing is seen.
+        numbers: what these numbers are.
         albedos: texture of the square root of linear RGB, or None.
 
     Raises:
@@ -81,87 +68,100 @@ class VisibilityPass:
         self._drawing = FaceDrawing(context, buffers, plan, near_m, far_m)
         size = (plan.width_px, plan.height_px)
         try:
-            self.surfaces = context.texture(size, 2, dtype="u4")
+            self.surfaces = context.texture(size, 1, dtype="u4")
             self.albedos = context.texture(size, 4) if albedo else None
-            textures = [self.surfaces] if self.albedos is None else [self.surfaces, self.albedos]
-            self._target = context.framebuffer(textures, float_depth(context, size, 0))
+            depth = float_depth(context, size, 0)
+            self._targets = {False: context.framebuffer([self.surfaces], depth)}
+            if self.albedos is not None:
+                self._targets[True] = context.framebuffer([self.surfaces, self.albedos], depth)
         except moderngl.Error as reason:
             raise GraphicsError(
                 f"ground truth by an atlas of {size[0]} × {size[1]} px does not fit on this GPU "
                 f"({reason}): make the picture smaller"
             ) from None
-        for texture in textures:
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._programs = {}
-        for draw in buffers.draws:
-            variant = _Variant(alpha_cutoff(draw.material) > 0.0, albedo)
-            if variant not in self._programs:
-                self._programs[variant] = _VisibilityProgram(context, buffers, variant)
-        self._program_of_draw = [
-            self._programs[_Variant(alpha_cutoff(draw.material) > 0.0, albedo)]
-            for draw in buffers.draws
-        ]
+        self.surfaces.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        if self.albedos is not None:
+            self.albedos.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._holed = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draws]
+        self._programs = {
+            variant: VisibilityProgram(context, variant)
+            for variant in _variants(set(self._holed), albedo)
+        }
+        self._vertex_arrays = {
+            variant: vertex_array(context, one.program, buffers.vertices, buffers.triangles.indices)
+            for variant, one in self._programs.items()
+        }
+        self._flush = gl_function("glFlush")
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
-        self._shown = np.flatnonzero(buffers.shown(hidden) & np.array(seen))
+        alone = buffers.shown(hidden) & np.array(seen)
+        surfaces = None
+        if not buffers.standing.is_empty:
+            surfaces = surfaces_of(context, buffers.standing, buffers.draws)
+        if surfaces is not None:
+            alone &= ~buffers.standing.taken
+        self._alone = np.flatnonzero(alone)
+        self.numbers = TriangleNumbers(context, buffers.draws, self._alone)
+        self._standing = None
+        if surfaces is not None:
+            geometry = NumberedGeometry(buffers.standing, surfaces, self.numbers)
+            self._numbered = NumberedPrograms(self._programs)
+            self._standing = StandingDrawing(context, geometry, self._numbered, unlit=True)
 
-    def render(self, world_from_rig: NDArray[np.float64], placement: Placement) -> None:
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        placement: Placement,
+        albedo: bool = False,
+    ) -> None:
         """Draw all faces from a pose (4, 4), with the draws where they are seen from there."""
-        target = self._target
+        target = self._targets[albedo]
         self._drawing.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
 
         def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            draw = self.buffers.draws[index]
-            self._program_of_draw[index].draw(draw, index, clip_from_mesh)
+            draw, variant = self.buffers.draws[index], VisibilityVariant(self._holed[index], albedo)
+            program = self._programs[variant]
+            program.set_matrix(clip_from_mesh)
+            program.set_first_number(self.numbers.first_of_draw[index])
+            program.set_look(draw.material, draw.texture)
+            self._vertex_arrays[variant].render(
+                moderngl.TRIANGLES, vertices=draw.count, first=draw.first
+            )
 
-        order = self.buffers.from_near_to_far(self._shown, placement)
-        for view in self._drawing.views(world_from_rig):
+        order = self.buffers.from_near_to_far(self._alone, placement)
+        views = self._drawing.views(world_from_rig)
+        self.numbers.begin()
+        if self._standing is not None:
+            self._numbered.albedo = albedo
+            self._standing.prepare(views, world_from_rig[:3, 3])
+        for number, view in enumerate(views):
             self._drawing.aim(target, view)
             self._drawing.draw(view, placement, order, paint)
+            if self._standing is not None:
+                self._standing.draw(number)
+                self._flush()  # as the picture's pass does
+        if self._standing is not None and self._standing.has_more:
+            self._standing.prepare_rest(self._read_depth(target))
+            for number, view in enumerate(views):
+                self._drawing.aim(target, view)
+                self._standing.draw(number)
         self._drawing.end(target)
         for program in self._programs.values():
             program.end()
 
+    def _read_depth(self, target: moderngl.Framebuffer) -> NDArray[np.float32]:
+        """Depth (height, width) of what was drawn so far."""
+        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
+        target.read_into(depth, components=1, attachment=-1, dtype="f4")
+        return depth
 
-class _VisibilityProgram:
-    """One compiled variant with its vertex array."""
 
-    def __init__(self, context: moderngl.Context, buffers: SceneBuffers, variant: _Variant):
-        folder = "ground_truth/visibility"
-        program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
-        self._vertex_array = buffers.vertex_array(program)
-        self._clip_from_mesh = program["u_clip_from_mesh"]
-        self._number = program["u_draw_plus_one"]
-        self._base_color = program.get("u_base_color", None)
-        self._alpha_cutoff = program["u_alpha_cutoff"] if variant.holes else None
-        self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
-        if self._base_color is not None:
-            program["u_texture"] = 0
-            # Holes are those of the picture, and are filtered as there. Plain colours need no blend
-            # between two levels, which costs a quarter of the pass.
-            between = moderngl.LINEAR_MIPMAP_NEAREST
-            if variant.holes:
-                between = moderngl.LINEAR_MIPMAP_LINEAR
-            for repeats in ((False, False), (False, True), (True, False), (True, True)):
-                self._samplers[repeats] = context.sampler(
-                    *repeats, filter=(between, moderngl.LINEAR)
-                )
-
-    def draw(self, draw: Draw, index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-        self._clip_from_mesh.write(clip_from_mesh)
-        self._number.value = index + 1
-        if self._base_color is not None:
-            self._base_color.value = draw.material.base_color
-            draw.texture.use(0)
-            self._samplers[draw.texture.repeat_x, draw.texture.repeat_y].use(0)
-        if self._alpha_cutoff is not None:
-            self._alpha_cutoff.value = alpha_cutoff(draw.material)
-        self._vertex_array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
-
-    def end(self) -> None:
-        """Leave the textures to their own filters."""
-        for sampler in self._samplers.values():
-            sampler.clear(0)
+def _variants(holed: set[bool], albedo: bool) -> list[VisibilityVariant]:
+    return [
+        VisibilityVariant(holes, with_albedo)
+        for holes in holed
+        for with_albedo in ((False, True) if albedo else (False,))
+    ]
 
 
 def _is_never_seen(material: Material) -> bool:

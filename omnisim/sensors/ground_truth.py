@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.capture_pass import Emit
+from omnisim.gpu.next_view_pass import NextViewPass
+from omnisim.gpu.ray_table import RayTable
 from omnisim.gpu.surface_pass import SurfacePass, Surfaces
 from omnisim.gpu.visibility_pass import VisibilityPass
 from omnisim.scene.labels import find_labels
@@ -38,21 +40,19 @@ class GroundTruth:
         self._stage, self._sensor = stage, sensor
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
-        camera = sensor.camera
-        emit = Emit.SURFACE_NORMAL_ALBEDO if albedo else Emit.SURFACE_AND_NORMAL
-        plan = faces_of(sensor, camera, FINENESS)
+        context, buffers, camera = stage.context, stage.buffers, sensor.camera
+        capture = capture_of(stage, sensor, camera, Emit.RAY)
+        self._rays = RayTable(context, (camera.width_px, camera.height_px), capture)
         self._visibility = VisibilityPass(
-            stage.context, stage.buffers, plan, sensor.near_m, sensor.far_m, hidden, albedo
+            context,
+            buffers,
+            faces_of(sensor, camera, FINENESS),
+            sensor.near_m,
+            sensor.far_m,
+            hidden,
+            albedo,
         )
-        self._hidden = hidden
-        self._surfaces = SurfacePass(
-            stage.context,
-            self._visibility,
-            capture_of(stage, sensor, camera, emit),
-            (camera.width_px, camera.height_px),
-            camera.rig_from_optical,
-            emit,
-        )
+        self._surfaces = SurfacePass(context, self._visibility, self._rays, camera.rig_from_optical)
         self._flow: OpticalFlow | None = None
         movers = [None, *stage.moving]
         ids = {(label.mover, label.name): label.id for label in self.labels.instances}
@@ -65,6 +65,7 @@ class GroundTruth:
             ],
             dtype=np.uint32,
         )
+        self._class_of_draw = self.labels.class_of_instance[self._instance_of_draw]
 
     def channels(
         self, names: Sequence[str], now: View, after: View | None = None
@@ -90,29 +91,38 @@ class GroundTruth:
             "normals": lambda: surfaces.normals,
             "normals_camera": lambda: surfaces.normals @ world_from_optical.astype(np.float32),
             "albedo": lambda: surfaces.albedos,
-            "semantic": lambda: self.labels.class_of_instance[self._instances(surfaces)],
-            "instance": lambda: self._instances(surfaces),
-            "valid": lambda: surfaces.valid.astype(np.uint8),
+            "semantic": lambda: self._class_of_draw.take(surfaces.draws_plus_one),
+            "instance": lambda: self._instance_of_draw.take(surfaces.draws_plus_one),
+            "valid": lambda: self._rays.valid.astype(np.uint8),
         }
-        if after is not None and "flow" in names:
+        leads_on = after is not None and "flow" in names
+        if leads_on:
             if self._flow is None:
-                self._flow = OpticalFlow(self._stage, self._sensor, self._hidden)
-            flow, occluded = self._flow.between(surfaces, now, after)
-            make |= {"flow": lambda: flow, "occluded": lambda: occluded}
-        return {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+                self._flow = self._make_flow()
+            self._flow.start(now, after)
+        # the GPU looks at the next view meanwhile
+        found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+        if leads_on:
+            found["flow"], found["occluded"] = self._flow.finish(surfaces)
+        return {name: found[name] for name in names if name in found}
 
-    def _instances(self, surfaces: Surfaces) -> NDArray[np.uint32]:
-        return self._instance_of_draw[surfaces.draws + 1]
+    def _make_flow(self) -> OpticalFlow:
+        next_view = NextViewPass(self._stage.context, self._visibility, self._rays, self._surfaces)
+        sensor = self._sensor
+        is_mesh = sensor.polygons is not None
+        return OpticalFlow(self._stage.buffers, sensor.camera, self._rays, is_mesh, next_view)
 
 
 def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]:
     """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: none."""
     along = surfaces.points_m @ axis.astype(np.float32)
-    return np.where(surfaces.draws < 0, np.float32(np.inf), along)
+    return np.where(surfaces.draws_plus_one == 0, np.float32(np.inf), along)
 
 
 def _positions(surfaces: Surfaces, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (height, width, 3) in the world; NaN: none."""
-    points_m = surfaces.points_m + viewpoint_m
-    points_m[surfaces.draws < 0] = np.nan
+    points_m = np.empty(surfaces.points_m.shape)
+    for axis in range(3):  # one after the other, which does not copy the points first
+        np.add(surfaces.points_m[..., axis], viewpoint_m[axis], out=points_m[..., axis])
+    points_m.reshape(-1, 3)[np.flatnonzero(surfaces.draws_plus_one == 0)] = np.nan
     return points_m

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -16,23 +15,19 @@ from omnisim.cameras import (
     Pixels,
     pixel_grid,
 )
-from omnisim.gpu.capture_pass import Emit
-from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.pipeline import capture_rays
-from omnisim.gpu.surface_pass import GivenRays, SurfacePass, Surfaces
-from omnisim.gpu.visibility_pass import VisibilityPass
-from omnisim.sensors.capturing import capture_of
-from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.stage import Stage
+from omnisim.gpu.next_view_pass import NextViewPass
+from omnisim.gpu.ray_table import RayTable
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.surface_pass import Surfaces
 
 # Texels to a pixel along a side. A triangle is found where a texel near the ray shows it, or one
 # beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at
 # 1.5, and most of those are at silhouettes, where things get hidden.
 FINENESS = 1.5
+# Points projected at a time: what is in between stays in the cache, and BLAS, which puts larger
+# products on threads that then keep the cores from whatever comes next, on one.
+BLOCK = 1 << 14
 VISIBLE, HIDDEN, OUTSIDE, NOTHING_SEEN = 0, 1, 2, 255
-# What is nearer than the point by more than this share hides it. Ranges of the same point are equal
-# to 1e-6; the rest is for rays that meet a triangle too small to show in any texel.
-_NEARER = 1e-3
 
 
 class View(NamedTuple):
@@ -62,104 +57,102 @@ class OpticalFlow:
 
     Where a picture goes all around, flow across its seam takes the short way and leads outside of
     the picture by as much.
+
+    Args:
+        buffers: the scene and its movers.
+        camera: whose picture.
+        rays: of its pixels.
+        is_mesh: whether the rays are those of a mirror's mesh.
+        next_view: looks the points up from the next viewpoint.
     """
 
     def __init__(
         self,
-        stage: Stage,
-        sensor: OmniCamera,
-        hidden: Collection[str] = (),
+        buffers: SceneBuffers,
+        camera: CentralCamera,
+        rays: RayTable,
+        is_mesh: bool,
+        next_view: NextViewPass,
     ):
-        context, buffers, camera = stage.context, stage.buffers, sensor.camera
-        self._camera = camera
-        size = (camera.width_px, camera.height_px)
-        visibility = VisibilityPass(
-            context,
-            buffers,
-            plan_faces(camera, camera.rig_from_optical, FINENESS),
-            sensor.near_m,
-            sensor.far_m,
-            hidden,
+        self._camera, self._next_view = camera, next_view
+        self._shape = rays.valid.shape
+        self._seen = np.flatnonzero(rays.valid)
+        # where the exact camera sees what each pixel sees: at the pixel itself, but for a mesh
+        self._now_px = (
+            camera.pixel_from_ray(rays.directions()).positions_px
+            if is_mesh
+            else pixel_grid(camera.width_px, camera.height_px)[rays.valid]
         )
-        self._rays = GivenRays(context, size)
-        self._surfaces = SurfacePass(context, visibility, self._rays, size, np.eye(3))
-        self._now_px = _exact_pixels(stage, sensor)
-        self._mover_of_draw = np.array(
-            [-1 if draw.mover is None else draw.mover for draw in buffers.draws]
-        )
+        movers = [0 if draw.mover is None else draw.mover + 1 for draw in buffers.draws]
+        self._path_of_draw = np.array([0, *movers], dtype=np.intp)  # from the draw −1 on
         self._period_px = _period_px(camera)
 
-    def between(
-        self, surfaces: Surfaces, now: View, after: View
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    def start(self, now: View, after: View) -> None:
+        """Start to look at the next view."""
+        self._then_from_now = _ways(now, after)
+        self._optical_from_world = (after.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
+        self._next_view.render(after.world_from_rig, after.world_from_movers, self._then_from_now)
+
+    def finish(self, surfaces: Surfaces) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Flow (height, width, 2) in pixels, NaN where the lens cannot see the point next; and what
-        becomes of the point: `VISIBLE`, `HIDDEN`, `OUTSIDE`, `NOTHING_SEEN`."""  # fmt: skip
-        seen = surfaces.valid
-        points_rig = self._points_after(surfaces, now, after)
-        there = self._camera.pixel_from_ray(points_rig @ self._camera.rig_from_optical)
-        motion = there.positions_px - self._now_px[seen]
+        becomes of the point: `VISIBLE`, `HIDDEN`, `OUTSIDE`, `NOTHING_SEEN`.
+
+        Args:
+            surfaces: what is seen now, where it was started.
+        """  # fmt: skip
+        there = self._pixels_next(surfaces)
+        motion = there.positions_px - self._now_px
         if self._period_px is not None:
             motion[:, 0] -= self._period_px * np.round(motion[:, 0] / self._period_px)
-        motion[~there.valid] = np.nan
-        flow = np.full((*seen.shape, 2), np.nan, dtype=np.float32)
-        flow[seen] = motion
-        fate = np.full(seen.shape, NOTHING_SEEN, dtype=np.uint8)
-        fate[seen] = self._fate(surfaces, after, points_rig, there)
-        return flow, fate
+        motion[np.flatnonzero(~there.valid)] = np.nan
+        flow = np.full((self._shape[0] * self._shape[1], 2), np.nan, dtype=np.float32)
+        # both numbers of a pixel at once
+        flow.view(np.uint64)[self._seen] = motion.astype(np.float32).view(np.uint64)
+        fate = np.full(len(flow), NOTHING_SEEN, dtype=np.uint8)
+        inside = self._inside(there)
+        hidden = self._next_view.read().ravel()[self._seen]
+        fate[self._seen] = np.where(inside, hidden * np.uint8(HIDDEN), np.uint8(OUTSIDE))
+        return flow.reshape(*self._shape, 2), fate.reshape(self._shape)
 
-    def _points_after(self, surfaces: Surfaces, now: View, after: View) -> NDArray[np.float64]:
-        """Points (n, 3) of the valid pixels in the next rig's frame; directions where nothing is
-        hit."""  # fmt: skip
-        viewpoint_m = now.world_from_rig[:3, 3]
-        points_m = surfaces.points_m[surfaces.valid].astype(np.float64)
-        draws = surfaces.draws[surfaces.valid]
-        is_hit = draws >= 0
-        if after.world_from_movers:
-            mover = np.where(is_hit, self._mover_of_draw[draws], -1)
-            for number in np.unique(mover[mover >= 0]):
-                now_from_mover = now.world_from_movers[number]
-                world_then = after.world_from_movers[number] @ np.linalg.inv(now_from_mover)
-                on_it = mover == number
-                moved_m = (points_m[on_it] + viewpoint_m) @ world_then[:3, :3].T
-                points_m[on_it] = moved_m + (world_then[:3, 3] - viewpoint_m)
-        step_m = viewpoint_m - after.world_from_rig[:3, 3]
-        points_m += is_hit[:, None] * step_m
-        return points_m @ after.world_from_rig[:3, :3]
+    def _pixels_next(self, surfaces: Surfaces) -> Pixels:
+        """Where the points (n,) of the valid pixels are in the next picture."""
+        points_m = np.take(surfaces.hits.reshape(-1, 4), self._seen, axis=0).astype(np.float64)
+        draws_plus_one = surfaces.draws_plus_one.ravel()[self._seen]
+        points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no step moves
+        ways = self._optical_from_world @ self._then_from_now[:, :3]
+        paths = self._path_of_draw[draws_plus_one] if len(ways) > 1 else None
+        positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
+        for first in range(0, len(points_m), BLOCK):
+            block = slice(first, first + BLOCK)
+            optical_m = points_m[block] @ ways[0].T
+            if paths is not None:
+                for path in np.unique(paths[block]):
+                    on_it = np.flatnonzero(paths[block] == path)
+                    optical_m[on_it] = points_m[block][on_it] @ ways[path].T
+            positions_px[block], valid[block] = self._camera.pixel_from_ray(optical_m)
+        return Pixels(positions_px, valid)
 
-    def _fate(
-        self,
-        surfaces: Surfaces,
-        after: View,
-        points_rig: NDArray[np.float64],
-        there: Pixels,
-    ) -> NDArray[np.uint8]:
-        """What becomes of each point (n,), from the next viewpoint."""
-        camera, valid = self._camera, surfaces.valid
+    def _inside(self, there: Pixels) -> NDArray[np.bool_]:
+        """Which points (n,) are in the next picture."""
         u, v = there.positions_px.T
-        inside = there.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
-        inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
-        rays = np.zeros((*valid.shape, 4), dtype=np.float32)
-        rays[valid, :3], rays[valid, 3] = points_rig, inside
-        self._rays.write(rays)
-        seen = self._surfaces.render(after.world_from_rig, after.world_from_movers)
-        draws = surfaces.draws[valid]
-        squared_m2 = np.where(draws < 0, np.inf, np.einsum("ni,ni->n", points_rig, points_rig))
-        same = (seen.draws == surfaces.draws) & (seen.triangles == surfaces.triangles)
-        nearer = seen.ranges_m[valid] < (1.0 - _NEARER) * np.sqrt(squared_m2)
-        fate = np.where(inside, VISIBLE, OUTSIDE)
-        fate[inside & nearer & ~same[valid]] = HIDDEN
-        return fate
+        inside = there.valid & (u >= -0.5) & (u < self._camera.width_px - 0.5)
+        return inside & (v >= -0.5) & (v < self._camera.height_px - 0.5)
 
 
-def _exact_pixels(stage: Stage, sensor: OmniCamera) -> NDArray[np.float64]:
-    """Where the exact camera sees what each pixel sees (height, width, 2): at the pixel itself, but
-    for a mirror's mesh."""  # fmt: skip
-    camera = sensor.camera
-    if sensor.polygons is None:
-        return pixel_grid(camera.width_px, camera.height_px)
-    capture = capture_of(stage, sensor, camera, Emit.RAY)
-    rays, valid = capture_rays(stage.context, camera, capture)
-    return camera.pixel_from_ray(np.where(valid[..., None], rays, [0.0, 0.0, -1.0])).positions_px
+def _ways(now: View, after: View) -> NDArray[np.float64]:
+    """From now's viewpoint to the next one (1 + movers, 4, 4), in the axes of the world: how what
+    stands goes, and what is on each mover."""  # fmt: skip
+    viewpoint_m, next_m = now.world_from_rig[:3, 3], after.world_from_rig[:3, 3]
+    ways = np.tile(np.eye(4), (1 + len(now.world_from_movers), 1, 1))
+    for number, (before, then) in enumerate(
+        zip(now.world_from_movers, after.world_from_movers, strict=True), start=1
+    ):
+        moved = then @ np.linalg.inv(before)
+        ways[number, :3, :3] = moved[:3, :3]
+        # what is at the viewpoint now, less that viewpoint
+        ways[number, :3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
+    ways[:, :3, 3] += viewpoint_m - next_m
+    return ways
 
 
 def _period_px(camera: CentralCamera) -> float | None:

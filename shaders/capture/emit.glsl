@@ -1,11 +1,9 @@
 // void emit(bool valid, vec3 ray): the one place where a capture decides what a pixel holds.
 // With EMIT_RAY: the unit ray in the optical frame, and 1 where it is valid. With EMIT_LOOKUP: where
-// in the atlas to look, below 0 where it is not valid, and the mip level. With EMIT_SURFACE: what the
-// ray hits. Otherwise: the linear colour in its direction, and alpha 1 where the camera sees something.
+// in the atlas to look, below 0 where it is not valid, and the mip level. Otherwise: the linear colour
+// in its direction, and alpha 1 where the camera sees something.
 
-#if defined(EMIT_SURFACE)
-#include "ground_truth/surface_lookup.glsl"
-#elif defined(EMIT_RAY)
+#if defined(EMIT_RAY)
 layout(location = 0) out vec4 out_value;
 
 void emit(bool valid, vec3 ray) {

@@ -1,10 +1,10 @@
-// Which triangle a texel of the cube shows: 1 + the number of its draw (0: nothing), and its number
-// in the draw. With HOLES only where alpha reaches the cutoff: a blended surface has one, too. With
-// ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
+// Which triangle a texel of the cube shows: 1 + its number in this frame, of which a table says what
+// it is; 0: nothing. With HOLES only where alpha reaches the cutoff: a blended surface has one, too.
+// With ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
 #version 430 core
 
-uniform uint u_draw_plus_one;
-layout(location = 0) out uvec2 out_surface;
+uniform uint u_first_plus_one;  // 1 + number of the call's first triangle
+layout(location = 0) out uint out_number;
 
 #ifdef ALBEDO
 layout(location = 1) out vec4 out_albedo;
@@ -28,7 +28,7 @@ void main() {
 #ifdef HOLES
     if (color.a < u_alpha_cutoff) discard;
 #endif
-    out_surface = uvec2(u_draw_plus_one, uint(gl_PrimitiveID));
+    out_number = u_first_plus_one + uint(gl_PrimitiveID);
 #ifdef ALBEDO
     out_albedo = vec4(sqrt(color.rgb), 1.0);
 #endif

@@ -1,0 +1,212 @@
+"""Numbers for the triangles that are drawn in a frame, and what they stand for.
+
+A fragment knows only how many triangles of its call came before, and a call joins chunks of many
+instances. So the calls of a frame number their triangles one after the other, the atlas holds these
+numbers, and a table says what they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.scene_buffers import Draw
+from omnisim.gpu.shader_files import build_transform
+from omnisim.gpu.standing_geometry import StandingGeometry
+from omnisim.gpu.triangle_table import ROW_BITS
+
+if TYPE_CHECKING:
+    from omnisim.gpu.visibility_program import NumberedProgram, VisibilityProgram
+
+_ROW = 1 << ROW_BITS
+_MIXER = np.uint64(0x9E3779B97F4A7C15)  # odd, bits of all places: 2⁶⁴ by the golden ratio
+_SURFACE = np.dtype([("draw_plus_one", "<u4"), ("triangle", "<u4")])
+
+
+class TriangleNumbers:
+    """What the numbers of a frame are: those of draws that are drawn alone first, then chunks'.
+
+    Args:
+        context: where.
+        draws: all of the scene.
+        alone: (n,) into `draws`.
+
+    Attributes:
+        first_of_draw: number of the first triangle of each that is drawn alone.
+        texture: two integers a number: 1 + number of the draw, and number of its triangle.
+    """
+
+    def __init__(self, context: moderngl.Context, draws: Sequence[Draw], alone: NDArray[np.intp]):
+        self._context = context
+        surfaces = [_surfaces_of(draws[index], index) for index in alone]
+        counts = np.array([len(part) for part in surfaces], dtype=np.int64)
+        firsts = np.cumsum(counts) - counts
+        self.first_of_draw = dict(zip(alone.tolist(), firsts.tolist(), strict=True))
+        self._alone = np.concatenate([np.empty(0, dtype=_SURFACE), *surfaces])
+        self._rows_alone = -(-len(self._alone) // _ROW)
+        self._chunks: list[NDArray[np.void]] = []
+        self._make_room(max(1, self._rows_alone))
+
+    @property
+    def next_number(self) -> int:
+        """What the next triangle of a chunk gets."""
+        return _ROW * self._rows_alone + sum(len(part) for part in self._chunks)
+
+    def begin(self) -> None:
+        """Begin a frame."""
+        self._chunks = []
+
+    def append(self, surfaces: NDArray[np.void]) -> None:
+        """Give the next numbers to triangles (n,) of chunks."""
+        self._chunks.append(surfaces)
+        count = sum(len(part) for part in self._chunks)
+        rows = -(-count // _ROW)
+        if self._rows_alone + rows > self.texture.height:
+            self._make_room(self._rows_alone + 2 * rows)
+        whole = np.empty(rows * _ROW, dtype=_SURFACE)
+        np.concatenate(self._chunks, out=whole[:count])
+        self.texture.write(whole, viewport=(0, self._rows_alone, _ROW, rows))
+
+    def _make_room(self, rows: int) -> None:
+        self.texture = self._context.texture((_ROW, rows), 2, dtype="u4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        if len(self._alone):
+            whole = np.zeros(self._rows_alone * _ROW, dtype=_SURFACE)
+            whole[: len(self._alone)] = self._alone
+            self.texture.write(whole, viewport=(0, 0, _ROW, self._rows_alone))
+
+
+class NumberedGeometry:
+    """Standing geometry, as `StandingDrawing` draws it, whose triangles have numbers.
+
+    Args:
+        geometry: which is not empty.
+        surfaces: of its triangles, see `surfaces_of`.
+        numbers: of the frame.
+
+    Attributes:
+        looks, chunks, look_of_chunk, anchor_m: of the geometry.
+    """
+
+    def __init__(
+        self, geometry: StandingGeometry, surfaces: NDArray[np.void], numbers: TriangleNumbers
+    ):
+        self._geometry, self._numbers = geometry, numbers
+        self.looks, self.chunks = geometry.looks, geometry.chunks
+        self.look_of_chunk, self.anchor_m = geometry.look_of_chunk, geometry.anchor_m
+        self._surfaces = surfaces
+        self.first_number = 0
+
+    def vertex_array(self, program: NumberedProgram, indices: moderngl.Buffer) -> NumberedCalls:
+        """What draws what `indices` name, and tells the program which numbers a call has."""
+        arrays = {one: self._geometry.vertex_array(one.program, indices) for one in program.all}
+        return NumberedCalls(self, program, arrays)
+
+    def indices(self, chunks: NDArray[np.intp]) -> NDArray[np.void]:
+        """Indices of the triangles of some chunks, which get numbers."""
+        first, count = self.chunks.first[chunks], self.chunks.count[chunks]
+        before = np.cumsum(count) - count
+        triangles = np.repeat(first - before, count)
+        triangles += np.arange(len(triangles))
+        self.first_number = self._numbers.next_number
+        self._numbers.append(np.take(self._surfaces, triangles, mode="clip"))
+        return self._geometry.indices(chunks)
+
+
+class NumberedCalls:
+    """Vertex arrays of which the program that draws is told which numbers the triangles have.
+
+    Args:
+        geometry: that is drawn.
+        program: whose variants draw.
+        arrays: theirs.
+    """
+
+    def __init__(
+        self,
+        geometry: NumberedGeometry,
+        program: NumberedProgram,
+        arrays: dict[VisibilityProgram, moderngl.VertexArray],
+    ):
+        self._geometry, self._program, self._arrays = geometry, program, arrays
+
+    def render(self, mode: int, vertices: int, first: int) -> None:
+        """Draw some of the indices."""
+        program = self._program.current
+        program.set_first_number(self._geometry.first_number + first // 3)
+        self._arrays[program].render(mode, vertices=vertices, first=first)
+
+
+def surfaces_of(
+    context: moderngl.Context, geometry: StandingGeometry, draws: Sequence[Draw]
+) -> NDArray[np.void] | None:
+    """Of each triangle (n,) of the geometry, in its order, 1 + the number of its draw, and its
+    number in the draw. None: they are not found again.
+
+    The geometry has triangles draw by draw, but within a draw in an order of its own, and of some
+    vertices copies behind all others. Positions tell: bit by bit those of the vertices that it has
+    of the draw. Of triangles at the same place any may stand for the other.
+    """  # fmt: skip
+    taken = np.flatnonzero(geometry.taken)
+    triangles, base = [], 0
+    for index in taken:
+        mesh = draws[index].mesh
+        own = mesh.triangles[:, (0, 2, 1)] if draws[index].mirrored else mesh.triangles
+        triangles.append(own + np.uint32(base))
+        base += len(mesh.positions)
+    surfaces = np.concatenate([_surfaces_of(draws[index], index) for index in taken])
+    known = np.concatenate(triangles)
+    found = geometry.indices(np.arange(len(geometry.chunks.count)))["vertices"]
+    if len(found) != len(known):
+        return None
+    places = _places(context, geometry, max(base, int(found.max()) + 1))
+    keys_known = _keys(surfaces["draw_plus_one"], known, places)
+    keys_found = _keys(surfaces["draw_plus_one"], found, places)
+    del known, found, places
+    of_known, of_found = np.argsort(keys_known), np.argsort(keys_found)
+    if not np.array_equal(keys_known[of_known], keys_found[of_found]):
+        return None
+    result = np.empty_like(surfaces)
+    result[of_found] = surfaces[of_known]
+    return result
+
+
+def _places(
+    context: moderngl.Context, geometry: StandingGeometry, vertices: int
+) -> NDArray[np.uint64]:
+    """A number (n,) for the position of each vertex, the same for the same bits only."""
+    program = build_transform(context, "ground_truth/positions.vert", ("v_position",))
+    indices = context.buffer(np.arange(vertices, dtype="<u4"))
+    positions = context.buffer(reserve=12 * vertices)
+    context.framebuffer([context.renderbuffer((1, 1), 4)]).use()  # OpenGL wants some, to draw none
+    array = geometry.vertex_array(program, indices)
+    array.transform(positions, moderngl.POINTS, vertices=vertices)
+    words = np.frombuffer(positions.read(), dtype="<u4").reshape(-1, 3)
+    return reduce(_mixed, words.T, np.ones(vertices, dtype=np.uint64))
+
+
+def _keys(
+    draws_plus_one: NDArray[np.uint32], triangles: NDArray[np.uint32], places: NDArray[np.uint64]
+) -> NDArray[np.uint64]:
+    """A number (n,) for each triangle (n, 3): the same where draw and corners are the same."""
+    mixed = _mixed(np.ones(len(triangles), dtype=np.uint64), draws_plus_one)
+    for corner in range(3):
+        mixed = _mixed(mixed, places[triangles[:, corner]])
+    return mixed
+
+
+def _mixed(mixed: NDArray[np.uint64], with_them: NDArray[np.integer]) -> NDArray[np.uint64]:
+    """Numbers (n,) of two each: of 2⁶⁴, so that two pairs hardly ever meet."""
+    mixed = (mixed ^ with_them.astype(np.uint64)) * _MIXER
+    return mixed ^ (mixed >> np.uint64(29))
+
+
+def _surfaces_of(draw: Draw, index: int) -> NDArray[np.void]:
+    surfaces = np.empty(draw.count // 3, dtype=_SURFACE)
+    surfaces["draw_plus_one"], surfaces["triangle"] = index + 1, np.arange(draw.count // 3)
+    return surfaces

@@ -1,0 +1,107 @@
+"""Which triangle each texel shows: the same ones, however what stands still is drawn."""
+
+import numpy as np
+import pytest
+
+from omnisim import frames
+from omnisim.gpu import standing_drawing
+from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.numbered_geometry import TriangleNumbers, surfaces_of
+from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.triangle_table import ROW_BITS
+from omnisim.gpu.visibility_pass import VisibilityPass
+from omnisim.scene.model import AlphaMode, Material
+from omnisim.sensors import OmniCamera
+from tests.gpu.test_standing_drawing import sheet
+from tests.gpu.test_standing_geometry import _corners_m
+from tests.scenes import room, scene_of
+from tests.vehicles import box, checkered
+
+MATERIALS = [
+    Material(double_sided=True),
+    Material(texture=checkered(0), alpha_mode=AlphaMode.MASK, double_sided=True),
+    Material(base_color=(0.2, 0.3, 0.9, 0.7), alpha_mode=AlphaMode.BLEND),
+]
+
+
+def _scene():
+    """Sheets of some hundred triangles, one of them mirrored, holes, glass, and a room."""
+    meshes = [room(), sheet("a", 0, seed=1), sheet("b", 1, seed=2), sheet("a", 0, seed=1)]
+    meshes.append(box("glass", 2, half_m=0.3))
+    poses = [frames.pose((0.1 * n, 0.9 * n - 1.3, -0.6), 8.0 * n, 5.0, 40.0 * n) for n in range(5)]
+    poses[0] = np.eye(4)
+    poses[3][:3, :3] = poses[3][:3, :3] @ np.diag((1.0, -1.0, 1.0))
+    return scene_of(meshes, MATERIALS, poses)
+
+
+def _surfaces(visibility, buffers, pose, albedo=False):
+    """1 + number of the draw, and number of the triangle, of every texel (height, width, 2)."""
+    visibility.render(pose, buffers.place(pose[:3, 3]), albedo)
+    size = visibility.surfaces.height, visibility.surfaces.width
+    seen = np.frombuffer(visibility.surfaces.read(), dtype="<u4").reshape(size)
+    numbers = np.frombuffer(visibility.numbers.texture.read(), dtype="<u4").reshape(-1, 2)
+    return np.where(seen[..., None] > 0, numbers[seen.astype(np.int64) - 1], 0)
+
+
+def _pass(context, buffers, albedo=False):
+    camera = OmniCamera(polygons=None).resized(120).camera
+    plan = plan_faces(camera, camera.rig_from_optical, 1.5)
+    return VisibilityPass(context, buffers, plan, 0.05, np.inf, (), albedo)
+
+
+@pytest.mark.parametrize("worth", [0, 10**9], ids=["what is hidden is left out", "all is drawn"])
+@pytest.mark.parametrize("albedo", [False, True])
+def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
+    context, monkeypatch, worth, albedo
+):
+    monkeypatch.setattr(standing_drawing, "WORTH_A_TEST", worth)
+    scene = _scene()
+    quick, plain = SceneBuffers(context, scene), SceneBuffers(context, scene)
+    assert quick.standing.taken.sum() == 4
+    # nothing stands where everything is too far away
+    monkeypatch.setattr("omnisim.gpu.standing_geometry.FARTHEST_M", -1.0)
+    assert plain.standing.is_empty
+    passes = [(_pass(context, one, albedo), one) for one in (quick, plain)]
+    for pose in (frames.pose((0.0, 0.0, 0.4)), frames.pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
+        ours, theirs = (_surfaces(one, buffers, pose, albedo) for one, buffers in passes)
+        assert len(np.unique(theirs.reshape(-1, 2), axis=0)) > 200
+        # matrices are multiplied in another order: an edge takes the texel beside it
+        assert np.mean((ours != theirs).any(axis=-1)) < 1e-3
+
+
+def test_triangles_of_chunks_are_found_again_in_their_instances(context):
+    """Though the geometry has copies of vertices, in places of their own."""
+    buffers = SceneBuffers(context, _scene())
+    geometry, draws = buffers.standing, buffers.draws
+    found = surfaces_of(context, geometry, draws)
+    taken = np.flatnonzero(geometry.taken).tolist()
+    assert len(np.unique(found)) == len(found) == sum(draws[one].count // 3 for one in taken)
+    corners_m = _corners_m(geometry)
+    for index in taken:
+        draw, mine = draws[index], found["draw_plus_one"] == index + 1
+        own_m = draw.mesh.positions[draw.mesh.triangles[found["triangle"][mine]]]
+        own_m = own_m @ draw.own_from_mesh[:3, :3].T + draw.own_from_mesh[:3, 3]
+        if draw.mirrored:  # turned back
+            own_m = own_m[:, (0, 2, 1)]
+        np.testing.assert_allclose(corners_m[mine], own_m, atol=1e-6)
+
+
+def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
+    buffers = SceneBuffers(context, _scene())
+    alone = np.flatnonzero(~buffers.standing.taken)
+    numbers = TriangleNumbers(context, buffers.draws, alone)
+    some = surfaces_of(context, buffers.standing, buffers.draws)
+    many = np.resize(some, 3 << ROW_BITS)
+    for _ in range(2):
+        numbers.begin()
+        firsts = []
+        for part in (some[:100], many):
+            firsts.append(numbers.next_number)
+            numbers.append(part)
+        held = np.frombuffer(numbers.texture.read(), dtype=some.dtype)
+        np.testing.assert_array_equal(held[firsts[0] : firsts[0] + 100], some[:100])
+        np.testing.assert_array_equal(held[firsts[1] : firsts[1] + len(many)], many)
+        for index in alone.tolist():
+            first, count = numbers.first_of_draw[index], buffers.draws[index].count // 3
+            assert held["draw_plus_one"][first : first + count].tolist() == [index + 1] * count
+            assert held["triangle"][first : first + count].tolist() == list(range(count))
