@@ -8,15 +8,14 @@ numbers, and a table says what they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.chunks import ranges
 from omnisim.gpu.scene_buffers import Draw
-from omnisim.gpu.shader_files import build_transform
 from omnisim.gpu.standing_geometry import StandingGeometry
 from omnisim.gpu.triangle_table import ROW_BITS
 
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from omnisim.gpu.visibility_program import NumberedProgram, VisibilityProgram
 
 _ROW = 1 << ROW_BITS
-_MIXER = np.uint64(0x9E3779B97F4A7C15)  # odd, bits of all places: 2⁶⁴ by the golden ratio
 _SURFACE = np.dtype([("draw_plus_one", "<u4"), ("triangle", "<u4")])
 
 
@@ -90,14 +88,14 @@ class NumberedGeometry:
         numbers: of the frame.
 
     Attributes:
-        looks, chunks, look_of_chunk, anchor_m: of the geometry.
+        looks, chunks, groups, look_of_chunk, anchor_m: of the geometry.
     """
 
     def __init__(
         self, geometry: StandingGeometry, surfaces: NDArray[np.void], numbers: TriangleNumbers
     ):
         self._geometry, self._numbers = geometry, numbers
-        self.looks, self.chunks = geometry.looks, geometry.chunks
+        self.looks, self.chunks, self.groups = geometry.looks, geometry.chunks, geometry.groups
         self.look_of_chunk, self.anchor_m = geometry.look_of_chunk, geometry.anchor_m
         self._surfaces = surfaces
         self.first_number = 0
@@ -109,10 +107,7 @@ class NumberedGeometry:
 
     def indices(self, chunks: NDArray[np.intp]) -> NDArray[np.void]:
         """Indices of the triangles of some chunks, which get numbers."""
-        first, count = self.chunks.first[chunks], self.chunks.count[chunks]
-        before = np.cumsum(count) - count
-        triangles = np.repeat(first - before, count)
-        triangles += np.arange(len(triangles))
+        triangles = ranges(self.chunks.first[chunks], self.chunks.count[chunks])
         self.first_number = self._numbers.next_number
         self._numbers.append(np.take(self._surfaces, triangles, mode="clip"))
         return self._geometry.indices(chunks)
@@ -142,68 +137,13 @@ class NumberedCalls:
         self._arrays[program].render(mode, vertices=vertices, first=first)
 
 
-def surfaces_of(
-    context: moderngl.Context, geometry: StandingGeometry, draws: Sequence[Draw]
-) -> NDArray[np.void] | None:
+def surfaces_of(geometry: StandingGeometry, draws: Sequence[Draw]) -> NDArray[np.void]:
     """Of each triangle (n,) of the geometry, in its order, 1 + the number of its draw, and its
-    number in the draw. None: they are not found again.
-
-    The geometry has triangles draw by draw, but within a draw in an order of its own, and of some
-    vertices copies behind all others. Positions tell: bit by bit those of the vertices that it has
-    of the draw. Of triangles at the same place any may stand for the other.
-    """  # fmt: skip
+    number in the draw."""  # fmt: skip
     taken = np.flatnonzero(geometry.taken)
-    triangles, base = [], 0
-    for index in taken:
-        mesh = draws[index].mesh
-        own = mesh.triangles[:, (0, 2, 1)] if draws[index].mirrored else mesh.triangles
-        triangles.append(own + np.uint32(base))
-        base += len(mesh.positions)
     surfaces = np.concatenate([_surfaces_of(draws[index], index) for index in taken])
-    known = np.concatenate(triangles)
-    found = geometry.indices(np.arange(len(geometry.chunks.count)))["vertices"]
-    if len(found) != len(known):
-        return None
-    places = _places(context, geometry, max(base, int(found.max()) + 1))
-    keys_known = _keys(surfaces["draw_plus_one"], known, places)
-    keys_found = _keys(surfaces["draw_plus_one"], found, places)
-    del known, found, places
-    of_known, of_found = np.argsort(keys_known), np.argsort(keys_found)
-    if not np.array_equal(keys_known[of_known], keys_found[of_found]):
-        return None
-    result = np.empty_like(surfaces)
-    result[of_found] = surfaces[of_known]
-    return result
-
-
-def _places(
-    context: moderngl.Context, geometry: StandingGeometry, vertices: int
-) -> NDArray[np.uint64]:
-    """A number (n,) for the position of each vertex, the same for the same bits only."""
-    program = build_transform(context, "ground_truth/positions.vert", ("v_position",))
-    indices = context.buffer(np.arange(vertices, dtype="<u4"))
-    positions = context.buffer(reserve=12 * vertices)
-    context.framebuffer([context.renderbuffer((1, 1), 4)]).use()  # OpenGL wants some, to draw none
-    array = geometry.vertex_array(program, indices)
-    array.transform(positions, moderngl.POINTS, vertices=vertices)
-    words = np.frombuffer(positions.read(), dtype="<u4").reshape(-1, 3)
-    return reduce(_mixed, words.T, np.ones(vertices, dtype=np.uint64))
-
-
-def _keys(
-    draws_plus_one: NDArray[np.uint32], triangles: NDArray[np.uint32], places: NDArray[np.uint64]
-) -> NDArray[np.uint64]:
-    """A number (n,) for each triangle (n, 3): the same where draw and corners are the same."""
-    mixed = _mixed(np.ones(len(triangles), dtype=np.uint64), draws_plus_one)
-    for corner in range(3):
-        mixed = _mixed(mixed, places[triangles[:, corner]])
-    return mixed
-
-
-def _mixed(mixed: NDArray[np.uint64], with_them: NDArray[np.integer]) -> NDArray[np.uint64]:
-    """Numbers (n,) of two each: of 2⁶⁴, so that two pairs hardly ever meet."""
-    mixed = (mixed ^ with_them.astype(np.uint64)) * _MIXER
-    return mixed ^ (mixed >> np.uint64(29))
+    ordered: NDArray[np.void] = surfaces[geometry.order]
+    return ordered
 
 
 def _surfaces_of(draw: Draw, index: int) -> NDArray[np.void]:

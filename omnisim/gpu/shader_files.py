@@ -60,22 +60,6 @@ def build_compute_shader(
         raise GraphicsError(_with_file_names(str(reason), files)) from None
 
 
-def build_transform(
-    context: moderngl.Context, vertex: str, outputs: Sequence[str]
-) -> moderngl.Program:
-    """Compile one vertex shader of the shader folder whose outputs go into a buffer.
-
-    Raises:
-        GraphicsError: the file is missing or does not compile; names file and line.
-    """
-    files: list[str] = []
-    source = _expand(vertex, files, (), {})
-    try:
-        return context.program(vertex_shader=source, varyings=tuple(outputs))
-    except moderngl.Error as reason:
-        raise GraphicsError(_with_file_names(str(reason), files)) from None
-
-
 def included_files(name: str) -> frozenset[str]:
     """A file of the shader folder and all that it includes by name.
 

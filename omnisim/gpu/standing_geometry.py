@@ -59,6 +59,7 @@ class StandingGeometry:
         chunks: compact pieces, of one look each; boxes counted from the anchor.
         groups: of chunks that are near each other, and of such groups, see `Cut`.
         look_of_chunk: (n,).
+        order: (m,) of the triangles, chunk by chunk; counted through all draws taken.
         taken: (draws,), which of the draws are in here.
         is_empty: nothing is: then it has no chunks.
     """
@@ -79,10 +80,10 @@ class StandingGeometry:
         lights = light_from_afar(normals[known], lighting)
         vertices, triangles[known] = _lit(vertices, triangles, known, lights)
         self.looks, look_of_triangle = _looks(draws, shading)
-        order, self.chunks, self.groups = cut(corners, look_of_triangle)
-        self.look_of_chunk = look_of_triangle[order[self.chunks.first]]
+        self.order, self.chunks, self.groups = cut(corners, look_of_triangle)
+        self.look_of_chunk = look_of_triangle[self.order[self.chunks.first]]
         self._vertices = context.buffer(vertices)
-        self._triangles = triangles[order].astype("<u4").view(TRIANGLE)[:, 0]
+        self._triangles = triangles[self.order].astype("<u4").view(TRIANGLE)[:, 0]
 
     def vertex_array(
         self, program: moderngl.Program, indices: moderngl.Buffer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Collection
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -93,19 +94,15 @@ class VisibilityPass:
         }
         self._flush = gl_function("glFlush")
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
-        alone = buffers.shown(hidden) & np.array(seen)
-        surfaces = None
-        if not buffers.standing.is_empty:
-            surfaces = surfaces_of(context, buffers.standing, buffers.draws)
-        if surfaces is not None:
-            alone &= ~buffers.standing.taken
+        alone = buffers.shown(hidden) & ~buffers.standing.taken & np.array(seen)
         self._alone = np.flatnonzero(alone)
         self.numbers = TriangleNumbers(context, buffers.draws, self._alone)
         self._standing = None
-        if surfaces is not None:
+        if not buffers.standing.is_empty:
+            surfaces = surfaces_of(buffers.standing, buffers.draws)
             geometry = NumberedGeometry(buffers.standing, surfaces, self.numbers)
             self._numbered = NumberedPrograms(self._programs)
-            self._standing = StandingDrawing(context, geometry, self._numbered, unlit=True)
+            self._standing = StandingDrawing(context, geometry, self._numbered, plan, unlit=True)
 
     def render(
         self,
@@ -140,8 +137,8 @@ class VisibilityPass:
             if self._standing is not None:
                 self._standing.draw(number)
                 self._flush()  # as the picture's pass does
-        if self._standing is not None and self._standing.has_more:
-            self._standing.prepare_rest(self._read_depth(target))
+        while self._standing is not None and self._standing.has_more:
+            self._standing.prepare_more(partial(self._read_depth, target))
             for number, view in enumerate(views):
                 self._drawing.aim(target, view)
                 self._standing.draw(number)

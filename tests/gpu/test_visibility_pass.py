@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.gpu import standing_drawing
+from omnisim.gpu import standing_culling
 from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.numbered_geometry import TriangleNumbers, surfaces_of
 from omnisim.gpu.scene_buffers import SceneBuffers
@@ -54,7 +54,7 @@ def _pass(context, buffers, albedo=False):
 def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
     context, monkeypatch, worth, albedo
 ):
-    monkeypatch.setattr(standing_drawing, "WORTH_A_TEST", worth)
+    monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (worth,) * 2)
     scene = _scene()
     quick, plain = SceneBuffers(context, scene), SceneBuffers(context, scene)
     assert quick.standing.taken.sum() == 4
@@ -73,7 +73,7 @@ def test_triangles_of_chunks_are_found_again_in_their_instances(context):
     """Though the geometry has copies of vertices, in places of their own."""
     buffers = SceneBuffers(context, _scene())
     geometry, draws = buffers.standing, buffers.draws
-    found = surfaces_of(context, geometry, draws)
+    found = surfaces_of(geometry, draws)
     taken = np.flatnonzero(geometry.taken).tolist()
     assert len(np.unique(found)) == len(found) == sum(draws[one].count // 3 for one in taken)
     corners_m = _corners_m(geometry)
@@ -90,7 +90,7 @@ def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
     buffers = SceneBuffers(context, _scene())
     alone = np.flatnonzero(~buffers.standing.taken)
     numbers = TriangleNumbers(context, buffers.draws, alone)
-    some = surfaces_of(context, buffers.standing, buffers.draws)
+    some = surfaces_of(buffers.standing, buffers.draws)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):
         numbers.begin()

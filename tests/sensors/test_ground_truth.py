@@ -200,7 +200,7 @@ def test_what_is_hidden_and_left_out_changes_no_channel(monkeypatch):
     also = tuple(CHANNELS)
     found = []
     for worth in (0, 10**9):  # triangles from which on it is worth a test what is hidden
-        monkeypatch.setattr("omnisim.gpu.standing_drawing.WORTH_A_TEST", worth)
+        monkeypatch.setattr("omnisim.gpu.standing_culling.WORTH_A_TURN", (worth,) * 2)
         with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
             found.append(renderer.render(POSE, also=also, next_base=pose()).channels)
     for name in also:
