@@ -23,6 +23,11 @@ const float INFINITE = uintBitsToFloat(0x7F800000u);
 // A ray between two triangles may miss both by rounding, a micrometre at 20 m: it hits the nearer.
 const float EDGE_RAD = 2e-7;
 
+#ifdef ALBEDO
+// Squares of texels, more than there are around: what shows something else is as far away as that.
+const float OTHER_TRIANGLE = 16.0, OTHER_DRAW = 32.0;
+#endif
+
 const int WIDTH = 3;  // of the block of texels around a ray's own
 const uint PLACES = uint(WIDTH * WIDTH), OWN = PLACES / 2u;
 
@@ -50,7 +55,9 @@ struct Found {
     vec3 weights;   // of the corners, not normalised
     vec3 normal;    // of the plane, towards the viewpoint, not of unit length
 #ifdef ALBEDO
-    ivec2 texel;  // of the atlas, of those around the ray the nearest one that shows it, or its own
+    // of the atlas, of those around the ray that show something: the nearest one that shows it, or
+    // else one of its draw, or else any
+    ivec2 texel;
 #endif
 };
 
@@ -200,11 +207,15 @@ Found look_up(vec3 place, vec3 here) {
     }
 #ifdef ALBEDO
     hit.texel = own_texel;
-    float closest = 9.0;
+    float closest = INFINITE;
     for (uint at = 0u; at < PLACES; ++at) {
+        if (around[at] == 0u) continue;  // nothing is shown there
         vec2 away = vec2(own_texel + step_to(at)) + 0.5 - place.xy;
         float distance = at == OWN ? 0.0 : dot(away, away);  // its own is the nearest
-        if (around[at] == hit_number && distance < closest) {
+        // too small to show, or just beyond an edge: one of the same draw, or else any
+        if (around[at] != hit_number)
+            distance += surface_at(around[at]).x == hit.surface.x ? OTHER_TRIANGLE : OTHER_DRAW;
+        if (distance < closest) {
             closest = distance;
             hit.texel = own_texel + step_to(at);
         }

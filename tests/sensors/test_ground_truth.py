@@ -18,6 +18,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
+from tests.gpu.test_standing_drawing import sheet
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 from tests.vehicles import body, box, checkered, surroundings
 
@@ -361,3 +362,21 @@ def test_the_warehouse_is_what_embree_says(warehouse):
         assert told["flow 99 % px"] <= 0.1
         assert told["hidden"] > 300
         assert told["hidden F1"] >= 0.97
+
+
+@lenses
+def test_what_is_hit_has_a_plain_colour_where_its_triangle_shows_in_no_texel(lens):
+    """Tiny triangles of one colour before nothing: none of it is the black of nothing."""
+    scene = scene_of(
+        [sheet("sheet", 0, side=60, bumps_m=0.02, seed=seed) for seed in range(6)],
+        [Material(base_color=(0.25, 1.0, 0.25, 1.0), double_sided=True)],
+        [pose((x, y, -0.4), pitch_deg=10.0) for x in (-1.3, 0.1, 1.2) for y in (-0.9, 0.8)],
+    )
+    found = _truth(lens, ("albedo", "range"), scene=scene).channels
+    hit = np.isfinite(found["range"])
+    assert hit.any()
+    assert not hit.all()
+    # the square root has steps of 1/255, which halved are 0.002 for 0.25
+    np.testing.assert_allclose(
+        found["albedo"][hit], np.tile((0.25, 1.0, 0.25), (hit.sum(), 1)), atol=4e-3
+    )
