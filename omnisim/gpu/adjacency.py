@@ -18,6 +18,8 @@ def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) ->
         positions: (n, 3).
         triangles: (m, 3).
     """
+    if not len(triangles):
+        return np.empty((0, 3), dtype=np.uint32)
     places = np.ascontiguousarray(positions + np.float32(0.0))  # −0 is 0
     _, corners = np.unique(places.view("V12").ravel(), return_inverse=True)
     ends = corners[triangles][:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)

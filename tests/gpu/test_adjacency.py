@@ -29,3 +29,9 @@ def test_open_edges_have_none_and_crowded_ones_go_round():
     assert (found[:, :2] == NO_NEIGHBOUR).all()
     turned = neighbours(positions + np.float32(-0.0), fan)
     np.testing.assert_array_equal(found, turned)
+
+
+def test_without_triangles_nothing_lies_beside_anything():
+    found = neighbours(np.ones((5, 3), np.float32), np.empty((0, 3), np.uint32))
+    assert found.shape == (0, 3)
+    assert found.dtype == np.uint32
