@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import Lighting, LightKind
 
-# Normals (unit) that differ by less are one: light differs by less than a hundredth of a step of
-# 255 then, for a lamp that makes a surface white.
+# Normals (unit) that differ by less are one: light differs by less than a tenth of a step of 255
+# then, even in the dark, where these are finest, for a lamp that makes a surface white.
 _SAME_NORMAL = 2e-5
 
 

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 # as are places so far away that a float32 does not resolve a tenth of a millimetre there.
 MOST_TRIANGLES = 8_000_000
 FARTHEST_M = 1500.0
-_SAME_LIGHT = 1e-4  # of white: a fortieth of a step of 255
+# Of white: a third of a step of 255 in the dark, where these are finest, a hundredth at white.
+_SAME_LIGHT = 1e-4
 TRIANGLE = np.dtype([("vertices", "<u4", 3)])  # moved as a whole
 
 
