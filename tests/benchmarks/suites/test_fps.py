@@ -13,7 +13,9 @@ from omnisim import Vehicle, load_scene
 
 @pytest.fixture(scope="module")
 def report():
-    return fps.run(Options(rounds=1, warm_up=0, scenes=("rings",)), sizes_px=(60,))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fps, "TIMES_MORE", 1)
+        return fps.run(Options(rounds=1, warm_up=0, scenes=("rings",)), sizes_px=(60,))
 
 
 @pytest.mark.usefixtures("needs_opengl")
