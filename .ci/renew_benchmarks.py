@@ -111,7 +111,7 @@ def _raced(row: dict[str, Any]) -> str:
         told += f", {row['psnr_db']:.1f} dB"
     if row["racer"].startswith("omnisim"):
         return told
-    return f"{told}: {row['ratio']:.3g} × {row['ratio_to'].removeprefix('omnisim, ')}"
+    return f"{told}: {row['ratio']:.3g} × ours at {row['ratio_to'].removeprefix('omnisim, ')}"
 
 
 def _verdicts(report: dict[str, Any]) -> list[str]:
