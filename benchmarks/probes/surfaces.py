@@ -1,7 +1,8 @@
 """How many texels of the virtual cameras a second: the ceiling for the faces.
 
 An empty room, drawn by the renderer itself with the lamps of a scene: twelve textured triangles,
-each texel shaded once, nothing hidden, next to no vertices.
+each texel shaded once, nothing hidden, next to no vertices; flat and of one side, as what is
+quickest to draw.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def empty_room(scene: Scene) -> Scene:
         scene,
         name=f"a room with the lamps of {scene.name}",
         meshes=(_walls(),),
-        materials=(Material("walls", texture=Texture(pixels), double_sided=True),),
+        materials=(Material("walls", texture=Texture(pixels)),),
         instances=(Instance("walls", 0, _at(scene.start.position_m)),),
         labels=(),
         landmarks=(),
@@ -70,7 +71,8 @@ def _walls() -> Mesh:
     corners, normals, coordinates = [], [], []
     for axis in range(3):
         for side in (-1.0, 1.0):
-            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            # fronts inwards: the quickest of our shaders asks for that
+            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))[:: int(-side)]:
                 corners.append(HALF_M * np.roll((side, u, v), axis))
                 normals.append(np.roll((-side, 0.0, 0.0), axis))
                 coordinates.append((0.5 * _REPEATS * (1 + u), 0.5 * _REPEATS * (1 + v)))

@@ -64,7 +64,6 @@ class Sight:
 
     def __init__(self, views: Sequence[FaceView], reach_px: float):
         clips = np.stack([view.clip_from_here for view in views])
-        self.views = len(clips)
         self._rows = clips[:, (0, 1, 3), :3].reshape(-1, 9).T.astype(np.float32, order="C")
         # depth is a + b / w, as the third row of the clip space runs along the fourth
         across = np.sum(clips[:, 2, :3] * clips[:, 3, :3], axis=1)

@@ -93,6 +93,12 @@ def test_probes_are_repeated_until_a_clock_can_tell(context, monkeypatch):
 @pytest.mark.usefixtures("needs_opengl")
 def test_every_texel_of_the_empty_room_is_shaded_once():
     room = surfaces.empty_room(load_scene("rings"))
+    mesh = room.meshes[0]
+    a, b, c = mesh.positions[mesh.triangles].transpose(1, 0, 2)
+    # fronts face the middle of the room, as normals do
+    fronts = np.cross(b - a, c - a)
+    assert np.all(np.sum(fronts * a, axis=1) < 0.0)
+    assert np.all(np.sum(fronts * mesh.normals[mesh.triangles[:, 0]], axis=1) > 0.0)
     camera = at_setting(OmniCamera(), "fast").resized(48)
     samples = []
     with Renderer(room, camera) as renderer:
