@@ -64,6 +64,7 @@ sheets: setup
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 setup: $(VENV)/.installed
 
@@ -96,4 +97,4 @@ system:
 			--no-install-recommends $$missing >/dev/null; fi
 
 clean:
-	rm -rf $(VENV) out .pytest_cache .ruff_cache
+	rm -rf $(VENV) out .pytest_cache .ruff_cache .mypy_cache

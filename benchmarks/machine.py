@@ -13,7 +13,7 @@ from typing import Any
 
 import moderngl
 
-from omnisim import __version__
+from omnisim.version import __version__
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "embreex", "pyrender")

@@ -124,7 +124,7 @@ class RepeatedFrame:
     def _draw_faces(self, stage: Stage) -> None:
         renderer = self.renderer
         world_from_rig = self.world_from_base @ renderer.camera.base_from_rig
-        renderer._cube.render(world_from_rig, stage.movers_at(self.world_from_base))
+        renderer._cube.render(world_from_rig, stage.object_poses_at(self.world_from_base))
 
 
 class _Marks:

@@ -27,7 +27,7 @@ import moderngl
 from benchmarks.errors import BenchmarkError
 from benchmarks.machine import about
 from benchmarks.options import Options
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.errors import OutputError
 
 SCHEMA = 1
@@ -137,7 +137,7 @@ def write_report(folder: Path, suite: ModuleType, report: Mapping[str, Any]) -> 
     """
     check(report)
     path = folder / f"{report['suite']}.json"
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     suite.plot(report, path.with_suffix(".png"))
 

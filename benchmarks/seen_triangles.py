@@ -20,11 +20,11 @@ from omnisim.scene.model import AlphaMode
 
 _VERTEX = """
 #version 430 core
-uniform mat3 u_face_from_here;
+uniform mat3 u_face_from_viewpoint;
 uniform float u_near_m;
 in vec3 in_position;  // metres from the viewpoint, axes of the world
 void main() {
-    vec3 local = u_face_from_here * in_position;
+    vec3 local = u_face_from_viewpoint * in_position;
     gl_Position = vec4(local.xy, u_near_m, local.z);  // y down the picture, depth reversed
 }
 """
@@ -93,8 +93,8 @@ def count_seen_triangles(
             shown = _shown(camera, index, face_px)
             if not shown.any():
                 continue
-            face_from_here = face_from_rig @ world_from_rig[:3, :3].T
-            program["u_face_from_here"].write(columns_first(face_from_here))
+            face_from_viewpoint = face_from_rig @ world_from_rig[:3, :3].T
+            program["u_face_from_viewpoint"].write(columns_first(face_from_viewpoint))
             target.use()
             target.clear(depth=0.0)
             for vertex_array, flags, number in draws:

@@ -8,7 +8,7 @@ with omnisim.Renderer(scene, omnisim.OmniCamera()) as renderer:
 
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from omnisim.version import __version__
 
 if TYPE_CHECKING:
     from omnisim.calibration import (

@@ -12,7 +12,7 @@ from omnisim.errors import OutputError
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a name beside `path` to write to; at the end of the block it becomes `path`.
 
     When the block fails nothing is left, and what was at `path` before stays as it was.
@@ -48,7 +48,7 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
-def check_apart(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
+def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
     """Refuse to write one file twice, or over one that is read.
 
     Args:

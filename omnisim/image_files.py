@@ -16,9 +16,9 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from omnisim import __version__
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
+from omnisim.version import __version__
 
 EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FLOAT_SUFFIXES = (".exr",)
@@ -78,7 +78,7 @@ def write_image(
         spec["Compression"] = f"jpeg:{jpeg_quality}"
         spec["jpeg:subsampling"] = _JPEG_SUBSAMPLING
     data = _encoded(path, spec, np.ascontiguousarray(pixels))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(data)
 
 
@@ -121,7 +121,7 @@ def write_numbers(
         spec[METADATA_KEY] = json.dumps(metadata)
     spec["png:compressionLevel"] = _PNG_LEVEL
     data = _encoded(path, spec, np.ascontiguousarray(numbers.reshape(height, width, channels)))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(data)
 
 
@@ -170,7 +170,7 @@ def write_channels(
     if metadata is not None:
         spec[METADATA_KEY] = json.dumps(metadata)
     data = _encoded(path, spec, np.stack(floats, axis=-1))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(data)
 
 

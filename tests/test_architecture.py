@@ -1,6 +1,7 @@
-"""Who may import whom: imports point down only, and each library has one home."""
+"""Imports: a layered, acyclic graph of modules, and one home for each library."""
 
 import ast
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import omnisim
 
 PACKAGE = Path(omnisim.__file__).parent
-# From the top down; a module may import from layers below its own, and from its own folder.
+# Top-down; a module imports from lower layers and from its own folder.
 LAYERS = (
     {"cli"},
     {"validation", "experiments"},
@@ -23,7 +24,16 @@ LAYERS = (
     {"ground_truth"},
     {"image_files"},
     {"atomic_file", "frames", "cube", "srgb", "resources", "toml_file"},
-    {"errors"},
+    {"errors", "version"},
+)
+GPU_LAYERS = (
+    {"pipeline"},
+    {"ground_truth"},
+    {"capture", "degradation"},
+    {"scene"},
+    {"culling"},
+    {"atlas"},
+    {"context", "shader_files", "uniforms"},
 )
 HOMES = {
     "moderngl": {"gpu"},
@@ -41,44 +51,66 @@ HOMES = {
     "pycolmap": {"validation"},
     "yaml": {"calibration"},
 }
-MODULES = sorted(PACKAGE.rglob("*.py"))
+MODULES = {
+    ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
 
 
-def _imports(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def _imports(module):
+    """Names of the modules that a module imports, for type checking too."""
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            if node.module == "omnisim":
-                yield from (f"omnisim.{alias.name}" for alias in node.names)
-            else:
-                yield node.module or ""
+            assert node.level == 0, f"{module}: relative import"
+            for alias in node.names:
+                member = f"{node.module}.{alias.name}"
+                yield member if member in MODULES else node.module
 
 
-def _level(part):
-    return next((level for level, parts in enumerate(LAYERS) if part in parts), None)
+def _layer(layers, part):
+    return next((layer for layer, parts in enumerate(layers) if part in parts), None)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_point_down(path):
-    part = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-    if part == "__init__":
-        return  # the front door opens on everything
-    assert _level(part) is not None, f"{part} has no layer: add it to LAYERS"
-    for name in _imports(path):
-        root, _, rest = name.partition(".")
-        if root in HOMES:
-            assert part in HOMES[root], f"{part} imports {root}, whose home is {HOMES[root]}"
-        other = rest.partition(".")[0]
-        if root != "omnisim" or other in ("", part, "__version__"):
+def _check_layers(layers, package, module):
+    part = module.removeprefix(package).split(".")[1]
+    assert _layer(layers, part) is not None, f"{part} has no layer"
+    for name in _imports(module):
+        if not name.startswith(f"{package}."):
             continue
-        assert _level(other) > _level(part), f"{part} imports {other}, which is not below it"
+        other = name.removeprefix(package).split(".")[1]
+        if other != part:
+            assert _layer(layers, other) > _layer(layers, part), f"{module} imports {name}, above it"
+
+
+@pytest.mark.parametrize("module", sorted(MODULES.keys() - {"omnisim"}))
+def test_imports_point_down(module):
+    _check_layers(LAYERS, "omnisim", module)
+    if module.startswith("omnisim.gpu."):
+        _check_layers(GPU_LAYERS, "omnisim.gpu", module)
+
+
+@pytest.mark.parametrize("module", sorted(MODULES.keys() - {"omnisim"}))
+def test_each_library_has_one_home(module):
+    part = module.split(".")[1]
+    for name in _imports(module):
+        root = name.partition(".")[0]
+        assert part in HOMES.get(root, {part}), f"{module} imports {root}: home is {HOMES[root]}"
+        assert name != "omnisim", f"{module} imports the front door"
+
+
+def test_imports_have_no_cycle():
+    graph = {module: set(_imports(module)) & MODULES.keys() for module in MODULES}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as reason:
+        pytest.fail(" → ".join(reason.args[1]))
 
 
 def test_every_layer_is_there():
-    parts = {path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in MODULES}
-    assert parts - {"__init__"} == set().union(*LAYERS)
+    parts = {module.split(".")[1] for module in MODULES if "." in module}
+    assert parts == set().union(*LAYERS)
 
 
 def test_every_camera_model_is_a_triple():

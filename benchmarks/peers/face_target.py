@@ -8,9 +8,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
-from omnisim.gpu.scene_buffers import Draw, SceneBuffers, is_blended
-from omnisim.gpu.surface_program import SurfaceProgram, SurfacePrograms, variant_of
+from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
+from omnisim.gpu.scene.scene_buffers import DrawItem, SceneBuffers, is_blended
+from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first
 from omnisim.scene.model import Material, Scene
 
@@ -73,8 +73,8 @@ class ObjectDrawing:
     def move_to(self, viewpoint_m: NDArray[np.float64]) -> None:
         """Draw the next faces from (3,), world."""
         placement = self._buffers.place(viewpoint_m)
-        self._here_from_mesh = placement.here_from_mesh
-        self._here_matrices = columns_first(placement.here_from_mesh)
+        self._viewpoint_from_mesh = placement.viewpoint_from_mesh
+        self._here_matrices = columns_first(placement.viewpoint_from_mesh)
         self._normal_matrices = columns_first(placement.normal_from_mesh)
         self.centres_m = placement.centres_m
         for program in self._used:
@@ -85,7 +85,7 @@ class ObjectDrawing:
         distances = np.linalg.norm(self.centres_m[indices], axis=1)
         return indices[np.argsort(-distances, kind="stable")]
 
-    def from_near_to_far(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
+    def front_to_back(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
         """Objects in the order in which least is painted twice."""
         return self.from_far_to_near(indices)[::-1]
 
@@ -113,9 +113,9 @@ class ObjectDrawing:
         context.blend_func = (
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
-        clip_from_here = CLIP_FROM_FACE.copy()
-        clip_from_here[:, :3] = CLIP_FROM_FACE[:, :3] @ face_from_world
-        clip_matrices = columns_first(clip_from_here @ self._here_from_mesh)
+        clip_from_viewpoint = CLIP_FROM_FACE.copy()
+        clip_from_viewpoint[:, :3] = CLIP_FROM_FACE[:, :3] @ face_from_world
+        clip_matrices = columns_first(clip_from_viewpoint @ self._viewpoint_from_mesh)
         front, texture, culled, blended = None, None, True, False
         for index in order:
             draw = self.draws[index]
@@ -152,24 +152,24 @@ class _Brush:
         self._base_color = program["u_base_color"]
         self._alpha_cutoff = program.get("u_alpha_cutoff", None)
         # what has no lamps has neither
-        self._here_from_mesh = program.get("u_here_from_mesh", None)
+        self._viewpoint_from_mesh = program.get("u_viewpoint_from_mesh", None)
         self._normal_from_mesh = program.get("u_normal_from_mesh", None)
         self._material: Material | None = None
 
     def place(
         self,
         clip_from_mesh: NDArray[np.float32],
-        here_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
         """Say where the next object is; matrices (4, 4) and (3, 3), columns first."""
         self._clip_from_mesh.write(clip_from_mesh)
-        if self._here_from_mesh is not None:
-            self._here_from_mesh.write(here_from_mesh)
+        if self._viewpoint_from_mesh is not None:
+            self._viewpoint_from_mesh.write(viewpoint_from_mesh)
         if self._normal_from_mesh is not None:
             self._normal_from_mesh.write(normal_from_mesh)
 
-    def draw(self, draw: Draw) -> None:
+    def draw(self, draw: DrawItem) -> None:
         """Draw it."""
         material = draw.material
         if material is not self._material:

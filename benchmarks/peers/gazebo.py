@@ -20,7 +20,7 @@ from benchmarks.peers.face_target import (
     srgb_texture,
 )
 from benchmarks.peers.peer import SENSOR, Peer
-from omnisim.gpu.reversed_depth import gl_function
+from omnisim.gpu.scene.reversed_depth import gl_function
 from omnisim.gpu.uniforms import columns_first
 from omnisim.scene.model import Scene
 
@@ -81,7 +81,7 @@ class GazeboWay(Peer):
     def _render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         context, drawing = self._context, self._drawing
         drawing.move_to(world_from_rig[:3, 3])
-        opaque = drawing.from_near_to_far(drawing.opaque)
+        opaque = drawing.front_to_back(drawing.opaque)
         order = np.concatenate((opaque, drawing.from_far_to_near(drawing.blended)))
         middles, halves = self._boxes_m
         middles = middles - world_from_rig[:3, 3]
@@ -114,7 +114,7 @@ def _boxes_m(drawing: ObjectDrawing) -> tuple[NDArray[np.float64], NDArray[np.fl
     middles, halves = [], []
     for draw in drawing.draws:
         low, high = draw.mesh.positions.min(axis=0), draw.mesh.positions.max(axis=0)
-        linear = draw.own_from_mesh[:3, :3]
-        middles.append(linear @ (0.5 * (low + high)) + draw.own_from_mesh[:3, 3])
+        linear = draw.object_from_mesh[:3, :3]
+        middles.append(linear @ (0.5 * (low + high)) + draw.object_from_mesh[:3, 3])
         halves.append(np.abs(linear) @ (0.5 * (high - low)))
     return np.array(middles), np.array(halves)

@@ -14,14 +14,14 @@ _TARGET_PX = 16
 _VERTEX = """
 #version 430 core
 uniform mat4 u_clip_from_mesh;
-uniform mat4 u_here_from_mesh;
+uniform mat4 u_viewpoint_from_mesh;
 uniform mat3 u_normal_from_mesh;
 uniform vec4 u_base_color;
 in vec3 in_position;
 flat out vec4 v_color;
 void main() {
     gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
-    v_color = u_base_color + vec4(u_normal_from_mesh * u_here_from_mesh[0].xyz, 0.0);
+    v_color = u_base_color + vec4(u_normal_from_mesh * u_viewpoint_from_mesh[0].xyz, 0.0);
 }
 """
 _FRAGMENT = """

@@ -16,7 +16,7 @@ _TARGET_PX = 192  # so nine pixels to four squares
 _VERTEX = """
 #version 430 core
 uniform mat4 u_clip_from_mesh;
-uniform mat4 u_here_from_mesh;
+uniform mat4 u_viewpoint_from_mesh;
 in vec3 in_position;
 in vec3 in_normal;
 in vec2 in_texture_coordinate;
@@ -27,8 +27,8 @@ out vec2 v_texture_coordinate;
 out vec4 v_color;
 void main() {
     gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
-    v_position = (u_here_from_mesh * vec4(in_position, 1.0)).xyz;
-    v_normal = mat3(u_here_from_mesh) * in_normal;
+    v_position = (u_viewpoint_from_mesh * vec4(in_position, 1.0)).xyz;
+    v_normal = mat3(u_viewpoint_from_mesh) * in_normal;
     v_texture_coordinate = in_texture_coordinate;
     v_color = in_color;
 }
@@ -73,7 +73,7 @@ def triangle_probes(context: moderngl.Context) -> list[Probe]:
                 context.front_face = "ccw"
                 context.cull_face = "back"
                 program["u_clip_from_mesh"].write(matrix)
-                program["u_here_from_mesh"].write(matrix)
+                program["u_viewpoint_from_mesh"].write(matrix)
                 vertex_array.render(moderngl.TRIANGLES)
 
             return draw

@@ -19,13 +19,13 @@ from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
 from benchmarks.timer import take_turns
 from omnisim import frames
 from omnisim.cameras import CentralCamera, EquidistantCamera
-from omnisim.gpu.capture_pass import LensCapture
+from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.capture.capture_pass import LensCapture
 from omnisim.gpu.context import open_context
-from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.face_plan import plan_faces
 from omnisim.gpu.pipeline import Pipeline
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.plots import style
 from omnisim.plots.plot_file import write_plot
 from omnisim.scene import Scene, load_scene
@@ -126,7 +126,7 @@ def _pipelines(context: Any, scene: Scene) -> dict[str, Pipeline]:
     whole = EquidistantCamera(fine, fine, 0.5 * fine / math.pi, _middle(fine))
     cube = CubePass(
         context, buffers, SurfacePrograms(buffers, scene.lighting),
-        plan_faces(whole, whole.rig_from_optical, face_size_px=FACE_SIZE_PX),
+        plan_tiles(whole, whole.rig_from_optical, face_size_px=FACE_SIZE_PX),
         near_m=0.05, far_m=np.inf, samples=1, unlit=False, background=scene.background,
     )  # fmt: skip
     pipelines = {}

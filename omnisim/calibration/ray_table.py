@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import __version__
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.errors import OutputError
 from omnisim.image_files import read_channels, write_channels
+from omnisim.version import __version__
 
 AXES = "XYZ"
 ATTRIBUTES = {

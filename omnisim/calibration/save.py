@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.calibration.calibration import CalibratedCamera, Calibration, Residual
 from omnisim.calibration.equivalents import equivalent
 from omnisim.calibration.file_frame import (
@@ -64,7 +64,7 @@ def save_calibration(
     path = Path(path)
     check_target(path)
     text, written = calibration_text(calibration, format, model)
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         try:
             partial.write_text(text, encoding="utf-8")
         except OSError as reason:

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from omnisim import __version__
 from omnisim.cli.calibration import calibration_app
 from omnisim.cli.consoles import err, out
 from omnisim.cli.landmarks import landmarks_app
@@ -16,6 +15,7 @@ from omnisim.cli.proof_commands import experiments, info, validate
 from omnisim.cli.robot import robot_app
 from omnisim.cli.run_commands import drive, localize, plot, video
 from omnisim.errors import OmnisimError
+from omnisim.version import __version__
 
 INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
 

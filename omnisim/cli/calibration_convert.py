@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from omnisim.atomic_file import check_apart, check_target
+from omnisim.atomic_file import check_distinct, check_target
 from omnisim.calibration import FORMATS, CalibratedCamera, save_calibration
 from omnisim.calibration.file_frame import looks_back
 from omnisim.calibration.load import format_named
@@ -36,7 +36,7 @@ def run(request: ConvertRequest, out: Console, err: Console) -> None:
     """
     form = format_named(request.to)
     check_target(request.output)
-    check_apart({"what is written": request.output}, {"the file to convert": request.source})
+    check_distinct({"what is written": request.output}, {"the file to convert": request.source})
     found = read_calibration(
         request.source, request.camera_name, request.format, request.mirrored, err
     )

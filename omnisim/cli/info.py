@@ -8,10 +8,10 @@ from importlib.metadata import version
 from rich.console import Console
 from rich.table import Table
 
-from omnisim import __version__
 from omnisim.errors import GraphicsError
 from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
 from omnisim.scene import builtin_scenes
+from omnisim.version import __version__
 
 PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "pydantic")
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from omnisim.atomic_file import check_apart, check_target
+from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
@@ -78,7 +78,7 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         if path is not None:
             check_target(path)
     beside = {"--rays": request.rays, "--calibration": request.calibration_beside}
-    check_apart(
+    check_distinct(
         {"the picture": request.output, **beside},
         {
             "the scene": Path(request.scene),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
 from omnisim.robot import parse_robot
 from omnisim.robot.usarsim import import_robot
@@ -46,7 +46,7 @@ def run(request: ImportRequest, out: Console, err: Console) -> None:
         raise OutputError(f"{output}: is the configuration itself: want another name")
     robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
     Vehicle.from_robot(robot)  # what is written can be used
-    with whole_file(output) as partial:
+    with atomic_write(output) as partial:
         partial.write_text(imported.text, encoding="utf-8", newline="\n")
     for notice in imported.notices:
         err.print("note: ", notice, sep="", markup=False)

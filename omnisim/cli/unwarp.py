@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from omnisim import __version__
-from omnisim.atomic_file import check_apart, check_target
+from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cli.choices import ViewKind
 from omnisim.errors import OpticsError
 from omnisim.image_files import is_float_format, write_image
@@ -21,6 +20,7 @@ from omnisim.perception.views import View, birdseye_view, cylinder_view, perspec
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.picture_file import TakenPicture, read_picture
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.version import __version__
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
 LARGEST_SIDE_PX = 32768
@@ -53,7 +53,7 @@ def run(request: UnwarpRequest, out: Console) -> None:
     _check_options(request)
     is_float = is_float_format(request.output)
     check_target(request.output)
-    check_apart({"the view": request.output}, {"the picture itself": request.picture})
+    check_distinct({"the view": request.output}, {"the picture itself": request.picture})
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
     taken = read_picture(request.picture, sensor)
     view = _view(request, taken)

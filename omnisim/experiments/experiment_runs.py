@@ -22,7 +22,7 @@ from omnisim.experiments.seeds import (
 )
 from omnisim.experiments.training import PixelRates, Training, pixel_rates
 from omnisim.localization.parameters import FilterParameters, read_parameters
-from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.perception.color_model import count_colors
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
 from omnisim.simulation import Vehicle
@@ -111,12 +111,12 @@ def _pixel_rates(run: RunData, trained: Training, progress: Progress) -> PixelRa
 
 def sightings_of(
     detections: Sequence[Sequence[Detection]], parameters: FilterParameters
-) -> list[list[Sighting]]:
+) -> list[list[Observation]]:
     """Detections of each step as the filter takes them."""
     return [[sighting_of(each, parameters.measurement) for each in step] for step in detections]
 
 
-def _picked(run: RunData, seed: int) -> list[list[Sighting]]:
+def _picked(run: RunData, seed: int) -> list[list[Observation]]:
     """What somebody picks by hand in the pictures of a run."""
     generator = np.random.default_rng([3, seed])
     landmarks = LandmarkMap.of_scene(run.landmarks)

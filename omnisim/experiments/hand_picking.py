@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.perception.panorama import CameraMount
 
 
@@ -38,7 +38,7 @@ def pick_landmarks(
     landmarks: LandmarkMap,
     hand: Hand,
     generator: np.random.Generator,
-) -> list[Sighting]:
+) -> list[Observation]:
     """Pick the feet of the landmarks that can be seen from a true pose.
 
     Of a wide landmark the nearest foot gives the range, and the two outermost feet the bearing.
@@ -67,7 +67,7 @@ def pick_landmarks(
         middle = bearings[1] + 0.5 * math.remainder(bearings[-1] - bearings[1], 2.0 * math.pi)
         range_sigma_m, bearing_sigma_rad = _sigmas(mount, float(ranges[0]), hand.sigma_px)
         found.append(
-            Sighting(
+            Observation(
                 (name,),
                 float(ranges[0]),
                 math.remainder(middle, 2.0 * math.pi),

@@ -9,16 +9,16 @@ from numpy.typing import ArrayLike
 
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.parameters import FilterParameters, Measurement
-from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.localization.track import Track
 from omnisim.perception.landmark_detector import Detection
 from omnisim.robot.odometry import Odometry
 
 
-def sighting_of(detection: Detection, relation: Measurement) -> Sighting:
+def sighting_of(detection: Detection, relation: Measurement) -> Observation:
     """A detection as the filter takes it, its range by the relation that the file names."""
     is_paper = relation.relation == "eq2" and math.isfinite(detection.range_eq2_m)
-    return Sighting(
+    return Observation(
         (detection.landmark,),
         detection.range_eq2_m if is_paper else detection.range_m,
         detection.bearing_rad,
@@ -29,7 +29,7 @@ def sighting_of(detection: Detection, relation: Measurement) -> Sighting:
 
 def localize(
     odometry: Odometry,
-    sightings: Sequence[Sequence[Sighting]],
+    sightings: Sequence[Sequence[Observation]],
     landmarks: LandmarkMap,
     parameters: FilterParameters,
     camera_m: tuple[float, float],

@@ -12,10 +12,10 @@ from typing import Any
 
 import jinja2
 
-from omnisim import __version__
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
 from omnisim.plots.plot_file import Figure, figure_png
+from omnisim.version import __version__
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 FORMAT_VERSION = 1
@@ -194,5 +194,5 @@ def make_folder(folder: Path) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(data)

@@ -19,7 +19,7 @@ from omnisim.experiments.localizing import localize
 from omnisim.experiments.run_data import RunData
 from omnisim.localization.consistency import Band, mean_band
 from omnisim.localization.parameters import FilterParameters
-from omnisim.localization.sightings import LandmarkMap, Sighting
+from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.localization.track import Track
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
 from omnisim.robot import simulate_odometry
@@ -96,7 +96,7 @@ class SeedRuns:
 def run_seeds(
     run: RunData,
     wheels: OdometryErrors,
-    sightings: Sequence[Sequence[Sequence[Sighting]]],
+    sightings: Sequence[Sequence[Sequence[Observation]]],
     parameters: FilterParameters,
     covariance: ArrayLike | None = None,
     prepare: Callable[[Odometry], Odometry] = lambda odometry: odometry,
@@ -132,14 +132,14 @@ def run_seeds(
 
 
 def ahead_only(
-    sightings: Sequence[Sequence[Sighting]], field_of_view_rad: float
-) -> list[list[Sighting]]:
+    sightings: Sequence[Sequence[Observation]], field_of_view_rad: float
+) -> list[list[Observation]]:
     """What of them a camera sees that looks forward."""
     half = 0.5 * field_of_view_rad
     return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in sightings]
 
 
-def with_more_noise(sighting: Sighting, factor: float) -> Sighting:
+def with_more_noise(sighting: Observation, factor: float) -> Observation:
     """The same sighting that trusts itself less."""
     return dataclasses.replace(
         sighting,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.localization.track import Track
 from omnisim.robot import Trajectory, write_trajectory
 
@@ -59,5 +59,5 @@ def write_track(folder: Path, track: Track) -> None:
 
 
 def _write(path: Path, lines: list[str]) -> None:
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

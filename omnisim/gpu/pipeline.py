@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.errors import GraphicsError
-from omnisim.gpu.capture_pass import Capture, Emit, connect_cube
-from omnisim.gpu.covering import covering
-from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.degradation_pass import DegradationPass
-from omnisim.gpu.lookup_table import LookupTable
+from omnisim.gpu.capture.capture_pass import Capture, Emit, connect_cube
+from omnisim.gpu.capture.coverage import covering
+from omnisim.gpu.capture.remap_table import RemapTable
+from omnisim.gpu.degradation.degradation_pass import DegradationPass
+from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.shader_files import build_program
 
 
@@ -30,7 +30,7 @@ class SubFrame(NamedTuple):
     """A part of the time in which a picture is taken."""
 
     world_from_rig: NDArray[np.float64]  # (4, 4)
-    world_from_movers: Sequence[NDArray[np.float64]]
+    world_from_objects: Sequence[NDArray[np.float64]]
     row_weights: NDArray[np.float32] | None  # (height,) share of each row's exposure; None: all
 
 
@@ -68,9 +68,9 @@ class Pipeline:
         fine_size = (camera.width_px, camera.height_px)
         self._lookups = self._capture = None
         valid = np.ones(self._size[::-1], dtype=np.bool_)
-        if LookupTable.fits(self._size, supersampling):
+        if RemapTable.fits(self._size, supersampling):
             capture = make_capture(Emit.LOOKUP)
-            self._lookups = LookupTable(
+            self._lookups = RemapTable(
                 context, self._size, supersampling, capture, cube.plan, rig_from_optical
             )
             valid = self._lookups.valid
@@ -127,11 +127,11 @@ class Pipeline:
         self,
         world_from_rig: NDArray[np.float64],
         linear: bool = False,
-        world_from_movers: Sequence[NDArray[np.float64]] = (),
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> Picture:
         """Render from a pose (4, 4), movers at theirs; linear colours where they are asked for."""
         target = self._both_targets if linear else self._encoded_target
-        self._draw(target, world_from_rig, world_from_movers)
+        self._draw(target, world_from_rig, world_from_objects)
         rgba = self._read_encoded()
         if not linear:
             return Picture(rgba, None)
@@ -157,7 +157,7 @@ class Pipeline:
         """
         degradation = self._degradation
         for sub_frame in sub_frames:
-            self._draw(self._both_targets, sub_frame.world_from_rig, sub_frame.world_from_movers)
+            self._draw(self._both_targets, sub_frame.world_from_rig, sub_frame.world_from_objects)
             degradation.add(self._linear, sub_frame.row_weights)
         finished = degradation.finish(expose(degradation.mean_luminance() if metered else None))
         self._encode_degraded(finished)
@@ -169,10 +169,10 @@ class Pipeline:
         self,
         target: moderngl.Framebuffer,
         world_from_rig: NDArray[np.float64],
-        world_from_movers: Sequence[NDArray[np.float64]],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
-        """Draw the ideal picture: encoded, and linear where the target has a place for it."""
-        atlas = self._cube.render(world_from_rig, world_from_movers)
+        """DrawItem the ideal picture: encoded, and linear where the target has a place for it."""
+        atlas = self._cube.render(world_from_rig, world_from_objects)
         atlas.use(0)
         if self._lookups is not None:
             self._lookups.use()

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import __version__
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.ground_truth.labels import Labels
+from omnisim.version import __version__
 
 _ABOUT = (
     "Boxes and areas are those of the instance's visible pixels, nothing more: what is hidden is "
@@ -113,5 +113,5 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text(json.dumps(content) + "\n", encoding="utf-8", newline="\n")

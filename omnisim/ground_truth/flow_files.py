@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.image_files import write_numbers
 
 _FLO_MAGIC = np.float32(202021.25)  # "PIEH"
@@ -25,7 +25,7 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
     """
     height, width = flow_px.shape[:2]
     known = np.where(np.isnan(flow_px), _FLO_UNKNOWN, flow_px).astype("<f4")
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(
             _FLO_MAGIC.astype("<f4").tobytes()
             + np.array([width, height], dtype="<i4").tobytes()

@@ -20,16 +20,16 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import LocalizationError
 from omnisim.localization.motion import move
 from omnisim.localization.parameters import FilterParameters
-from omnisim.localization.sightings import LandmarkMap, Sighting, expect
+from omnisim.localization.sightings import LandmarkMap, Observation, expect
 
-Verdict = Literal["accepted", "gated", "outdone", "singular"]
+Verdict = Literal["accepted", "gated", "superseded", "singular"]
 _EYE = np.eye(3)
 # A symmetric matrix whose determinant is below this share of the largest it could have has no
 # inverse to speak of.
 _SINGULAR = 1e-12
 
 
-class Judgement(NamedTuple):
+class Association(NamedTuple):
     """What became of one sighting.
 
     Attributes:
@@ -37,7 +37,7 @@ class Judgement(NamedTuple):
         range_m, bearing_rad: as measured.
         range_innovation_m, bearing_innovation_rad: measured less expected.
         distance_squared: of Mahalanobis; infinite where the innovation has no covariance.
-        verdict: accepted; gated: too far off; outdone: another one fits this landmark better;
+        verdict: accepted; gated: too far off; superseded: another one fits this landmark better;
             singular: there is no uncertainty to judge it by.
     """
 
@@ -67,7 +67,7 @@ class Estimate:
     time_s: float
     pose: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    judgements: tuple[Judgement, ...] = ()
+    judgements: tuple[Association, ...] = ()
     nis: float = math.nan
     nis_degrees: int = 0
     steps_rejected: int = 0
@@ -135,7 +135,7 @@ class LocalizationFilter:
         time_s: float,
         speed_mps: float,
         turn_rad: float,
-        sightings: Sequence[Sighting] = (),
+        sightings: Sequence[Observation] = (),
     ) -> Estimate:
         """Drive on to a time, and look around there.
 
@@ -173,7 +173,7 @@ class LocalizationFilter:
         time_s: float,
         pose: NDArray[np.float64],
         covariance: NDArray[np.float64],
-        sightings: Sequence[Sighting],
+        sightings: Sequence[Observation],
         steps_rejected: int,
     ) -> Estimate:
         """Correct a prediction by what is seen."""
@@ -189,7 +189,7 @@ class LocalizationFilter:
         ]
         chosen, verdicts = self._judge(pairs)
         judgements = tuple(
-            Judgement(
+            Association(
                 pair.landmark,
                 sightings[pair.sighting].range_m,
                 sightings[pair.sighting].bearing_rad,
@@ -228,7 +228,7 @@ class LocalizationFilter:
     def _pair(
         self,
         number: int,
-        sighting: Sighting,
+        sighting: Observation,
         name: str,
         pose: tuple[float, float, float],
         covariance: list[list[float]],
@@ -284,7 +284,7 @@ class LocalizationFilter:
             elif pair.distance_squared > gate:
                 verdicts.append("gated")
             else:
-                verdicts.append(ACCEPTED if holders[pair.landmark] is pair else "outdone")
+                verdicts.append(ACCEPTED if holders[pair.landmark] is pair else "superseded")
         return list(best.values()), verdicts
 
 
@@ -297,7 +297,7 @@ def wrapped(angle_rad: float) -> float:
     return math.remainder(angle_rad, 2.0 * math.pi)
 
 
-def _check(sighting: Sighting) -> None:
+def _check(sighting: Observation) -> None:
     if not (
         sighting.candidates
         and math.isfinite(sighting.range_m)
@@ -314,7 +314,7 @@ def _estimate(
     time_s: float,
     pose: NDArray[np.float64],
     covariance: NDArray[np.float64],
-    judgements: tuple[Judgement, ...] = (),
+    judgements: tuple[Association, ...] = (),
     steps_rejected: int = 0,
     nis: float = math.nan,
     nis_degrees: int = 0,

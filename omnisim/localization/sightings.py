@@ -23,7 +23,7 @@ NEAREST_M = 1e-6
 
 
 @dataclass(frozen=True)
-class Sighting:
+class Observation:
     """One landmark in one picture, as measured.
 
     Attributes:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import check_suffix, whole_file
+from omnisim.atomic_file import atomic_write, check_suffix
 from omnisim.errors import LocalizationError
 from omnisim.perception.color_model import ColorModel
 from omnisim.scene.model import Band, Landmark
@@ -56,7 +56,7 @@ def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -
     """
     check_suffix(path, SUFFIX)
     told = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
-    with whole_file(path) as partial, partial.open("wb") as file:
+    with atomic_write(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
             format=FORMAT,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.perception.landmark_detector import Detection
 
 COLUMNS = (
@@ -34,5 +34,5 @@ def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) ->
         box = (found.left, found.right, found.top, found.bottom, found.area_px)
         told = (*(f"{number:.6f}" for number in numbers), *map(str, box))
         lines.append(",".join((str(step), found.landmark, *told)))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
 
 FORMATS = {".mp4": "mp4", ".mkv": "matroska"}
@@ -45,7 +45,7 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float
     import av
 
     count = 0
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         try:
             with av.open(str(partial), "w", format=FORMATS[path.suffix.lower()]) as container:
                 stream = container.add_stream(

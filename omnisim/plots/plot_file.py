@@ -7,9 +7,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from omnisim import __version__
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
+from omnisim.version import __version__
 
 __all__ = ["FORMATS", "Figure", "check_plot_target", "figure_png", "write_plot"]
 FORMATS = ("png", "pdf", "svg")
@@ -32,7 +32,7 @@ def write_plot(path: Path, figure: Figure) -> None:
         OutputError: an unknown format, or the file cannot be written.
     """
     name = _format(path)
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         figure.savefig(partial, format=name)
 
 

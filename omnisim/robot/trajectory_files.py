@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import TrajectoryError
 from omnisim.robot.formats import euroc, kitti, pose_csv, tum
 from omnisim.robot.formats.recording import Recording
@@ -89,7 +89,7 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
         OutputError: the file cannot be written.
     """
     check_target(path)
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
 from omnisim.mirrors.mirror_mesh import UnfoldedMirrorMesh
 
@@ -66,7 +66,7 @@ def write_mirror(path: Path, mesh: UnfoldedMirrorMesh, name: str) -> None:
         data = "\n".join(lines)
     else:
         data = _ply(exported, coordinates)
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 

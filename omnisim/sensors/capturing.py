@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from omnisim.cameras import CentralCamera
 from omnisim.frames import MIRROR_FROM_OPTICAL
-from omnisim.gpu.capture_pass import Capture, Emit, LensCapture, MirrorMeshCapture
-from omnisim.gpu.face_plan import FacePlan, plan_faces
+from omnisim.gpu.atlas.tile_plan import TilePlan, plan_tiles
+from omnisim.gpu.capture.capture_pass import Capture, Emit, LensCapture, MirrorMeshCapture
 from omnisim.mirrors import tessellate
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import Stage
@@ -21,7 +21,7 @@ def faces_of(
     texels_per_pixel: float,
     face_size_px: int | None = None,
     in_parts: bool = False,
-) -> FacePlan:
+) -> TilePlan:
     """The faces that a sensor looks at, with so many texels to a side of its finest pixels.
 
     Args:
@@ -29,7 +29,7 @@ def faces_of(
         camera: its camera, or that of a finer picture.
         texels_per_pixel: of that camera.
         face_size_px: texels across the 90° of every face; None: as the picture needs.
-        in_parts: see `plan_faces`.
+        in_parts: see `plan_tiles`.
 
     Raises:
         GraphicsError: the camera sees nothing at all.
@@ -39,7 +39,7 @@ def faces_of(
         past_rim = (
             tessellate(sensor.camera.mirror, sensor.polygons).edge_middles_m @ MIRROR_FROM_OPTICAL
         )
-    return plan_faces(
+    return plan_tiles(
         camera,
         camera.rig_from_optical,
         texels_per_pixel,

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.capture_pass import Emit
-from omnisim.gpu.next_view_pass import NextViewPass
-from omnisim.gpu.ray_table import RayTable
-from omnisim.gpu.surface_pass import SurfacePass, Surfaces
-from omnisim.gpu.visibility_pass import VisibilityPass
+from omnisim.gpu.capture.capture_pass import Emit
+from omnisim.gpu.capture.ray_table import RayTable
+from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
+from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass, Surfaces
+from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.capturing import capture_of, faces_of
 from omnisim.sensors.omnicamera import OmniCamera
@@ -52,7 +52,7 @@ class GroundTruth:
             hidden,
             albedo,
         )
-        self._surfaces = SurfacePass(context, self._visibility, self._rays, camera.rig_from_optical)
+        self._surfaces = RayHitPass(context, self._visibility, self._rays, camera.rig_from_optical)
         self._flow: OpticalFlow | None = None
         movers = [None, *stage.moving]
         ids = {(label.mover, label.name): label.id for label in self.labels.instances}
@@ -79,7 +79,7 @@ class GroundTruth:
         """
         surfaces = self._surfaces.render(
             now.world_from_rig,
-            now.world_from_movers,
+            now.world_from_objects,
             normals="normals" in names or "normals_camera" in names,
             albedos="albedo" in names,
         )
@@ -107,7 +107,7 @@ class GroundTruth:
         return {name: found[name] for name in names if name in found}
 
     def _make_flow(self) -> OpticalFlow:
-        next_view = NextViewPass(self._stage.context, self._visibility, self._rays, self._surfaces)
+        next_view = OcclusionPass(self._stage.context, self._visibility, self._rays, self._surfaces)
         sensor = self._sensor
         is_mesh = sensor.polygons is not None
         return OpticalFlow(self._stage.buffers, sensor.camera, self._rays, is_mesh, next_view)

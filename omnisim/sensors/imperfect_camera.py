@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import OpticsError
 from omnisim.frames import check_pose
-from omnisim.gpu.degradation_pass import DegradationPass
+from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.pipeline import Picture, Pipeline, SubFrame
 from omnisim.sensors.degradations.parameters import MOST_STOPS
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
@@ -99,7 +99,7 @@ class ImperfectCamera:
         shutter, rig = self.sensor.degradation.shutter, self.sensor.base_from_rig
         if shutter is None or motion is None or shutter.duration_s == 0.0:
             base = world_from_base
-            return [SubFrame(base @ rig, stage.movers_at(base, movers), None)]
+            return [SubFrame(base @ rig, stage.object_poses_at(base, movers), None)]
         camera = self.sensor.camera
         half_s = 0.5 * shutter.duration_s
         ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
@@ -108,8 +108,8 @@ class ImperfectCamera:
         weights = shutter.row_weights(count, camera.height_px)
         poses = [check_pose(motion(float(time_s))) for time_s in shutter.times_s(count)]
         if count == 1:
-            return [SubFrame(poses[0] @ rig, stage.movers_at(poses[0], movers), None)]
+            return [SubFrame(poses[0] @ rig, stage.object_poses_at(poses[0], movers), None)]
         return [
-            SubFrame(base @ rig, stage.movers_at(base, movers), share)
+            SubFrame(base @ rig, stage.object_poses_at(base, movers), share)
             for base, share in zip(poses, weights, strict=True)
         ]

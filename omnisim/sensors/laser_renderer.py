@@ -7,14 +7,14 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim import __version__
 from omnisim.errors import OmnisimError
 from omnisim.frames import check_pose
-from omnisim.gpu.range_pass import RangePass
+from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
 from omnisim.sensors.stage import OnStage, Stage
+from omnisim.version import __version__
 
 
 class LaserRenderer(OnStage):
@@ -83,7 +83,7 @@ class LaserRenderer(OnStage):
         if self.body is not None and base is None:
             raise OmnisimError("scan: world_from_base is missing: where is the body?")
         with self._current() as stage:
-            true_ranges_m = self._ranges.cast(pose, stage.movers_at(base, movers))
+            true_ranges_m = self._ranges.cast(pose, stage.object_poses_at(base, movers))
         ranges_m = self.scanner.measure(true_ranges_m, scan_number)
         metadata = {
             "omnisim": __version__,

@@ -15,10 +15,10 @@ from omnisim.cameras import (
     Pixels,
     pixel_grid,
 )
-from omnisim.gpu.next_view_pass import NextViewPass
-from omnisim.gpu.ray_table import RayTable
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.surface_pass import Surfaces
+from omnisim.gpu.capture.ray_table import RayTable
+from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
+from omnisim.gpu.ground_truth.ray_hit_pass import Surfaces
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 
 # Texels to a pixel along a side. A triangle is found where a texel near the ray shows it, or one
 # beside it: measured in the warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at
@@ -35,11 +35,11 @@ class View(NamedTuple):
 
     Attributes:
         world_from_rig: (4, 4) of the camera's rig.
-        world_from_movers: (4, 4) each, in the order of the buffers' movers.
+        world_from_objects: (4, 4) each, in the order of the buffers' movers.
     """
 
     world_from_rig: NDArray[np.float64]
-    world_from_movers: tuple[NDArray[np.float64], ...] = ()
+    world_from_objects: tuple[NDArray[np.float64], ...] = ()
 
 
 class OpticalFlow:
@@ -72,7 +72,7 @@ class OpticalFlow:
         camera: CentralCamera,
         rays: RayTable,
         is_mesh: bool,
-        next_view: NextViewPass,
+        next_view: OcclusionPass,
     ):
         self._camera, self._next_view = camera, next_view
         self._shape = rays.valid.shape
@@ -91,7 +91,7 @@ class OpticalFlow:
         """Start to look at the next view."""
         self._then_from_now = _ways(now, after)
         self._optical_from_world = (after.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
-        self._next_view.render(after.world_from_rig, after.world_from_movers, self._then_from_now)
+        self._next_view.render(after.world_from_rig, after.world_from_objects, self._then_from_now)
 
     def finish(self, surfaces: Surfaces) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Flow (height, width, 2) in pixels, NaN where the lens cannot see the point next; and what
@@ -143,9 +143,9 @@ def _ways(now: View, after: View) -> NDArray[np.float64]:
     """From now's viewpoint to the next one (1 + movers, 4, 4), in the axes of the world: how what
     stands goes, and what is on each mover."""  # fmt: skip
     viewpoint_m, next_m = now.world_from_rig[:3, 3], after.world_from_rig[:3, 3]
-    ways = np.tile(np.eye(4), (1 + len(now.world_from_movers), 1, 1))
+    ways = np.tile(np.eye(4), (1 + len(now.world_from_objects), 1, 1))
     for number, (before, then) in enumerate(
-        zip(now.world_from_movers, after.world_from_movers, strict=True), start=1
+        zip(now.world_from_objects, after.world_from_objects, strict=True), start=1
     ):
         moved = then @ np.linalg.inv(before)
         ways[number, :3, :3] = moved[:3, :3]

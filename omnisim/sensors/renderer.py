@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim import __version__
 from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.frames import check_pose
-from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.face_plan import FacePlan, whole_faces
+from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
+from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.ground_truth import check_channels
 from omnisim.scene import Scene
 from omnisim.sensors.capturing import capture_of, faces_of
@@ -28,6 +27,7 @@ from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import OnStage, Stage
 from omnisim.srgb import srgb_from_linear
+from omnisim.version import __version__
 
 
 class Renderer(OnStage):
@@ -86,7 +86,7 @@ class Renderer(OnStage):
             self._imperfect.make_pass(stage),
         )
 
-    def _cube_pass(self, stage: Stage, plan: FacePlan) -> CubePass:
+    def _cube_pass(self, stage: Stage, plan: TilePlan) -> CubePass:
         sensor = self.camera
         return CubePass(
             stage.context,
@@ -114,7 +114,7 @@ class Renderer(OnStage):
         also: Collection[str] = (),
         movers: Mapping[str, ArrayLike] | None = None,
         next_base: ArrayLike | None = None,
-        next_movers: Mapping[str, ArrayLike] | None = None,
+        next_object_poses: Mapping[str, ArrayLike] | None = None,
         motion: Motion | None = None,
         frame_number: int = 0,
         exposure_ev: float | None = None,
@@ -128,7 +128,7 @@ class Renderer(OnStage):
             also: names of channels of ground truth, see `omnisim.ground_truth`.
             movers: (4, 4) poses of the stage's other movers, by name.
             next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
-            next_movers: poses of the other movers at the next frame; None: they stay.
+            next_object_poses: poses of the other movers at the next frame; None: they stay.
             motion: for motion blur and rolling shutter: from seconds after the middle of the frame
                 to the pose; None: at rest.
             frame_number: noise differs from frame to frame.
@@ -146,7 +146,7 @@ class Renderer(OnStage):
         world_from_rig = base @ self.camera.base_from_rig
         metadata = self._metadata(base, world_from_rig)
         with self._current() as stage:
-            moving = stage.movers_at(base, movers)
+            moving = stage.object_poses_at(base, movers)
             if self.camera.degradation.is_ideal:
                 picture = self._pipeline.render(world_from_rig, linear, moving)
             else:
@@ -160,7 +160,9 @@ class Renderer(OnStage):
                 if after_base is not None:
                     after = View(
                         after_base @ self.camera.base_from_rig,
-                        stage.movers_at(after_base, movers if next_movers is None else next_movers),
+                        stage.object_poses_at(
+                            after_base, movers if next_object_poses is None else next_object_poses
+                        ),
                     )
                 channels = truth.channels(names, View(world_from_rig, moving), after)
                 labels = truth.labels
@@ -191,7 +193,7 @@ class Renderer(OnStage):
             if self._whole_cube is None:
                 self._whole_cube = self._cube_pass(stage, whole_faces(self._cube.plan))
             cube = self._whole_cube
-            cube.render(self._last_view.world_from_rig, self._last_view.world_from_movers)
+            cube.render(self._last_view.world_from_rig, self._last_view.world_from_objects)
             linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.sensors.laser_scanner import LaserScanner
 
 
@@ -70,5 +70,5 @@ class Scan:
             f"{beam},{angle:.6f},{told:.6f}"
             for beam, (angle, told) in enumerate(zip(angles_deg, self.ranges_m, strict=True))
         ]
-        with whole_file(Path(path)) as partial:
+        with atomic_write(Path(path)) as partial:
             partial.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import GraphicsError, SceneError
 from omnisim.frames import check_pose
 from omnisim.gpu.context import open_context
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
 
@@ -88,10 +88,10 @@ class Stage(Closing):
 
     @property
     def moving(self) -> dict[str, Scene]:
-        """All that moves, by name, in the order of `movers_at`: the body first, if there is one."""
+        """All that moves, by name, in the order of `object_poses_at`: the body first."""
         return ({} if self.body is None else {BODY: self.body}) | self.movers
 
-    def movers_at(
+    def object_poses_at(
         self,
         world_from_base: NDArray[np.float64] | None,
         movers: Mapping[str, ArrayLike] | None = None,

@@ -12,7 +12,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from omnisim import __version__
 from omnisim.errors import RunError
 from omnisim.gpu.context import graphics_info
 from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
@@ -39,6 +38,7 @@ from omnisim.simulation.run_folder import (
 )
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import MountedCamera, Vehicle
+from omnisim.version import __version__
 
 LARGEST_SEED = 2**63 - 1
 

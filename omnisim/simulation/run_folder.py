@@ -30,7 +30,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from omnisim.atomic_file import whole_file
+from omnisim.atomic_file import atomic_write
 from omnisim.errors import RunError
 from omnisim.robot.sensor_mounts import SensorName
 from omnisim.toml_file import Table, parse_table
@@ -152,7 +152,7 @@ class RunFolder:
         Raises:
             OutputError: it cannot be written.
         """
-        with whole_file(self.path / name) as partial:
+        with atomic_write(self.path / name) as partial:
             partial.write_text(text, encoding="utf-8", newline="\n")
 
     def steps_done(self) -> int:

@@ -16,12 +16,12 @@ from typing import Any
 
 import jinja2
 
-from omnisim import __version__
-from omnisim.atomic_file import check_target, whole_file
+from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
 from omnisim.gpu.context import graphics_info, open_context
 from omnisim.validation.chapters import CHAPTERS, Outcome
 from omnisim.validation.check import Findings, Picture
+from omnisim.version import __version__
 
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 FORMAT_VERSION = 1
@@ -179,5 +179,5 @@ def _findings(findings: Findings) -> dict[str, Any]:
 
 
 def _write(path: Path, data: bytes) -> None:
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(data)

@@ -7,7 +7,7 @@
 // right and down are texture coordinates without any flip.
 
 const int FACES = 6;
-const int MOST_TILES = 64;  // as in omnisim/gpu/face_plan.py
+const int MOST_TILES = 64;  // as in omnisim/gpu/atlas/tile_plan.py
 
 uniform mat3 u_rig_from_optical;
 uniform mat3 u_face_from_rig[FACES];

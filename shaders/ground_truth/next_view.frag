@@ -5,7 +5,7 @@
 uniform sampler2D u_rays;           // as in surfaces.frag
 uniform sampler2D u_hits_now;       // as surfaces.frag writes them
 uniform usampler2D u_surfaces_now;  // likewise
-uniform mat3 u_rig_from_here;       // of the next view
+uniform mat3 u_rig_from_viewpoint;       // of the next view
 
 layout(location = 0) out uint out_hidden;
 
@@ -25,12 +25,12 @@ void main() {
     vec3 there = texelFetch(u_hits_now, pixel, 0).xyz;
     float distance = INFINITE;
     if (surface.x != 0u) {
-        vec4 then_from_now[3] = matrix_at(surface.x - 1u, SECOND_MATRIX);
+        vec4 next_from_current[3] = matrix_at(surface.x - 1u, SECOND_MATRIX);
         vec4 now = vec4(there, 1.0);
-        there = vec3(dot(then_from_now[0], now), dot(then_from_now[1], now), dot(then_from_now[2], now));
+        there = vec3(dot(next_from_current[0], now), dot(next_from_current[1], now), dot(next_from_current[2], now));
         distance = length(there);
     }
     vec3 ray = normalize(there);
-    bool hidden = is_hidden(place_of(u_rig_from_here * ray), ray, surface, (1.0 - NEARER) * distance);
+    bool hidden = is_hidden(place_of(u_rig_from_viewpoint * ray), ray, surface, (1.0 - NEARER) * distance);
     out_hidden = hidden ? 1u : 0u;
 }

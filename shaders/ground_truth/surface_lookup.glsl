@@ -61,14 +61,14 @@ struct Found {
 #endif
 };
 
-Triangle triangle_of(uvec4 draw, vec4 here_from_mesh[3], uint number) {
+Triangle triangle_of(uvec4 draw, vec4 viewpoint_from_mesh[3], uint number) {
     uint first = draw.x + 3u * number;
     uvec4 corners[3] = uvec4[3](corner_at(first), corner_at(first + 1u), corner_at(first + 2u));
     vec3 here[3];
     for (int corner = 0; corner < 3; ++corner) {
         vec4 mesh = vec4(uintBitsToFloat(corners[corner].xyz), 1.0);
         here[corner] = vec3(
-            dot(here_from_mesh[0], mesh), dot(here_from_mesh[1], mesh), dot(here_from_mesh[2], mesh));
+            dot(viewpoint_from_mesh[0], mesh), dot(viewpoint_from_mesh[1], mesh), dot(viewpoint_from_mesh[2], mesh));
     }
     Triangle t;
     t.a = here[0];

@@ -4,7 +4,7 @@
 
 uniform sampler2D u_rays;    // unit, optical frame; and 1 where the pixel has one
 uniform sampler2D u_places;  // as places.frag writes them
-uniform mat3 u_here_from_optical;
+uniform mat3 u_viewpoint_from_optical;
 
 layout(location = 0) out vec4 out_hit;       // here; range, infinite: nothing is hit, but in that direction
 layout(location = 1) out uvec2 out_surface;  // 1 + number of the draw, number of its triangle; 0: nothing
@@ -42,7 +42,7 @@ vec3 normal_of(Found hit) {
 
 void main() {
     vec4 ray = texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0);
-    vec3 here = u_here_from_optical * ray.xyz;
+    vec3 here = u_viewpoint_from_optical * ray.xyz;
     out_hit = vec4(here, INFINITE);
     out_surface = uvec2(0u);
 #ifdef NORMALS

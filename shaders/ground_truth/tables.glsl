@@ -6,7 +6,7 @@
 // vec4[3] matrix_at(uint number, uint which): rows of one of its matrices.
 // uvec2 surface_at(uint number_plus_one): what is drawn with a number: 1 + number of the draw, number
 //     of its triangle; 0 for 0.
-// The layout is that in omnisim/gpu/triangle_table.py, lookup_records.py and numbered_geometry.py.
+// The layout is that in omnisim/gpu/ground_truth/triangle_table.py, lookup_records.py and numbered_geometry.py.
 
 uniform usampler2D u_corners;
 uniform usampler2D u_draws;

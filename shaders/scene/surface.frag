@@ -8,7 +8,7 @@
 uniform sampler2D u_texture;
 in vec2 v_texture_coordinate;
 #endif
-#ifdef LIGHT_KNOWN
+#ifdef BAKED
 flat
 #endif
 in vec4 v_color;  // base colour, and light where that is known

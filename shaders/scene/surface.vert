@@ -1,8 +1,8 @@
 // A vertex of the scene, for one face of the cube.
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
-// u_here_from_mesh  axes of the world, origin at the effective viewpoint, metres
+// u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, metres
 // u_normal_from_mesh  cofactors of the above: normals under any scale
-// With LIGHT_KNOWN in_light is what a white surface shows there, linear RGB.
+// With BAKED in_light is what a white surface shows there, linear RGB.
 #version 430 core
 
 uniform mat4 u_clip_from_mesh;
@@ -10,7 +10,7 @@ uniform vec4 u_base_color;
 
 in vec3 in_position;
 in vec4 in_color;
-#ifdef LIGHT_KNOWN
+#ifdef BAKED
 flat
 #endif
 out vec4 v_color;
@@ -19,11 +19,11 @@ out vec4 v_color;
 in vec2 in_texture_coordinate;
 out vec2 v_texture_coordinate;
 #endif
-#ifdef LIGHT_KNOWN
+#ifdef BAKED
 in vec3 in_light;
 #endif
 #ifdef LIT
-uniform mat4 u_here_from_mesh;
+uniform mat4 u_viewpoint_from_mesh;
 uniform mat3 u_normal_from_mesh;
 in vec3 in_normal;
 out vec3 v_normal;
@@ -38,12 +38,12 @@ void main() {
     v_texture_coordinate = in_texture_coordinate;
 #endif
     v_color = u_base_color * in_color;
-#ifdef LIGHT_KNOWN
+#ifdef BAKED
     v_color.rgb *= in_light;
 #endif
 #ifdef LIT
 #ifdef POSITION
-    v_position = (u_here_from_mesh * vec4(in_position, 1.0)).xyz;
+    v_position = (u_viewpoint_from_mesh * vec4(in_position, 1.0)).xyz;
 #endif
     v_normal = u_normal_from_mesh * in_normal;
 #endif

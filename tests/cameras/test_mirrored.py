@@ -11,7 +11,7 @@ from omnisim.cameras import (
     pixel_grid,
 )
 from omnisim.errors import OpticsError
-from omnisim.gpu.capture_pass import Emit, LensCapture
+from omnisim.gpu.capture.capture_pass import Emit, LensCapture
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import HyperbolicMirror
 

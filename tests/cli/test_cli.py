@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from omnisim import __version__
 from omnisim.image_files import read_image
 from omnisim.scene import load_scene
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.version import __version__
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.experiments.seeds import ahead_only
 from omnisim.experiments.sweep import CAUSES, degraded
-from omnisim.localization.sightings import Sighting
+from omnisim.localization.sightings import Observation
 from omnisim.sensors.degradations.defocus import Defocus
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 
@@ -62,6 +62,8 @@ def test_a_turn_blurs_along_circles_only():
 
 
 def test_ahead_is_within_half_the_field_of_view():
-    seen = [[Sighting(("a",), 1.0, math.radians(turn), 0.1, 0.1) for turn in (-50, -44, 0, 44, 46)]]
+    seen = [
+        [Observation(("a",), 1.0, math.radians(turn), 0.1, 0.1) for turn in (-50, -44, 0, 44, 46)]
+    ]
     (left,) = ahead_only(seen, math.radians(90.0))
     assert [round(math.degrees(each.bearing_rad)) for each in left] == [-44, 0, 44]

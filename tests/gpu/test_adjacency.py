@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
+from omnisim.gpu.scene.adjacency import NO_NEIGHBOUR, neighbours
 from tests.vehicles import box
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
-from omnisim.gpu.capture_pass import Emit, LensCapture, MirrorMeshCapture, searches_for_rays
+from omnisim.gpu.capture.capture_pass import Emit, LensCapture, MirrorMeshCapture, searches_for_rays
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import HyperbolicMirror, tessellate
 from omnisim.mirrors.mesh_error import mesh_error

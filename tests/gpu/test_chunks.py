@@ -1,11 +1,11 @@
-"""Chunks of triangles beside brute force: every triangle, in its box and in its cone."""
+"""Clusters of triangles beside brute force: every triangle, in its box and in its cone."""
 
 import itertools
 
 import numpy as np
 import pytest
 
-from omnisim.gpu.chunks import CHUNK, FEW_TRIANGLES, GROUP, chunks_of, cut
+from omnisim.gpu.culling.clusters import CHUNK, FEW_TRIANGLES, GROUP, chunks_of, cut
 
 
 def _corners(count, large=0, seed=5):

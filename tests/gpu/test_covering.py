@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.gpu.covering import ROWS, covering
+from omnisim.gpu.capture.coverage import ROWS, covering
 
 
 def _covered(triangles, shape):

@@ -4,24 +4,24 @@ import numpy as np
 
 from omnisim import frames
 from omnisim.cube import FACE_FROM_RIG
-from omnisim.gpu.face_drawing import FaceDrawing
-from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.standing_culling import StandingCulling
-from omnisim.gpu.vertex_format import VERTEX
+from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.tile_drawer import TileDrawer
+from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors import OmniCamera
 from tests.gpu.test_standing_drawing import sheet
 from tests.scenes import scene_of
 
 CAMERA = OmniCamera().resized(200).camera
-PLAN = plan_faces(CAMERA, CAMERA.rig_from_optical, in_parts=True)
+PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, in_parts=True)
 NEAR_M = 0.05
 
 
 def _views(far_m, world_from_rig):
     # it asks the context and the buffers only when it draws
-    return FaceDrawing(None, None, PLAN, NEAR_M, far_m).views(world_from_rig)
+    return TileDrawer(None, None, PLAN, NEAR_M, far_m).views(world_from_rig)
 
 
 def _shown(view, points, far_m, world_from_rig):
@@ -39,7 +39,7 @@ def test_matrices_show_what_planes_keep():
     world_from_rig = frames.pose((0.0, 3.0, 1.0), roll_deg=-8.0, yaw_deg=200.0)
     points = generator.uniform(-5.0, 5.0, (4000, 3))
     for view in _views(np.inf, world_from_rig):
-        x, y, z, w = (points @ view.clip_from_here[:, :3].T + view.clip_from_here[:, 3]).T
+        x, y, z, w = (points @ view.clip_from_viewpoint[:, :3].T + view.clip_from_viewpoint[:, 3]).T
         drawn = (np.abs(x) <= w) & (np.abs(y) <= w) & (z <= w) & (w > 0.0)
         kept = np.all(points @ view.planes[:, :3].T + view.planes[:, 3] >= 0.0, axis=1)
         assert drawn.any()
@@ -75,7 +75,7 @@ def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)
     geometry = buffers.standing
-    culling = StandingCulling(geometry, PLAN, samples=1)
+    culling = ClusterCuller(geometry, PLAN, samples=1)
     chunks = geometry.chunks
     vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
     everything = geometry.indices(np.arange(len(chunks.first)))["vertices"]

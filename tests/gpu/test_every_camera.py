@@ -8,12 +8,12 @@ import pytest
 from omnisim import frames
 from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index
-from omnisim.gpu.capture_pass import LensCapture
-from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.face_plan import plan_faces
+from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.capture.capture_pass import LensCapture
 from omnisim.gpu.pipeline import Pipeline
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.srgb import srgb_from_linear
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
@@ -25,7 +25,7 @@ examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMER
 def _render(context, camera):
     scene = scene_of([room()])
     buffers = SceneBuffers(context, scene)
-    plan = plan_faces(camera, camera.rig_from_optical, in_parts=True)
+    plan = plan_tiles(camera, camera.rig_from_optical, in_parts=True)
     cube = CubePass(
         context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
         near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
@@ -64,7 +64,7 @@ def test_room_has_the_right_colour_everywhere(context, camera):
 
 @examples
 def test_planned_faces_are_those_that_the_picture_sees(camera):
-    plan = plan_faces(camera, camera.rig_from_optical)
+    plan = plan_tiles(camera, camera.rig_from_optical)
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     seen = np.unique(face_index(rays.directions[rays.valid] @ camera.rig_from_optical.T))
     planned = {face.name for face in plan.faces}

@@ -7,8 +7,8 @@ import pytest
 
 from omnisim import OmniCamera
 from omnisim.cube import face_index, face_tangents
-from omnisim.gpu.face_need import MOST_STRETCH
-from omnisim.gpu.face_plan import MOST_TILES, plan_faces
+from omnisim.gpu.atlas.sampling_density import MOST_STRETCH
+from omnisim.gpu.atlas.tile_plan import MOST_TILES, plan_tiles
 from omnisim.sensors.capturing import faces_of
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -24,7 +24,7 @@ MOST_TEXELS = 3.7
 @cache
 def _plan(name, in_parts=True):
     camera = CAMERA_EXAMPLES[name]
-    return plan_faces(camera, camera.rig_from_optical, in_parts=in_parts)
+    return plan_tiles(camera, camera.rig_from_optical, in_parts=in_parts)
 
 
 def _looks(camera, count=4000):

@@ -6,14 +6,14 @@ import pytest
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cube import face_index, face_tangents
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.gpu.face_plan import plan_faces, whole_faces
+from omnisim.gpu.atlas.tile_plan import plan_tiles, whole_faces
 from omnisim.mirrors import HyperbolicMirror
 
 
 def _plan(theta_max_deg=105.0, size_px=360, **options):
     mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
     camera = HyperbolicCamera.framed_on_rim(mirror, size_px, size_px)
-    return plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP, **options)
+    return plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP, **options)
 
 
 FIVE = {"front", "left", "back", "right", "down"}
@@ -73,7 +73,7 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
         camera = HyperbolicCamera(mirror, width_px, height_px, focal_length_px, centre)
         rays = camera.ray_from_pixel(pixel_grid(width_px, height_px))
         seen = face_index(rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T)
-        planned = {face.index for face in plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP).faces}
+        planned = {face.index for face in plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP).faces}
         assert set(seen.tolist()) <= planned
 
 
@@ -81,7 +81,7 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
 def test_every_ray_of_the_picture_is_inside_of_its_tile_with_a_mip_texel_to_spare(theta_max_deg):
     mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
     camera = HyperbolicCamera.framed_on_rim(mirror, 200, 200)
-    plan = plan_faces(camera, RIG_FROM_OPTICAL_LOOKING_UP)
+    plan = plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP)
     rays = camera.ray_from_pixel(pixel_grid(200, 200))
     seen = rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T
     faces = face_index(seen)

@@ -7,23 +7,23 @@ import pytest
 
 from omnisim import OmniCamera, Renderer
 from omnisim.frames import pose
-from omnisim.gpu import standing_culling
-from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.outlines import Sight
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.surface_program import SurfacePrograms
+from omnisim.gpu.culling import cluster_culling
+from omnisim.gpu.culling.frustum_culling import FrustumCuller
+from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.scene import load_scene
 from omnisim.sensors.capturing import faces_of
 from tests.scenes import room, scene_of
 
-TURNS = len(standing_culling.WORTH_A_TURN)
+TURNS = len(cluster_culling.WORTH_A_TURN)
 POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 
 
 @pytest.fixture
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
-    monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (0,) * TURNS)
+    monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (0,) * TURNS)
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -82,12 +82,14 @@ def test_the_picture_is_the_same_to_the_last_bit_when_everything_is_drawn(monkey
         little = [renderer.render(one).rgba for one in poses]
         drawn = renderer._cube._standing.triangles
         monkeypatch.setattr(
-            standing_culling.StandingCulling,
+            cluster_culling.ClusterCuller,
             "_turned_away",
             lambda *given: np.zeros(len(given[-1]), dtype=np.bool_),
         )
-        monkeypatch.setattr(Sight, "in_view", lambda _, view, *__: (np.arange(len(view)), None))
-        monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (10**9,) * TURNS)
+        monkeypatch.setattr(
+            FrustumCuller, "in_view", lambda _, view, *__: (np.arange(len(view)), None)
+        )
+        monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (10**9,) * TURNS)
         everything = [renderer.render(one).rgba for one in poses]
         assert drawn < renderer._cube._standing.triangles / 20
     np.testing.assert_array_equal(little, everything)

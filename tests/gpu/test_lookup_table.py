@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera
-from omnisim.gpu.lookup_table import MOST_BYTES, LookupTable
+from omnisim.gpu.capture.remap_table import MOST_BYTES, RemapTable
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from tests.gpu.test_standing_drawing import mixed_scene
@@ -44,7 +44,7 @@ def test_the_same_is_seen_with_and_without_a_table(camera, monkeypatch):
             stored, has_table = _take(stage, finer)
             assert has_table
             with monkeypatch.context() as patch:
-                patch.setattr(LookupTable, "fits", lambda *_: False)
+                patch.setattr(RemapTable, "fits", lambda *_: False)
                 live, has_table = _take(stage, finer)
             assert not has_table
             assert np.array_equal(stored[..., 3], live[..., 3])
@@ -54,10 +54,10 @@ def test_the_same_is_seen_with_and_without_a_table(camera, monkeypatch):
 
 def test_a_table_is_as_large_as_its_limit_at_most():
     side = math.isqrt(MOST_BYTES // 8)
-    assert LookupTable.fits((side, side), 1)
-    assert not LookupTable.fits((side + 1, side + 1), 1)
-    assert LookupTable.fits((side // 3, side // 3), 3)
-    assert not LookupTable.fits((side // 3 + 1, side // 3 + 1), 3)
+    assert RemapTable.fits((side, side), 1)
+    assert not RemapTable.fits((side + 1, side + 1), 1)
+    assert RemapTable.fits((side // 3, side // 3), 3)
+    assert not RemapTable.fits((side // 3 + 1, side // 3 + 1), 3)
 
 
 class Notes:

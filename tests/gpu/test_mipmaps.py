@@ -4,7 +4,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.gpu.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
+from omnisim.gpu.scene.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
 

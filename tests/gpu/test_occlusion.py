@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from omnisim.gpu.occlusion import CELL, LARGEST, CoarseDepth
-from omnisim.gpu.outlines import Outlines
+from omnisim.gpu.culling.frustum_culling import ScreenBounds
+from omnisim.gpu.culling.hi_z import CELL, LARGEST, HiZ
 
 
 def _depth(generator, height, width):
@@ -28,11 +28,11 @@ def _boxes(generator, height, width, count):
 def _outlines(first, last, nearest):
     """Of corners (n, 2)."""
     first, last = np.asarray(first, dtype=np.int32).T, np.asarray(last, dtype=np.int32).T
-    return Outlines(first, last, np.asarray(nearest, dtype=np.float32))
+    return ScreenBounds(first, last, np.asarray(nearest, dtype=np.float32))
 
 
 def _coarse(depth):
-    coarse = CoarseDepth(*depth.shape[::-1])
+    coarse = HiZ(*depth.shape[::-1])
     # what was there before counts for nothing
     coarse.update(np.ones_like(depth))
     coarse.update(depth)
@@ -83,5 +83,5 @@ def test_only_what_is_very_large_is_taken_to_be_seen():
 
 
 def test_cells_of_a_large_atlas_are_not_many():
-    small, large = CoarseDepth(960, 350), CoarseDepth(7680, 2800)
+    small, large = HiZ(960, 350), HiZ(7680, 2800)
     assert large._farthest.nbytes < 2 * small._farthest.nbytes

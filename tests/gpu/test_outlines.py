@@ -5,13 +5,13 @@ import pytest
 
 from omnisim import frames
 from omnisim.cube import FACE_FROM_RIG
-from omnisim.gpu.face_drawing import FaceDrawing
-from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.outlines import EDGE_PX, Sight
+from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.culling.frustum_culling import EDGE_PX, FrustumCuller
+from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.sensors import OmniCamera
 
 CAMERA = OmniCamera().resized(200).camera
-PLAN = plan_faces(CAMERA, CAMERA.rig_from_optical, in_parts=True)
+PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, in_parts=True)
 NEAR_M = 0.05
 POINTS = 300  # of each box
 POSE = frames.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
@@ -20,7 +20,7 @@ any_far = pytest.mark.parametrize("far_m", [np.inf, 30.0])
 
 def _views(far_m):
     # it asks the context and the buffers only when it draws
-    return FaceDrawing(None, None, PLAN, NEAR_M, far_m).views(POSE)
+    return TileDrawer(None, None, PLAN, NEAR_M, far_m).views(POSE)
 
 
 def _boxes(count=300, seed=1):
@@ -35,7 +35,7 @@ def _boxes(count=300, seed=1):
 
 def _look(views, middles_m, halves_m, reach_px):
     """Whether each box (views, n) is in view, whether it is outlined, and outlines of these."""
-    sight, shape = Sight(views, reach_px), (len(views), len(middles_m))
+    sight, shape = FrustumCuller(views, reach_px), (len(views), len(middles_m))
     view, box = np.divmod(np.arange(np.prod(shape)), shape[1])
     seen, projected = sight.in_view(
         view, middles_m[box].T.astype(np.float32), halves_m[box].T.astype(np.float32)
@@ -91,7 +91,7 @@ def test_outlines_cover_all_texels_that_boxes_do(far_m, reach_px):
         covered = np.all((texel >= start[:, None]) & (texel <= end[:, None]), axis=-1)
         assert not np.any(hit & ~(covered & here[:, None]))
         # a depth that is not nearer than what is drawn there
-        z = view.clip_from_here[2] @ np.stack(
+        z = view.clip_from_viewpoint[2] @ np.stack(
             (*np.moveaxis(points, -1, 0), np.ones(points.shape[:2]))
         ).reshape(4, -1)
         drawn = (z.reshape(distance_m.shape) / distance_m)[hit]
@@ -106,7 +106,7 @@ def test_outlines_cover_all_texels_that_boxes_do(far_m, reach_px):
 
 def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
     views = _views(30.0)
-    forward = views[0].clip_from_here[3, :3]  # a row of the matrix: w is the distance along it
+    forward = views[0].clip_from_viewpoint[3, :3]  # a row of the matrix: w is the distance along it
     ahead_m = np.array([-1.0, 0.02, 0.08, 5.0, 29.0, 31.0, 40.0])[:, None] * forward
     sides = np.full((len(ahead_m), 3), 0.01)
     face = [view for view in views if view.face.index == views[0].face.index]

@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.errors import SceneError
 from omnisim.frames import pose
-from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from tests.vehicles import body, merged, surroundings
 
 VIEWPOINT_M = np.array([0.3, -2.0, 1.0])

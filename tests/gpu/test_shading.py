@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.shading import Shading, light_from_afar, shadings
-from omnisim.gpu.vertex_format import VERTEX
+from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from tests.gpu.test_standing_drawing import LAMP, SUN
 from tests.scenes import scene_of
@@ -26,13 +26,13 @@ def _shading(normals, colors=None, corners=CORNERS, lighting=LIGHTING):
 @pytest.mark.parametrize("normal", [UP, LEANING])
 def test_light_of_a_flat_triangle_is_known(normal):
     kind, direction = _shading(3.0 * np.array([normal] * 3))
-    assert kind is Shading.LIGHT_KNOWN
+    assert kind is Shading.BAKED
     np.testing.assert_allclose(direction, normal, atol=1e-7)
 
 
 def test_a_triangle_without_normals_has_its_own():
     kind, direction = _shading([NONE] * 3)
-    assert kind is Shading.LIGHT_KNOWN
+    assert kind is Shading.BAKED
     np.testing.assert_array_equal(direction, UP)
 
 
@@ -54,7 +54,7 @@ def test_light_of_another_triangle_is_not(normals, kind):
 
 def test_nor_is_that_of_one_of_many_colors_or_of_no_area_or_beside_a_lamp():
     assert _shading([UP] * 3, np.eye(4)[:3])[0] is Shading.NORMALS_AGREE
-    assert _shading([UP] * 3, [(0.5, 0.0, 1.0, 1.0)] * 3)[0] is Shading.LIGHT_KNOWN
+    assert _shading([UP] * 3, [(0.5, 0.0, 1.0, 1.0)] * 3)[0] is Shading.BAKED
     assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is Shading.UNKNOWN
     beside = Lighting((0.1, 0.2, 0.3), (SUN, LAMP))
     assert _shading([UP] * 3, lighting=beside)[0] is Shading.NORMALS_AGREE
@@ -63,7 +63,7 @@ def test_nor_is_that_of_one_of_many_colors_or_of_no_area_or_beside_a_lamp():
 def test_light_is_what_lambert_says():
     sun = Light(LightKind.DIRECTIONAL, (1.0, 0.5, 0.25), 2.0, direction=np.array(DOWN))
     lighting = Lighting((0.1, 0.2, 0.3), (sun,), exposure=0.5)
-    light = light_from_afar(np.array([UP, DOWN, LEANING], dtype=np.float32), lighting)
+    light = bake_directional_light(np.array([UP, DOWN, LEANING], dtype=np.float32), lighting)
     expected = [(1.1, 0.7, 0.55), (0.1, 0.2, 0.3), (0.9, 0.6, 0.5)]
     np.testing.assert_allclose(light, expected, rtol=1e-6)
 
@@ -84,10 +84,10 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
         assert sorted(found) == sorted(kinds)
         for triangle, kind in zip(triangles, found, strict=True):
             corners, told = vertices["in_position"][triangle], vertices["in_normal"][triangle]
-            if kind == Shading.LIGHT_KNOWN.value:
+            if kind == Shading.BAKED.value:
                 own = np.cross(corners[1] - corners[0], corners[2] - corners[0])
                 own = (own / np.linalg.norm(own))[None]
-                expected = np.repeat(light_from_afar(own, LIGHTING), 3, axis=0)
+                expected = np.repeat(bake_directional_light(own, LIGHTING), 3, axis=0)
                 np.testing.assert_allclose(told, expected, atol=1e-4)
             else:
                 at = corners + geometry.anchor_m

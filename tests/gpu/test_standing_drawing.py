@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.gpu import standing_culling
-from omnisim.gpu.cube_pass import CubePass
-from omnisim.gpu.occlusion import CoarseDepth
+from omnisim.gpu.culling import cluster_culling
+from omnisim.gpu.culling.hi_z import HiZ
+from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.scene import load_scene
 from omnisim.scene.model import (
     AlphaMode,
@@ -122,12 +122,10 @@ class Pictures:
             if options:
                 patch.setattr("omnisim.sensors.renderer.CubePass", partial(CubePass, **options))
             if worth is not None:
-                turns = len(standing_culling.OCCLUDERS_RAD)
-                patch.setattr(standing_culling, "WORTH_A_TURN", (worth,) * turns)
+                turns = len(cluster_culling.OCCLUDERS_RAD)
+                patch.setattr(cluster_culling, "WORTH_A_TURN", (worth,) * turns)
             if shows_hidden:
-                patch.setattr(
-                    CoarseDepth, "hides", lambda _, boxes: np.zeros_like(boxes.nearest, bool)
-                )
+                patch.setattr(HiZ, "hides", lambda _, boxes: np.zeros_like(boxes.nearest, bool))
             with Renderer(self._stage, camera) as renderer:
                 rgba = renderer.render(world_from_base).rgba
                 if not options:
@@ -191,7 +189,7 @@ def test_only_depth_of_one_sample_is_read(samples, monkeypatch):
     with Stage(mixed_scene()) as stage:
         Pictures(monkeypatch, stage, camera).take(worth=ALWAYS)
     # before each turn but the first
-    assert len(reads) == (len(standing_culling.OCCLUDERS_RAD) if samples == 1 else 0)
+    assert len(reads) == (len(cluster_culling.OCCLUDERS_RAD) if samples == 1 else 0)
 
 
 def crowd(count=400):
@@ -233,7 +231,7 @@ def test_what_is_left_out_was_hidden_to_the_last_bit(monkeypatch):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_picture_does_not_depend_on_the_one_before(monkeypatch):
-    monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (0, 0))
+    monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (0, 0))
     camera = FAST.resized(100)
     poses = [frames.pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.standing_geometry import FARTHEST_M
-from omnisim.gpu.vertex_format import VERTEX
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.static_geometry import FARTHEST_M
+from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.gpu.test_standing_drawing import sheet
 from tests.scenes import scene_of

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from omnisim.gpu.adjacency import NO_NEIGHBOUR, neighbours
-from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.adjacency import NO_NEIGHBOUR, neighbours
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
 from tests.gpu.test_standing_drawing import sheet
 from tests.scenes import scene_of
@@ -38,8 +38,8 @@ def test_indices_stay_in_order_where_pictures_sort_them(context):
     buffers = SceneBuffers(context, scene_of([box("box", 0), box("glass", 1)], MATERIALS))
     before = buffers.indices.read()
     (glass,) = (draw for draw in buffers.draws if draw.mesh.name == "glass")
-    here_from_mesh = np.eye(4)
-    here_from_mesh[:3, 3] = 0.3, 2.0, 5.0
-    buffers.sort_blended(glass, here_from_mesh)
+    viewpoint_from_mesh = np.eye(4)
+    viewpoint_from_mesh[:3, 3] = 0.3, 2.0, 5.0
+    buffers.sort_blended(glass, viewpoint_from_mesh)
     assert buffers.indices.read() != before
     assert buffers.triangles.indices.read() == before

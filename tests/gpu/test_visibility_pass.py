@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from omnisim import frames
-from omnisim.gpu import standing_culling
-from omnisim.gpu.face_plan import plan_faces
-from omnisim.gpu.numbered_geometry import TriangleNumbers, surfaces_of
-from omnisim.gpu.scene_buffers import SceneBuffers
-from omnisim.gpu.triangle_table import ROW_BITS
-from omnisim.gpu.visibility_pass import VisibilityPass
+from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.culling import cluster_culling
+from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, surfaces_of
+from omnisim.gpu.ground_truth.triangle_table import ROW_BITS
+from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
 from tests.gpu.test_standing_drawing import sheet
@@ -45,7 +45,7 @@ def _surfaces(visibility, buffers, pose, albedo=False):
 
 def _pass(context, buffers, albedo=False):
     camera = OmniCamera(polygons=None).resized(120).camera
-    plan = plan_faces(camera, camera.rig_from_optical, 1.5)
+    plan = plan_tiles(camera, camera.rig_from_optical, 1.5)
     return VisibilityPass(context, buffers, plan, 0.05, np.inf, (), albedo)
 
 
@@ -54,12 +54,12 @@ def _pass(context, buffers, albedo=False):
 def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
     context, monkeypatch, worth, albedo
 ):
-    monkeypatch.setattr(standing_culling, "WORTH_A_TURN", (worth,) * 2)
+    monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (worth,) * 2)
     scene = _scene()
     quick, plain = SceneBuffers(context, scene), SceneBuffers(context, scene)
     assert quick.standing.taken.sum() == 4
     # nothing stands where everything is too far away
-    monkeypatch.setattr("omnisim.gpu.standing_geometry.FARTHEST_M", -1.0)
+    monkeypatch.setattr("omnisim.gpu.scene.static_geometry.FARTHEST_M", -1.0)
     assert plain.standing.is_empty
     passes = [(_pass(context, one, albedo), one) for one in (quick, plain)]
     for pose in (frames.pose((0.0, 0.0, 0.4)), frames.pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
@@ -80,7 +80,7 @@ def test_triangles_of_chunks_are_found_again_in_their_instances(context):
     for index in taken:
         draw, mine = draws[index], found["draw_plus_one"] == index + 1
         own_m = draw.mesh.positions[draw.mesh.triangles[found["triangle"][mine]]]
-        own_m = own_m @ draw.own_from_mesh[:3, :3].T + draw.own_from_mesh[:3, 3]
+        own_m = own_m @ draw.object_from_mesh[:3, :3].T + draw.object_from_mesh[:3, 3]
         if draw.mirrored:  # turned back
             own_m = own_m[:, (0, 2, 1)]
         np.testing.assert_allclose(corners_m[mine], own_m, atol=1e-6)
@@ -89,7 +89,7 @@ def test_triangles_of_chunks_are_found_again_in_their_instances(context):
 def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
     buffers = SceneBuffers(context, _scene())
     alone = np.flatnonzero(~buffers.standing.taken)
-    numbers = TriangleNumbers(context, buffers.draws, alone)
+    numbers = TriangleIds(context, buffers.draws, alone)
     some = surfaces_of(buffers.standing, buffers.draws)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):

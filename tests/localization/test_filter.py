@@ -12,7 +12,7 @@ from omnisim.localization.consistency import mean_band, nees, pose_errors
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.motion import move
 from omnisim.localization.parameters import FilterParameters, read_parameters
-from omnisim.localization.sightings import LandmarkMap, Sighting, expect
+from omnisim.localization.sightings import LandmarkMap, Observation, expect
 from omnisim.robot.odometry import Odometry
 
 CAMERA_M = (-0.08, 0.03)
@@ -37,7 +37,7 @@ def _filter(covariance=None, pose=(0.1, -0.2, 0.3), **changes):
 def _seen_from(pose, name, sigma_m=0.05, sigma_rad=0.01, error=(0.0, 0.0)):
     told = expect(pose, CAMERA_M, MAP.corners(name))
     (range_m, bearing_rad), (more_m, more_rad) = (told[0], told[4]), error
-    return Sighting((name,), range_m + more_m, bearing_rad + more_rad, sigma_m, sigma_rad)
+    return Observation((name,), range_m + more_m, bearing_rad + more_rad, sigma_m, sigma_rad)
 
 
 def _sigmas(parameters, sighting):
@@ -105,7 +105,7 @@ def test_a_bearing_may_lie_on_the_other_side_of_the_half_turn():
     true = (0.0, 1.95, 0.001)  # "b" is straight behind
     robot = _filter(np.diag([1e-4, 1e-4, 1e-4]), true)
     seen = _seen_from(true, "b")
-    other = Sighting(seen.candidates, seen.range_m, seen.bearing_rad + 2 * math.pi, 0.05, 0.01)
+    other = Observation(seen.candidates, seen.range_m, seen.bearing_rad + 2 * math.pi, 0.05, 0.01)
     for sighting in (seen, other):
         (judged,) = _filter(np.diag([1e-4] * 3), true).step(1.0, 0.0, 0.0, [sighting]).judgements
         assert judged.verdict == "accepted"
@@ -133,7 +133,7 @@ def test_of_two_sightings_of_one_landmark_the_better_counts():
     start = (0.1, -0.2, 0.3)
     seen = [_seen_from(start, "a", error=(0.1, 0.0)), _seen_from(start, "a")]
     judged = _filter(np.diag([0.01] * 3), start).step(1.0, 0.0, 0.0, seen).judgements
-    assert [each.verdict for each in judged] == ["outdone", "accepted"]
+    assert [each.verdict for each in judged] == ["superseded", "accepted"]
 
 
 def test_the_gate_keeps_out_what_is_too_far_off():
@@ -186,10 +186,10 @@ def test_times_must_increase(time_s):
 @pytest.mark.parametrize(
     ("sighting", "words"),
     [
-        (Sighting(("nobody",), 1.0, 0.0, 0.1, 0.1), "'nobody': not on the map, which has a, b"),
-        (Sighting(("a",), math.nan, 0.0, 0.1, 0.1), "finite numbers, and sigmas"),
-        (Sighting(("a",), 1.0, 0.0, -0.1, 0.1), "sigmas of 0 or more"),
-        (Sighting((), 1.0, 0.0, 0.1, 0.1), "want a candidate"),
+        (Observation(("nobody",), 1.0, 0.0, 0.1, 0.1), "'nobody': not on the map, which has a, b"),
+        (Observation(("a",), math.nan, 0.0, 0.1, 0.1), "finite numbers, and sigmas"),
+        (Observation(("a",), 1.0, 0.0, -0.1, 0.1), "sigmas of 0 or more"),
+        (Observation((), 1.0, 0.0, 0.1, 0.1), "want a candidate"),
     ],
 )
 def test_a_sighting_that_is_none_is_refused(sighting, words):

@@ -4,14 +4,14 @@ import dataclasses
 
 import numpy as np
 
-from omnisim.localization.filter import Estimate, Judgement
+from omnisim.localization.filter import Association, Estimate
 from omnisim.localization.parameters import read_parameters
 from omnisim.localization.track import Track, notices
 
 
 def _estimate(k, accepted=0, gated=0, rejected_steps=0):
     judged = tuple(
-        Judgement("a", 1.0, 0.0, 0.0, 0.0, 1.0, verdict)
+        Association("a", 1.0, 0.0, 0.0, 0.0, 1.0, verdict)
         for verdict in ["accepted"] * accepted + ["gated"] * gated
     )
     return Estimate(float(k), np.zeros(3), np.eye(3), judged, steps_rejected=rejected_steps)

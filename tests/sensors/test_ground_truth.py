@@ -201,7 +201,7 @@ def test_what_is_hidden_and_left_out_changes_no_channel(monkeypatch):
     also = tuple(CHANNELS)
     found = []
     for worth in (0, 10**9):  # triangles from which on it is worth a test what is hidden
-        monkeypatch.setattr("omnisim.gpu.standing_culling.WORTH_A_TURN", (worth,) * 2)
+        monkeypatch.setattr("omnisim.gpu.culling.cluster_culling.WORTH_A_TURN", (worth,) * 2)
         with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
             found.append(renderer.render(POSE, also=also, next_base=pose()).channels)
     for name in also:
@@ -272,7 +272,7 @@ def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
             also=("flow", "instance", "position"),
             movers={"crate": crate_now},
             next_base=after,
-            next_movers={"crate": crate_after},
+            next_object_poses={"crate": crate_after},
         )
         with pytest.raises(SceneError, match="poses of movers none: want crate"):
             renderer.render(now)

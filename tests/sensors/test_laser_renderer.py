@@ -9,7 +9,7 @@ import pytest
 from omnisim import LaserRenderer, LaserScanner
 from omnisim.errors import GraphicsError, OmnisimError, OutputError
 from omnisim.frames import pose
-from omnisim.gpu.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture
 from tests.ray_casting import RayCaster, opaque_part
@@ -131,7 +131,7 @@ def test_many_triangles_take_several_rows_of_work_groups(monkeypatch):
     scene = load_scene("rings")
     at = pose(scene.start.position_m, 20.0, 30.0, 40.0)
     expected = scan_of(scene, EXACT, at)
-    monkeypatch.setattr("omnisim.gpu.range_pass._MOST_GROUPS", 7)
+    monkeypatch.setattr("omnisim.gpu.scene.range_pass._MOST_GROUPS", 7)
     np.testing.assert_array_equal(scan_of(scene, EXACT, at).ranges_m, expected.ranges_m)
 
 
@@ -149,7 +149,7 @@ def test_the_last_triangle_counts(count):
 def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
     from types import SimpleNamespace
 
-    from omnisim.gpu.range_pass import RangePass
+    from omnisim.gpu.scene.range_pass import RangePass
 
     small = SimpleNamespace(info={"GL_MAX_SHADER_STORAGE_BLOCK_SIZE": 100})
     buffers = SceneBuffers(context, scene_of([room()]))

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 

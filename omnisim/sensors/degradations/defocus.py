@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.toml_file import Number

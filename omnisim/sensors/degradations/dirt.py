@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import Count, NotNegative, Parameters, Seed, Share
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform

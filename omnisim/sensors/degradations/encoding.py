@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.srgb import srgb_from_linear

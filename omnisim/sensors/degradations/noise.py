@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import normal, pcg4d, uniform

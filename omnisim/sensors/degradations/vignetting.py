@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import Parameters, Signed
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from omnisim.gpu.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.sensors.degradations.parameters import SMALLEST, Parameters, Positive
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
-from omnisim.gpu.capture_pass import Emit, MirrorMeshCapture
+from omnisim.gpu.capture.capture_pass import Emit, MirrorMeshCapture
 from omnisim.gpu.context import open_context
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import tessellate

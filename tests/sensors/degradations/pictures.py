@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.gpu.degradation_pass import DegradationPass
+from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 
 GEOMETRY = PictureGeometry(97, 83, (47.3, 41.8))  # odd sizes, and an axis off the middle

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.degradation_pass import DegradationPass
+from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.resources import SHADERS
 from omnisim.sensors.degradations import (
     Bayer,

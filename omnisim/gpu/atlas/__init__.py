@@ -1,0 +1,1 @@
+"""The atlas of virtual cameras: which tiles a camera needs, and how finely sampled."""

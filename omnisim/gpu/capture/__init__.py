@@ -1,0 +1,1 @@
+"""The capture: from the atlas to the camera's pixels."""

@@ -1,0 +1,1 @@
+"""Culling: clusters of triangles, frustum and cone culling, hierarchical depth."""

@@ -1,0 +1,1 @@
+"""Degradations: full-screen passes over the linear picture."""

@@ -1,0 +1,93 @@
+"""Mip levels of textures, made here: a software driver first compiles a program for each kind of
+size before it makes its own, which takes longer than all the textures of a scene."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.scene.reversed_depth import gl_function
+from omnisim.srgb import linear_from_srgb, srgb_from_linear
+
+SRGB8_ALPHA8 = 0x8C43
+_TEXTURE_2D, _RGBA, _UNSIGNED_BYTE = 0x0DE1, 0x1908, 0x1401
+# Linear light in 14 bits: a step is a fifth of one of 8-bit sRGB where that is finest, and two
+# values add up within 16 bits.
+_MOST = 2**14 - 1
+_SHADES = np.linspace(0.0, 1.0, 256)
+_LEVELS = np.linspace(0.0, 1.0, _MOST + 1)
+_LINEAR = np.rint(_MOST * linear_from_srgb(_SHADES)).astype(np.uint16)
+_SRGB = np.rint(255.0 * srgb_from_linear(_LEVELS)).astype(np.uint8)
+_WIDE_ALPHA = np.rint(_MOST * _SHADES).astype(np.uint16)  # linear as it is
+_ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
+_BLOCK = 1 << 16  # looked up at once: NumPy makes 64-bit indices of them, which fit into a cache
+
+
+def mipmaps(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB.
+
+    Colours are averaged in linear light.
+    """
+    values = _looked_up(_LINEAR, _WIDE_ALPHA, pixels)
+    levels = []
+    while max(values.shape[:2]) > 1:
+        values = _halved(_halved(values, 0), 1)
+        levels.append(_looked_up(_SRGB, _ALPHA, values))
+    return levels
+
+
+def _looked_up(
+    of_color: NDArray[Any], of_alpha: NDArray[Any], values: NDArray[np.unsignedinteger]
+) -> NDArray[Any]:
+    """What the tables have for RGBA values (height, width, 4)."""
+    found = np.empty(values.shape, of_color.dtype)
+    given, taken = values.reshape(-1), found.reshape(-1)
+    for start in range(0, given.size, _BLOCK):
+        # clipping, which never happens, is what lets NumPy write to `out` directly
+        part = slice(start, start + _BLOCK)
+        np.take(of_color, given[part], out=taken[part], mode="clip")
+    found[..., 3] = np.take(of_alpha, values[..., 3], mode="clip")
+    return found
+
+
+def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
+    """Averages of two along an axis; of an odd number each covers two and a bit of a third.
+
+    Source: Guthe and Heckbert, "Non-power-of-two mipmapping", 2005.
+    """
+    count = values.shape[axis]
+    if count == 1:
+        return values
+    rows = np.moveaxis(values, axis, 0)
+    half = count // 2
+    first, second = rows[0 : 2 * half : 2], rows[1 : 2 * half : 2]
+    if count % 2 == 0:
+        mean = (first + second + np.uint16(1)) >> np.uint16(1)
+    else:
+        place = np.arange(half, dtype=np.uint32).reshape(-1, *(1,) * (rows.ndim - 1))
+        total = first * (half - place) + second * np.uint32(half) + rows[2::2] * (place + 1)
+        mean = ((total + count // 2) // count).astype(np.uint16)
+    return np.moveaxis(mean, 0, axis)
+
+
+def upload_levels(texture: moderngl.Texture, levels: list[NDArray[np.uint8]]) -> None:
+    """Give a texture of format `SRGB8_ALPHA8` its levels 1, 2, … down to one texel.
+
+    moderngl allocates levels only by letting the driver make them.
+    """
+    allocate = gl_function(
+        "glTexImage2D",
+        ctypes.c_uint, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int,
+        ctypes.c_uint, ctypes.c_uint, ctypes.c_char_p,
+    )  # fmt: skip
+    texture.use()
+    for number, level in enumerate(levels, start=1):
+        height, width = level.shape[:2]
+        allocate(
+            _TEXTURE_2D, number, SRGB8_ALPHA8, width, height, 0, _RGBA, _UNSIGNED_BYTE,
+            level.tobytes(),
+        )  # fmt: skip
