@@ -81,7 +81,9 @@ def _check_layers(layers, package, module):
             continue
         other = name.removeprefix(package).split(".")[1]
         if other != part:
-            assert _layer(layers, other) > _layer(layers, part), f"{module} imports {name}, above it"
+            assert _layer(layers, other) > _layer(layers, part), (
+                f"{module} imports {name}, above it"
+            )
 
 
 @pytest.mark.parametrize("module", sorted(MODULES.keys() - {"omnisim"}))

@@ -90,7 +90,7 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]
         found = np.zeros(1 + max((int(entry["id"]) for entry in table), default=0), np.uint8)
         for entry in table:
             # what moves with the vehicle is no landmark, whatever its name
-            if "mover" not in entry:
+            if "object" not in entry:
                 found[int(entry["id"])] = classes.get(str(entry["name"]), 0)
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None

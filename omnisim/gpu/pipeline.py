@@ -129,7 +129,7 @@ class Pipeline:
         linear: bool = False,
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> Picture:
-        """Render from a pose (4, 4), movers at theirs; linear colours where they are asked for."""
+        """Render from a pose (4, 4), objects at theirs; linear colours where asked for."""
         target = self._both_targets if linear else self._encoded_target
         self._draw(target, world_from_rig, world_from_objects)
         rgba = self._read_encoded()

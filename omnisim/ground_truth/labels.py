@@ -37,13 +37,13 @@ class InstanceLabel:
         id: its number in the channel.
         name: of its node.
         class_id: of its class.
-        mover: the mover that it belongs to; None: the scene.
+        object_name: dynamic object that it belongs to; None: the static scene.
     """
 
     id: int
     name: str
     class_id: int
-    mover: str | None = None
+    object_name: str | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Labels:
             ],
             "instances": [
                 {"id": i.id, "name": i.name, "class": i.class_id}
-                | ({} if i.mover is None else {"mover": i.mover})
+                | ({} if i.object_name is None else {"object": i.object_name})
                 for i in self.instances
             ],
         }

@@ -30,7 +30,7 @@ from omnisim.scene.scene_file import LabelFile, LabelTable
 from omnisim.toml_file import read_toml
 
 VEHICLE, UNLABELLED = "vehicle", "unlabelled"
-BODY = "body"  # name of the mover that is the vehicle's body
+BODY = "body"  # name of the dynamic object that is the vehicle's body
 _NUMBERS = re.compile(r"(?<=\D)(?:[ ._-]?\d+)+$")
 
 
@@ -65,28 +65,33 @@ def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
     return tuple(rules)
 
 
-def find_labels(scene: Scene, movers: Mapping[str, Scene] | None = None) -> Labels:
+def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None) -> Labels:
     """Number all instances of a scene and what moves in it, and give each its class.
 
     Args:
-        scene: whose labels hold for the movers, too.
-        movers: by name; `BODY` is the vehicle's.
+        scene: whose labels hold for the dynamic objects, too.
+        dynamic_objects: by name; `BODY` is the vehicle's.
     """
     keys = {(None, instance.name): None for instance in scene.instances}
-    for mover, part in (movers or {}).items():
-        keys |= {(mover, instance.name): None for instance in part.instances}
+    for object_name, part in (dynamic_objects or {}).items():
+        keys |= {(object_name, instance.name): None for instance in part.instances}
     names = list(keys)
     if scene.labels:
         rules = scene.labels
-        claimed = [_claimed(rules, name, mover) for mover, name in names]
+        claimed = [_claimed(rules, name, object_name) for object_name, name in names]
     else:
-        by_name = sorted({class_name(name) for mover, name in names if mover != BODY} - {VEHICLE})
+        by_name = sorted(
+            {class_name(name) for object_name, name in names if object_name != BODY} - {VEHICLE}
+        )
         rules = tuple(
             LabelRule(number, name, distinct_color(number), ())
             for number, name in enumerate(by_name, start=1)
         )
         ids = {rule.name: rule.id for rule in rules}
-        claimed = [None if mover == BODY else ids.get(class_name(name)) for mover, name in names]
+        claimed = [
+            None if object_name == BODY else ids.get(class_name(name))
+            for object_name, name in names
+        ]
     classes = {rule.id: ClassLabel(rule.id, rule.name, rule.color) for rule in rules}
     ids = {rule.name: rule.id for rule in rules}
     for name in (VEHICLE, UNLABELLED):
@@ -94,13 +99,15 @@ def find_labels(scene: Scene, movers: Mapping[str, Scene] | None = None) -> Labe
             ids[name] = max(classes, default=0) + 1
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
     instances, unlabelled = [], []
-    for number, ((mover, name), found) in enumerate(zip(names, claimed, strict=True), start=1):
+    for number, ((object_name, name), found) in enumerate(
+        zip(names, claimed, strict=True), start=1
+    ):
         if found is None:
-            is_vehicle = mover == BODY or (not scene.labels and class_name(name) == VEHICLE)
+            is_vehicle = object_name == BODY or (not scene.labels and class_name(name) == VEHICLE)
             found = ids[VEHICLE] if is_vehicle else ids[UNLABELLED]
             if not is_vehicle:
                 unlabelled.append(name)
-        instances.append(InstanceLabel(number, name, found, mover))
+        instances.append(InstanceLabel(number, name, found, object_name))
     return Labels(
         tuple(classes[number] for number in sorted(classes)),
         tuple(instances),
@@ -109,9 +116,9 @@ def find_labels(scene: Scene, movers: Mapping[str, Scene] | None = None) -> Labe
     )
 
 
-def _claimed(rules: tuple[LabelRule, ...], name: str, mover: str | None) -> int | None:
+def _claimed(rules: tuple[LabelRule, ...], name: str, object_name: str | None) -> int | None:
     """The first rule's number that claims a name; the body is the vehicle's, whatever its names."""
-    if mover == BODY:
+    if object_name == BODY:
         return None
     for rule in rules:
         if any(_fits(name, pattern) for pattern in rule.nodes):

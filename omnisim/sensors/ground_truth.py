@@ -54,13 +54,16 @@ class GroundTruth:
         )
         self._surfaces = RayHitPass(context, self._visibility, self._rays, camera.rig_from_optical)
         self._flow: OpticalFlow | None = None
-        movers = [None, *stage.moving]
-        ids = {(label.mover, label.name): label.id for label in self.labels.instances}
+        object_names = [None, *stage.moving]
+        ids = {(label.object_name, label.name): label.id for label in self.labels.instances}
         # from the draw −1, which is nothing, on
         self._instance_of_draw = np.array(
             [0]
             + [
-                ids[movers[0 if draw.mover is None else draw.mover + 1], draw.name]
+                ids[
+                    object_names[0 if draw.object_index is None else draw.object_index + 1],
+                    draw.name,
+                ]
                 for draw in stage.buffers.draws
             ],
             dtype=np.uint32,
@@ -74,7 +77,7 @@ class GroundTruth:
 
         Args:
             names: as `check_channels` gives them; albedo only where `has_albedo`.
-            now: where the camera and the movers are.
+            now: where the camera and the dynamic objects are.
             after: where they are next, for the flow.
         """
         surfaces = self._surfaces.render(

@@ -50,7 +50,7 @@ class ImperfectCamera:
         pipeline: Pipeline,
         stage: Stage,
         world_from_base: NDArray[np.float64],
-        movers: Mapping[str, ArrayLike] | None,
+        object_poses: Mapping[str, ArrayLike] | None,
         linear: bool,
         motion: Motion | None,
         frame_number: int,
@@ -65,7 +65,7 @@ class ImperfectCamera:
             raise OpticsError(
                 f"exposure_ev = {exposure_ev:g}: want −{MOST_STOPS:g} to {MOST_STOPS:g} stops"
             )
-        sub_frames = self._sub_frames(world_from_base, movers, motion, stage)
+        sub_frames = self._sub_frames(world_from_base, object_poses, motion, stage)
         degradation = self.sensor.degradation
         told: dict[str, Any] = {"parameters": degradation.tables(), "sub_frames": len(sub_frames)}
 
@@ -91,7 +91,7 @@ class ImperfectCamera:
     def _sub_frames(
         self,
         world_from_base: NDArray[np.float64],
-        movers: Mapping[str, ArrayLike] | None,
+        object_poses: Mapping[str, ArrayLike] | None,
         motion: Motion | None,
         stage: Stage,
     ) -> list[SubFrame]:
@@ -99,7 +99,7 @@ class ImperfectCamera:
         shutter, rig = self.sensor.degradation.shutter, self.sensor.base_from_rig
         if shutter is None or motion is None or shutter.duration_s == 0.0:
             base = world_from_base
-            return [SubFrame(base @ rig, stage.object_poses_at(base, movers), None)]
+            return [SubFrame(base @ rig, stage.object_poses_at(base, object_poses), None)]
         camera = self.sensor.camera
         half_s = 0.5 * shutter.duration_s
         ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
@@ -108,8 +108,8 @@ class ImperfectCamera:
         weights = shutter.row_weights(count, camera.height_px)
         poses = [check_pose(motion(float(time_s))) for time_s in shutter.times_s(count)]
         if count == 1:
-            return [SubFrame(poses[0] @ rig, stage.object_poses_at(poses[0], movers), None)]
+            return [SubFrame(poses[0] @ rig, stage.object_poses_at(poses[0], object_poses), None)]
         return [
-            SubFrame(base @ rig, stage.object_poses_at(base, movers), share)
+            SubFrame(base @ rig, stage.object_poses_at(base, object_poses), share)
             for base, share in zip(poses, weights, strict=True)
         ]

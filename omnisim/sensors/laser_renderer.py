@@ -62,7 +62,7 @@ class LaserRenderer(OnStage):
         scan_number: int = 0,
         *,
         world_from_base: ArrayLike | None = None,
-        movers: Mapping[str, ArrayLike] | None = None,
+        object_poses: Mapping[str, ArrayLike] | None = None,
     ) -> Scan:
         """Take one scan.
 
@@ -72,7 +72,7 @@ class LaserRenderer(OnStage):
             world_from_base: (4, 4) pose of the body, if there is one: where the vehicle is. A
                 scanner that is mounted on it at `base_from_scanner` is at
                 `world_from_base @ base_from_scanner`.
-            movers: (4, 4) poses of the stage's other movers, by name.
+            object_poses: (4, 4) poses of the dynamic objects, by name.
 
         Raises:
             OmnisimError: a matrix that is not a pose, a body without one, a number that is none,
@@ -83,7 +83,7 @@ class LaserRenderer(OnStage):
         if self.body is not None and base is None:
             raise OmnisimError("scan: world_from_base is missing: where is the body?")
         with self._current() as stage:
-            true_ranges_m = self._ranges.cast(pose, stage.object_poses_at(base, movers))
+            true_ranges_m = self._ranges.cast(pose, stage.object_poses_at(base, object_poses))
         ranges_m = self.scanner.measure(true_ranges_m, scan_number)
         metadata = {
             "omnisim": __version__,

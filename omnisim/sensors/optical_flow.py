@@ -35,7 +35,7 @@ class View(NamedTuple):
 
     Attributes:
         world_from_rig: (4, 4) of the camera's rig.
-        world_from_objects: (4, 4) each, in the order of the buffers' movers.
+        world_from_objects: (4, 4) each, in the order of the buffers' dynamic objects.
     """
 
     world_from_rig: NDArray[np.float64]
@@ -59,7 +59,7 @@ class OpticalFlow:
     the picture by as much.
 
     Args:
-        buffers: the scene and its movers.
+        buffers: the scene and its dynamic objects.
         camera: whose picture.
         rays: of its pixels.
         is_mesh: whether the rays are those of a mirror's mesh.
@@ -83,8 +83,10 @@ class OpticalFlow:
             if is_mesh
             else pixel_grid(camera.width_px, camera.height_px)[rays.valid]
         )
-        movers = [0 if draw.mover is None else draw.mover + 1 for draw in buffers.draws]
-        self._path_of_draw = np.array([0, *movers], dtype=np.intp)  # from the draw −1 on
+        paths = [
+            0 if draw.object_index is None else draw.object_index + 1 for draw in buffers.draws
+        ]
+        self._path_of_draw = np.array([0, *paths], dtype=np.intp)  # from the draw −1 on
         self._period_px = _period_px(camera)
 
     def start(self, now: View, after: View) -> None:
@@ -140,8 +142,8 @@ class OpticalFlow:
 
 
 def _ways(now: View, after: View) -> NDArray[np.float64]:
-    """From now's viewpoint to the next one (1 + movers, 4, 4), in the axes of the world: how what
-    stands goes, and what is on each mover."""  # fmt: skip
+    """From now's viewpoint to the next one (1 + objects, 4, 4), in the axes of the world: how what
+    stands goes, and what is on each dynamic object."""  # fmt: skip
     viewpoint_m, next_m = now.world_from_rig[:3, 3], after.world_from_rig[:3, 3]
     ways = np.tile(np.eye(4), (1 + len(now.world_from_objects), 1, 1))
     for number, (before, then) in enumerate(

@@ -112,7 +112,7 @@ class Renderer(OnStage):
         linear: bool = False,
         *,
         also: Collection[str] = (),
-        movers: Mapping[str, ArrayLike] | None = None,
+        object_poses: Mapping[str, ArrayLike] | None = None,
         next_base: ArrayLike | None = None,
         next_object_poses: Mapping[str, ArrayLike] | None = None,
         motion: Motion | None = None,
@@ -126,9 +126,9 @@ class Renderer(OnStage):
                 there, too. With a motion it is that of the middle of the frame.
             linear: also read back linear floats, which EXR needs.
             also: names of channels of ground truth, see `omnisim.ground_truth`.
-            movers: (4, 4) poses of the stage's other movers, by name.
+            object_poses: (4, 4) poses of the dynamic objects, by name.
             next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
-            next_object_poses: poses of the other movers at the next frame; None: they stay.
+            next_object_poses: poses of the dynamic objects at the next frame; None: they stay.
             motion: for motion blur and rolling shutter: from seconds after the middle of the frame
                 to the pose; None: at rest.
             frame_number: noise differs from frame to frame.
@@ -146,12 +146,19 @@ class Renderer(OnStage):
         world_from_rig = base @ self.camera.base_from_rig
         metadata = self._metadata(base, world_from_rig)
         with self._current() as stage:
-            moving = stage.object_poses_at(base, movers)
+            moving = stage.object_poses_at(base, object_poses)
             if self.camera.degradation.is_ideal:
                 picture = self._pipeline.render(world_from_rig, linear, moving)
             else:
                 picture, metadata["degradation"] = self._imperfect.take(
-                    self._pipeline, stage, base, movers, linear, motion, frame_number, exposure_ev
+                    self._pipeline,
+                    stage,
+                    base,
+                    object_poses,
+                    linear,
+                    motion,
+                    frame_number,
+                    exposure_ev,
                 )
             channels, labels = {}, None
             if names:
@@ -161,7 +168,8 @@ class Renderer(OnStage):
                     after = View(
                         after_base @ self.camera.base_from_rig,
                         stage.object_poses_at(
-                            after_base, movers if next_object_poses is None else next_object_poses
+                            after_base,
+                            object_poses if next_object_poses is None else next_object_poses,
                         ),
                     )
                 channels = truth.channels(names, View(world_from_rig, moving), after)

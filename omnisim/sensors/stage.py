@@ -51,17 +51,17 @@ class Stage(Closing):
         scene: what stands in the world, with its lamps and background.
         body: what moves with the vehicle, in its base frame (x forward, y left, z up, origin on
             the ground); its lamps and background count for nothing.
-        movers: what else moves, by name, each in a frame of its own; their lamps and backgrounds
+        dynamic_objects: by name, each in a frame of its own; their lamps and backgrounds
             count for nothing, either.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
 
     Attributes:
-        scene, body, movers: as given.
+        scene, body, dynamic_objects: as given.
         context, buffers, surfaces: for the passes.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
-        SceneError: a mover of the body's name.
+        SceneError: a dynamic object of the body's name.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class Stage(Closing):
         scene: Scene,
         body: Scene | None = None,
         *,
-        movers: Mapping[str, Scene] | None = None,
+        dynamic_objects: Mapping[str, Scene] | None = None,
         device: int | None = None,
     ):
         self.scene, self.body = scene, body
-        self.movers = dict(movers or {})
-        if BODY in self.movers:
-            raise SceneError(f"movers: {BODY!r} is the vehicle's own: give it another name")
+        self.dynamic_objects = dict(dynamic_objects or {})
+        if BODY in self.dynamic_objects:
+            raise SceneError(f"dynamic_objects: {BODY!r} is reserved for the vehicle")
         self.context = open_context(device)
         self._closed = False
         try:
@@ -89,24 +89,26 @@ class Stage(Closing):
     @property
     def moving(self) -> dict[str, Scene]:
         """All that moves, by name, in the order of `object_poses_at`: the body first."""
-        return ({} if self.body is None else {BODY: self.body}) | self.movers
+        return ({} if self.body is None else {BODY: self.body}) | self.dynamic_objects
 
     def object_poses_at(
         self,
         world_from_base: NDArray[np.float64] | None,
-        movers: Mapping[str, ArrayLike] | None = None,
+        object_poses: Mapping[str, ArrayLike] | None = None,
     ) -> tuple[NDArray[np.float64], ...]:
-        """Poses (4, 4) of what moves, for the passes: the vehicle's, and the other movers' by name.
+        """Poses (4, 4) of what moves, for the passes: the body's, then the dynamic objects'.
 
         Raises:
-            SceneError: a mover without a pose, or a pose without a mover.
+            SceneError: a dynamic object without a pose, or a pose without an object.
             OmnisimError: a matrix that is not a pose.
         """
-        given = dict(movers or {})
-        if given.keys() != self.movers.keys():
-            there = ", ".join(sorted(self.movers)) or "none"
-            raise SceneError(f"poses of movers {', '.join(sorted(given)) or 'none'}: want {there}")
-        others = tuple(check_pose(given[name]) for name in self.movers)
+        given = dict(object_poses or {})
+        if given.keys() != self.dynamic_objects.keys():
+            want, got = (
+                ", ".join(sorted(names)) or "none" for names in (self.dynamic_objects, given)
+            )
+            raise SceneError(f"object_poses: expected poses of {want}, got {got}")
+        others = tuple(check_pose(given[name]) for name in self.dynamic_objects)
         if self.body is None or world_from_base is None:
             return others
         return (world_from_base, *others)

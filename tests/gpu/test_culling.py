@@ -11,7 +11,7 @@ from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors import OmniCamera
-from tests.gpu.test_standing_drawing import sheet
+from tests.gpu.test_static_drawer import sheet
 from tests.scenes import scene_of
 
 CAMERA = OmniCamera().resized(200).camera
@@ -74,7 +74,7 @@ def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
     poses[1][:3, :3] = poses[1][:3, :3] @ np.diag((1.0, -1.0, 1.0))
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)
-    geometry = buffers.standing
+    geometry = buffers.static_geometry
     culling = ClusterCuller(geometry, PLAN, samples=1)
     chunks = geometry.chunks
     vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)

@@ -1,4 +1,4 @@
-"""Where the draws of a scene and its movers are, against one scene that holds all of them."""
+"""Where the draws of a scene and its dynamic objects are, against one scene of all."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,11 @@ from tests.vehicles import body, merged, surroundings
 VIEWPOINT_M = np.array([0.3, -2.0, 1.0])
 
 
-def test_movers_are_placed_as_if_they_stood_there(context):
-    scene, movers = surroundings(), (body(), body())
+def test_dynamic_objects_are_placed_as_if_they_stood_there(context):
+    scene, objects = surroundings(), (body(), body())
     poses = (pose((1.0, 2.0, 0.5), 10.0, 20.0, 30.0), pose((-1.0, 0.0, 0.0), yaw_deg=200.0))
-    still = merged(merged(scene, movers[0], poses[0]), movers[1], poses[1])
-    buffers, expected = SceneBuffers(context, scene, movers), SceneBuffers(context, still)
+    still = merged(merged(scene, objects[0], poses[0]), objects[1], poses[1])
+    buffers, expected = SceneBuffers(context, scene, objects), SceneBuffers(context, still)
     assert [draw.name for draw in buffers.draws] == [draw.name for draw in expected.draws]
     assert [draw.mirrored for draw in buffers.draws] == [draw.mirrored for draw in expected.draws]
     np.testing.assert_allclose(buffers.radii_m, expected.radii_m, rtol=1e-12)
@@ -27,7 +27,7 @@ def test_movers_are_placed_as_if_they_stood_there(context):
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-14)
 
 
-def test_instances_of_movers_are_hidden_by_name(context):
+def test_instances_of_dynamic_objects_are_hidden_by_name(context):
     buffers = SceneBuffers(context, surroundings(), (body(),))
     assert buffers.shown().all()
     shown = buffers.shown({"hull", "tube"})

@@ -7,7 +7,7 @@ from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shad
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
-from tests.gpu.test_standing_drawing import LAMP, SUN
+from tests.gpu.test_static_drawer import LAMP, SUN
 from tests.scenes import scene_of
 
 UP, LEANING, DOWN, NONE = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)
@@ -76,7 +76,7 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
     bent = Mesh("bent", positions, flat.triangles, 0, normals=normals)
     for mesh, kinds in ((flat, [2, 2, 2]), (bent, [2, 1, 0])):
         scene = scene_of([mesh], [Material()], lighting=LIGHTING)
-        geometry = SceneBuffers(context, scene).standing
+        geometry = SceneBuffers(context, scene).static_geometry
         vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
         triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
         looks = np.repeat(geometry.look_of_chunk, geometry.chunks.count)

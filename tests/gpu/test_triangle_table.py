@@ -5,7 +5,7 @@ import numpy as np
 from omnisim.gpu.scene.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
-from tests.gpu.test_standing_drawing import sheet
+from tests.gpu.test_static_drawer import sheet
 from tests.scenes import scene_of
 from tests.vehicles import box
 

@@ -12,8 +12,8 @@ from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
-from tests.gpu.test_standing_drawing import sheet
-from tests.gpu.test_standing_geometry import _corners_m
+from tests.gpu.test_static_drawer import sheet
+from tests.gpu.test_static_geometry import _corners_m
 from tests.scenes import room, scene_of
 from tests.vehicles import box, checkered
 
@@ -57,10 +57,10 @@ def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
     monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (worth,) * 2)
     scene = _scene()
     quick, plain = SceneBuffers(context, scene), SceneBuffers(context, scene)
-    assert quick.standing.taken.sum() == 4
+    assert quick.static_geometry.taken.sum() == 4
     # nothing stands where everything is too far away
     monkeypatch.setattr("omnisim.gpu.scene.static_geometry.FARTHEST_M", -1.0)
-    assert plain.standing.is_empty
+    assert plain.static_geometry.is_empty
     passes = [(_pass(context, one, albedo), one) for one in (quick, plain)]
     for pose in (frames.pose((0.0, 0.0, 0.4)), frames.pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
         ours, theirs = (_surfaces(one, buffers, pose, albedo) for one, buffers in passes)
@@ -72,7 +72,7 @@ def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
 def test_triangles_of_chunks_are_found_again_in_their_instances(context):
     """Though the geometry has copies of vertices, in places of their own."""
     buffers = SceneBuffers(context, _scene())
-    geometry, draws = buffers.standing, buffers.draws
+    geometry, draws = buffers.static_geometry, buffers.draws
     found = surfaces_of(geometry, draws)
     taken = np.flatnonzero(geometry.taken).tolist()
     assert len(np.unique(found)) == len(found) == sum(draws[one].count // 3 for one in taken)
@@ -88,9 +88,9 @@ def test_triangles_of_chunks_are_found_again_in_their_instances(context):
 
 def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
     buffers = SceneBuffers(context, _scene())
-    alone = np.flatnonzero(~buffers.standing.taken)
+    alone = np.flatnonzero(~buffers.static_geometry.taken)
     numbers = TriangleIds(context, buffers.draws, alone)
-    some = surfaces_of(buffers.standing, buffers.draws)
+    some = surfaces_of(buffers.static_geometry, buffers.draws)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):
         numbers.begin()

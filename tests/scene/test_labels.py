@@ -44,7 +44,7 @@ def test_parts_of_one_name_are_one_instance_and_the_body_is_the_vehicle():
     scene = _named("shelf_01", "shelf_01", "ball", "shelf_02")
     labels = find_labels(scene, {"body": _named("shelf_01"), "cart": _named("ball", "ghost")})
     classes = {label.id: label.name for label in labels.classes}
-    found = [(label.mover, label.name, classes[label.class_id]) for label in labels.instances]
+    found = [(label.object_name, label.name, classes[label.class_id]) for label in labels.instances]
     assert found == [
         (None, "shelf_01", "shelf"),
         (None, "ball", "ball"),

@@ -18,7 +18,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
-from tests.gpu.test_standing_drawing import sheet
+from tests.gpu.test_static_drawer import sheet
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 from tests.vehicles import body, box, checkered, surroundings
 
@@ -217,7 +217,9 @@ def test_the_body_is_seen_but_what_is_hidden():
     for hidden in ((), ("hull",)):
         with Renderer(scene, sensor, body=vehicle, hidden=hidden) as renderer:
             frame = renderer.render(pose((0.2, 0.1, -1.0)), also=("instance", "semantic", "range"))
-        label = {label.name: label for label in frame.labels.instances if label.mover == "body"}
+        label = {
+            label.name: label for label in frame.labels.instances if label.object_name == "body"
+        }
         mine = frame.channels["instance"] == label["hull"].id
         classes = {c.id: c.name for c in frame.labels.classes}
         assert classes[label["hull"].class_id] == "vehicle"
@@ -254,9 +256,9 @@ def test_flow_is_the_reprojection_of_what_the_exact_rays_hit(lens):
     assert (fate[valid & ~inside] == OUTSIDE).all()
 
 
-def _beside_a_wall(movers=None):
-    """A small crate in a room; movers by name."""
-    return Stage(scene_of([room()]), movers=movers)
+def _beside_a_wall(dynamic_objects=None):
+    """A small crate in a room; dynamic objects by name."""
+    return Stage(scene_of([room()]), dynamic_objects=dynamic_objects)
 
 
 def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
@@ -270,13 +272,13 @@ def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
         frame = renderer.render(
             now,
             also=("flow", "instance", "position"),
-            movers={"crate": crate_now},
+            object_poses={"crate": crate_now},
             next_base=after,
             next_object_poses={"crate": crate_after},
         )
-        with pytest.raises(SceneError, match="poses of movers none: want crate"):
+        with pytest.raises(SceneError, match="object_poses: expected poses of crate, got none"):
             renderer.render(now)
-    labels = {label.name: label for label in frame.labels.instances if label.mover == "crate"}
+    labels = {label.name: label for label in frame.labels.instances if label.object_name == "crate"}
     on_crate = frame.channels["instance"] == labels["object 0"].id
     assert on_crate.sum() > 300
     points = frame.channels["position"]

@@ -1,4 +1,4 @@
-"""Finds what views may see of standing geometry: group by group, then chunk by chunk.
+"""Finds what views may see of static geometry: group by group, then chunk by chunk.
 
 Where there is much to see it is drawn in turns, what is wide and near first: what is hidden behind
 that is left out of the turns that follow. A piece that has to wait is not opened before its turn.
@@ -52,7 +52,7 @@ class VisibleClusters(NamedTuple):
 
 
 class ClusterCuller:
-    """What the views of one camera may see of standing geometry, turn by turn.
+    """What the views of one camera may see of static geometry, turn by turn.
 
     Args:
         geometry: what stands still.

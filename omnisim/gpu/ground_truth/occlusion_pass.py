@@ -75,7 +75,8 @@ class OcclusionPass:
         draws = visibility.buffers.draws
         self._draws = DrawItemTable(context, draws)
         self._object_plus_one = np.array(
-            [0 if draw.mover is None else draw.mover + 1 for draw in draws], dtype=np.intp
+            [0 if draw.object_index is None else draw.object_index + 1 for draw in draws],
+            dtype=np.intp,
         )
 
     def render(
@@ -88,9 +89,9 @@ class OcclusionPass:
 
         Args:
             world_from_rig: (4, 4) next pose.
-            world_from_objects: (4, 4) each, the movers' next poses.
-            next_from_current: (1 + movers, 4, 4), from now's viewpoint to the next one, both in the
-                axes of the world: how what stands goes, and what is on each mover.
+            world_from_objects: (4, 4) each, the dynamic objects' next poses.
+            next_from_current: (1 + objects, 4, 4), from this viewpoint to the next one, both in the
+                axes of the world: of the static scene, then of each dynamic object.
         """
         visibility = self._visibility
         placement = visibility.buffers.place(world_from_rig[:3, 3], world_from_objects)

@@ -104,7 +104,7 @@ class RayHitPass:
         normals: bool = False,
         albedos: bool = False,
     ) -> Surfaces:
-        """MaterialBatch all rays up from a pose (4, 4), movers at theirs.
+        """Look up all rays up from a pose (4, 4), dynamic objects at theirs.
 
         The last two are made where they are asked for; plain colours only where the visibility can
         have some.

@@ -24,7 +24,7 @@ class TriangleTable:
     """Corners of all triangles, in the order of the index buffer.
 
     Args:
-        buffers: the scene and its movers.
+        buffers: the scene and its dynamic objects.
 
     Attributes:
         corners: texture of four integers an entry: of each corner the position, in the frame of

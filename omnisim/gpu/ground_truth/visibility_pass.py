@@ -37,10 +37,10 @@ class VisibilityPass:
 
     Args:
         context: where.
-        buffers: the scene and its movers; other passes may draw from them, too.
+        buffers: the scene and its dynamic objects; other passes may draw from them, too.
         plan: the faces.
         near_m, far_m: of the virtual cameras.
-        hidden: names of the movers' instances that are not drawn.
+        hidden: names of the dynamic objects' instances that are not drawn.
         albedo: also be able to draw plain base colours.
 
     Attributes:
@@ -51,7 +51,7 @@ class VisibilityPass:
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
-        SceneError: a hidden name that no mover has.
+        SceneError: a hidden name that no dynamic object has.
     """
 
     def __init__(
@@ -94,15 +94,15 @@ class VisibilityPass:
         }
         self._flush = gl_function("glFlush")
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
-        alone = buffers.shown(hidden) & ~buffers.standing.taken & np.array(seen)
+        alone = buffers.shown(hidden) & ~buffers.static_geometry.taken & np.array(seen)
         self._alone = np.flatnonzero(alone)
         self.numbers = TriangleIds(context, buffers.draws, self._alone)
-        self._standing = None
-        if not buffers.standing.is_empty:
-            surfaces = surfaces_of(buffers.standing, buffers.draws)
-            geometry = TriangleIdGeometry(buffers.standing, surfaces, self.numbers)
+        self._static = None
+        if not buffers.static_geometry.is_empty:
+            surfaces = surfaces_of(buffers.static_geometry, buffers.draws)
+            geometry = TriangleIdGeometry(buffers.static_geometry, surfaces, self.numbers)
             self._numbered = NumberedPrograms(self._programs)
-            self._standing = StaticDrawer(context, geometry, self._numbered, plan, unlit=True)
+            self._static = StaticDrawer(context, geometry, self._numbered, plan, unlit=True)
 
     def render(
         self,
@@ -128,20 +128,20 @@ class VisibilityPass:
         order = self.buffers.front_to_back(self._alone, placement)
         views = self._drawing.views(world_from_rig)
         self.numbers.begin()
-        if self._standing is not None:
+        if self._static is not None:
             self._numbered.albedo = albedo
-            self._standing.prepare(views, world_from_rig[:3, 3])
+            self._static.prepare(views, world_from_rig[:3, 3])
         for number, view in enumerate(views):
             self._drawing.aim(target, view)
             self._drawing.draw(view, placement, order, paint)
-            if self._standing is not None:
-                self._standing.draw(number)
+            if self._static is not None:
+                self._static.draw(number)
                 self._flush()  # as the picture's pass does
-        while self._standing is not None and self._standing.has_more:
-            self._standing.prepare_more(partial(self._read_depth, target))
+        while self._static is not None and self._static.has_more:
+            self._static.prepare_more(partial(self._read_depth, target))
             for number, view in enumerate(views):
                 self._drawing.aim(target, view)
-                self._standing.draw(number)
+                self._static.draw(number)
         self._drawing.end(target)
         for program in self._programs.values():
             program.end()

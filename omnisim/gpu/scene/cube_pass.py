@@ -23,13 +23,13 @@ class CubePass:
 
     Args:
         context: where.
-        buffers: the scene and its movers; other passes may draw from them, too.
+        buffers: the scene and its dynamic objects; other passes may draw from them, too.
         surfaces: their programs, lit by the scene's lamps.
         plan: the faces.
         near_m, far_m, samples: of the virtual cameras.
         unlit: show plain base colours.
         background: linear RGB where nothing is hit.
-        hidden: names of the movers' instances that are not drawn.
+        hidden: names of the dynamic objects' instances that are not drawn.
         plain: draw one instance after the other, whole: slower, but there is little to go wrong.
 
     Attributes:
@@ -38,7 +38,7 @@ class CubePass:
 
     Raises:
         GraphicsError: the atlas is larger than the GPU allows.
-        SceneError: a hidden name that no mover has.
+        SceneError: a hidden name that no dynamic object has.
     """
 
     def __init__(
@@ -91,16 +91,18 @@ class CubePass:
         arrays = {one: buffers.vertex_array(surfaces[one].program) for one in set(variants)}
         self._vertex_arrays = [arrays[variant] for variant in variants]
         self._flush = gl_function("glFlush")
-        self._standing = None
-        if not (plain or buffers.standing.is_empty):
+        self._static = None
+        if not (plain or buffers.static_geometry.is_empty):
             # OpenGL reads no depth of several samples, and what one of them hides another may show
-            self._standing = StaticDrawer(context, buffers.standing, surfaces, plan, unlit, samples)
+            self._static = StaticDrawer(
+                context, buffers.static_geometry, surfaces, plan, unlit, samples
+            )
         self._all_programs = set(self._programs)
-        if self._standing is not None:
-            self._all_programs |= self._standing.programs
+        if self._static is not None:
+            self._all_programs |= self._static.programs
         alone = buffers.shown(hidden)
         if not plain:
-            alone &= ~buffers.standing.taken
+            alone &= ~buffers.static_geometry.taken
         blended = np.array([is_blended(draw.material) for draw in buffers.draws])
         self._opaque = np.flatnonzero(alone & ~blended)
         self._blended = np.flatnonzero(alone & blended)
@@ -110,7 +112,7 @@ class CubePass:
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> moderngl.Texture:
-        """DrawItem all faces from a pose (4, 4), movers at theirs, and return the atlas."""
+        """Draw all faces from a pose (4, 4), objects at theirs, and return the atlas."""
         context, target = self._context, self._target
         viewpoint_m = world_from_rig[:3, 3]
         placement = self._buffers.place(viewpoint_m, world_from_objects)
@@ -134,21 +136,21 @@ class CubePass:
         context.blend_func = (
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
-        if self._standing is not None:
-            self._standing.prepare(views, viewpoint_m)
+        if self._static is not None:
+            self._static.prepare(views, viewpoint_m)
         for number, view in enumerate(views):
             self._drawing.aim(target, view)
             self._drawing.draw(view, placement, opaque, paint)
-            if self._standing is not None:
-                self._standing.draw(number)
+            if self._static is not None:
+                self._static.draw(number)
                 # tile by tile: a software renderer keeps what it was told of all tiles in memory
                 # otherwise, and is slower by up to a seventh
                 self._flush()
-        while self._standing is not None and self._standing.has_more:
-            self._standing.prepare_more(self._read_depth)
+        while self._static is not None and self._static.has_more:
+            self._static.prepare_more(self._read_depth)
             for number, view in enumerate(views):
                 self._drawing.aim(target, view)
-                self._standing.draw(number)
+                self._static.draw(number)
         for view in views if blended.size else ():
             self._drawing.aim(target, view)
             target.depth_mask = False

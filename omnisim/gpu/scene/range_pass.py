@@ -31,15 +31,15 @@ class RangePass:
 
     Args:
         context: where.
-        buffers: the scene and its movers; other passes may draw from them, too.
+        buffers: the scene and its dynamic objects; other passes may draw from them, too.
         angles_rad: (n,) of the beams in the scanner's frame, counter-clockwise from its x axis,
             equally spaced, from −π at the lowest to π at the most.
         reach_m: surfaces farther away need not be found; may be infinite.
-        hidden: names of the movers' instances that beams go through.
+        hidden: names of the dynamic objects' instances that beams go through.
 
     Raises:
         GraphicsError: a scene that is too large for the GPU's shaders to read.
-        SceneError: a hidden name that no mover has.
+        SceneError: a hidden name that no dynamic object has.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class RangePass:
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), movers at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
         buffers = self._buffers
         placement = buffers.place(world_from_scanner[:3, 3], world_from_objects)
         scanner_from_viewpoint = np.eye(4)

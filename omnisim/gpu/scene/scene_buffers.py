@@ -1,6 +1,6 @@
-"""A scene and what moves in it on the GPU: one vertex buffer, one index buffer, textures, draws.
+"""A scene and its dynamic objects on the GPU: one vertex buffer, one index buffer, textures, draws.
 
-A mover is a scene in a frame of its own, which has a pose in the world that may be another one in
+A dynamic object is a scene in a frame of its own, with a pose in the world that may change in
 each frame. Its geometry stays where it is; only matrices change.
 """
 
@@ -30,20 +30,20 @@ class DrawItem:
 
     Attributes:
         name: of the instance.
-        mover: index of the mover that it belongs to; None: it stands in the world.
+        object_index: dynamic object that it belongs to; None: it is static.
         mesh: its mesh.
         first, count: its indices in the index buffer.
         base: first vertex of its mesh in the vertex buffer.
         material: how it looks.
         texture: bound for it.
-        object_from_mesh: (4, 4) float64, into the world or the mover's frame.
+        object_from_mesh: (4, 4) float64, into the world or the object's frame.
         normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
         mirrored: its triangles turn the other way round in the world.
-        centre_m, radius_m: its bounding sphere in the world or the mover's frame.
+        centre_m, radius_m: its bounding sphere in the world or the object's frame.
     """
 
     name: str
-    mover: int | None
+    object_index: int | None
     mesh: Mesh
     first: int
     count: int
@@ -98,12 +98,12 @@ def _shapes(instances: Sequence[Instance]) -> list[_Shape]:
 
 
 class SceneBuffers:
-    """Uploads a scene and its movers once; the passes of all sensors draw from it.
+    """Uploads a scene and its dynamic objects once; the passes of all sensors draw from it.
 
     Args:
         context: where.
         scene: what stands in the world.
-        movers: what moves in it; their lamps, backgrounds and starts count for nothing.
+        dynamic_objects: those in it; their lamps, backgrounds and starts count for nothing.
 
     Attributes:
         vertices, indices: the two buffers.
@@ -114,11 +114,13 @@ class SceneBuffers:
         GraphicsError: a texture past the limits of the GPU.
     """
 
-    def __init__(self, context: moderngl.Context, scene: Scene, movers: Sequence[Scene] = ()):
+    def __init__(
+        self, context: moderngl.Context, scene: Scene, dynamic_objects: Sequence[Scene] = ()
+    ):
         self._context, self._lighting = context, scene.lighting
         self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
         self._white = self._upload_pixels(np.full((1, 1, 4), 255, dtype=np.uint8))
-        parts = (scene, *movers)
+        parts = (scene, *dynamic_objects)
         draws = [
             self._draw(part, instance, None if number == 0 else number - 1, place, shape)
             for number, (part, places) in enumerate(
@@ -138,9 +140,11 @@ class SceneBuffers:
             np.array([draw.normal_from_mesh for draw in draws]),
             np.array([draw.centre_m for draw in draws]),
         )
-        moving = [index for index, draw in enumerate(draws) if draw.mover is not None]
+        moving = [index for index, draw in enumerate(draws) if draw.object_index is not None]
         self._moving = np.array(moving, dtype=np.intp)
-        self._object_of_moving = np.array([draws[index].mover for index in moving], dtype=np.intp)
+        self._object_of_moving = np.array(
+            [draws[index].object_index for index in moving], dtype=np.intp
+        )
 
     @property
     def context(self) -> moderngl.Context:
@@ -152,7 +156,7 @@ class SceneBuffers:
         viewpoint_m: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> InstanceTransforms:
-        """Where the draws are, seen from (3,), world, when each mover is at its pose (4, 4)."""
+        """Where the draws are, seen from (3,), world, each dynamic object at its pose (4, 4)."""
         world_from_mesh, normal_from_mesh, centres_m = (values.copy() for values in self._own)
         if self._moving.size:
             moving = self._moving
@@ -174,17 +178,19 @@ class SceneBuffers:
         return draws[np.argsort(reach_m, kind="stable")]
 
     def shown(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
-        """Which draws (n,) are left without the movers' instances of these names.
+        """Which draws (n,) are left without the dynamic objects' instances of these names.
 
         Raises:
-            SceneError: a name that no mover has.
+            SceneError: a name that no dynamic object has.
         """
-        names = {draw.name for draw in self.draws if draw.mover is not None}
+        names = {draw.name for draw in self.draws if draw.object_index is not None}
         for name in sorted(hidden):
             if name not in names:
                 there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
                 raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
-        return np.array([draw.mover is None or draw.name not in hidden for draw in self.draws])
+        return np.array(
+            [draw.object_index is None or draw.name not in hidden for draw in self.draws]
+        )
 
     @cached_property
     def triangles(self) -> TriangleTable:
@@ -192,7 +198,7 @@ class SceneBuffers:
         return TriangleTable(self)
 
     @cached_property
-    def standing(self) -> StaticGeometry:
+    def static_geometry(self) -> StaticGeometry:
         """What does not move, a second time: as one draws much of it quickly."""
         return StaticGeometry(self._context, self.draws, self._lighting)
 
@@ -263,7 +269,7 @@ class SceneBuffers:
         self,
         part: Scene,
         instance: Instance,
-        mover: int | None,
+        object_index: int | None,
         place: tuple[int, int],
         shape: _Shape,
     ) -> DrawItem:
@@ -273,7 +279,7 @@ class SceneBuffers:
         reach = np.linalg.norm(mesh.positions - middle, axis=1).max()
         return DrawItem(
             name=instance.name,
-            mover=mover,
+            object_index=object_index,
             mesh=mesh,
             first=place[0],
             base=place[1],

@@ -22,13 +22,13 @@ from omnisim.gpu.uniforms import columns_first
 # same one is seen, whether what is hidden is left out or not.
 BANDS, DOUBLINGS, NEAREST_M = 16, 1.5, 0.25
 _STEPS = 1 << 12  # of distance in a band
-_CHUNKS = 1 << 23  # at most, see `standing_geometry.MOST_TRIANGLES`
+_CHUNKS = 1 << 23  # at most, see `static_geometry.MOST_TRIANGLES`
 _INDEX_BYTES = 12  # of a triangle
 _NORMAL_FROM_ANCHOR = columns_first(np.eye(3))
 
 
 class StaticDrawer:
-    """Draws standing geometry for one camera; everything on the GPU is made once.
+    """Draws static geometry for one camera; everything on the GPU is made once.
 
     Args:
         context: where.

@@ -126,7 +126,7 @@ def _key(draw: DrawItem) -> tuple[object, ...]:
 
 def _middle(draws: Sequence[DrawItem]) -> NDArray[np.float64]:
     """Middle (3,) of what does not move, world."""
-    still = [draw.centre_m for draw in draws if draw.mover is None]
+    still = [draw.centre_m for draw in draws if draw.object_index is None]
     if not still:
         return np.zeros(3)
     return 0.5 * (np.min(still, axis=0) + np.max(still, axis=0))
@@ -136,7 +136,7 @@ def _taken(draws: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray[
     taken = np.zeros(len(draws), dtype=np.bool_)
     triangles = 0
     for index, draw in enumerate(draws):
-        if draw.mover is not None or draw.material.alpha_mode is AlphaMode.BLEND:
+        if draw.object_index is not None or draw.material.alpha_mode is AlphaMode.BLEND:
             continue
         if not draw.count:  # a mesh without triangles has no chunk
             continue

@@ -46,7 +46,7 @@ class TileDrawer:
 
     Args:
         context: where.
-        buffers: the scene and its movers.
+        buffers: the scene and its dynamic objects.
         plan: the faces.
         near_m, far_m: of the virtual cameras.
     """

@@ -101,7 +101,7 @@ def mixed_scene(*lamps):
     return scene_of(meshes, MATERIALS, poses, lighting=lighting, background=(0.1, 0.2, 0.4))
 
 
-def mover():
+def dynamic_object():
     """A body of opaque, masked and blended sheets beside the camera."""
     meshes = [sheet("deck", 1), sheet("fence", 3), sheet("window", 5)]
     poses = [frames.pose((x, 0.6, 0.2), roll_deg=70.0) for x in (-0.6, 0.2, 0.9)]
@@ -129,7 +129,7 @@ class Pictures:
             with Renderer(self._stage, camera) as renderer:
                 rgba = renderer.render(world_from_base).rgba
                 if not options:
-                    self.triangles = renderer._cube._standing.triangles
+                    self.triangles = renderer._cube._static.triangles
         return rgba
 
 
@@ -158,11 +158,11 @@ def test_scenes_look_as_if_drawn_plainly(source, monkeypatch, request):
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize("lamps", [(SUN, LAMP), (SUN,)], ids=["a lamp near by", "the sun alone"])
 @pytest.mark.parametrize("samples", [1, 4])
-def test_materials_movers_and_mirrored_instances_look_as_if_drawn_plainly(
+def test_materials_dynamic_objects_and_mirrored_instances_look_as_if_drawn_plainly(
     samples, lamps, monkeypatch
 ):
     camera = dataclasses.replace(FAST.resized(200), samples=samples)
-    with Stage(mixed_scene(*lamps), mover()) as stage:
+    with Stage(mixed_scene(*lamps), dynamic_object()) as stage:
         pictures = Pictures(monkeypatch, stage, camera)
         for at in ((0.0, 0.0, 0.0), (0.4, -0.3, 0.2)):
             pose = frames.pose(at, roll_deg=5.0, yaw_deg=40.0) @ np.linalg.inv(camera.base_from_rig)

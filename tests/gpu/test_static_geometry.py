@@ -8,7 +8,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.static_geometry import FARTHEST_M
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import AlphaMode, Material, Mesh
-from tests.gpu.test_standing_drawing import sheet
+from tests.gpu.test_static_drawer import sheet
 from tests.scenes import scene_of
 
 MATERIALS = [Material(), Material(alpha_mode=AlphaMode.BLEND)]
@@ -37,7 +37,7 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
         pose = frames.pose((far_m + number, -far_m, 2.0), roll_deg=30.0, yaw_deg=50.0 * number)
         pose[:3, :3] = pose[:3, :3] @ scale
         poses.append(pose)
-    geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).standing
+    geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).static_geometry
     assert geometry.taken.all()
     assert len(geometry.looks) == 1
     expected = []
@@ -57,19 +57,23 @@ def test_glass_what_is_far_away_and_what_has_no_triangles_is_left_to_others(cont
     buffers = SceneBuffers(context, scene_of(meshes, MATERIALS, poses))
     taken = {
         draw.mesh.name
-        for draw, taken in zip(buffers.draws, buffers.standing.taken, strict=True)
+        for draw, taken in zip(buffers.draws, buffers.static_geometry.taken, strict=True)
         if taken
     }
     assert taken == {"near"}
-    assert len(_corners_m(buffers.standing)) == len(meshes[0].triangles)
+    assert len(_corners_m(buffers.static_geometry)) == len(meshes[0].triangles)
 
 
-def test_a_mover_is_not_standing(context):
+def test_a_dynamic_object_is_not_static(context):
     scene = scene_of([sheet("still", 0)])
     buffers = SceneBuffers(context, scene, (scene_of([sheet("moving", 0)]),))
-    assert [draw.mover is None for draw in buffers.draws] == buffers.standing.taken.tolist()
-    assert not SceneBuffers(context, scene_of([sheet("glass", 1)], MATERIALS)).standing.taken.any()
+    assert [
+        draw.object_index is None for draw in buffers.draws
+    ] == buffers.static_geometry.taken.tolist()
+    assert not SceneBuffers(
+        context, scene_of([sheet("glass", 1)], MATERIALS)
+    ).static_geometry.taken.any()
 
 
 def test_where_nothing_stands_there_are_no_chunks(context):
-    assert SceneBuffers(context, scene_of([sheet("glass", 1)], MATERIALS)).standing.is_empty
+    assert SceneBuffers(context, scene_of([sheet("glass", 1)], MATERIALS)).static_geometry.is_empty
