@@ -51,6 +51,8 @@ BASE_FROM_OPTICAL_LOOKING_DOWN: NDArray[np.float64] = np.array(
 )
 # Half a turn about x: the camera looks into the mirror, the mirror's axis looks at the camera.
 MIRROR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, -1.0, -1.0])
+# Factors that reflect a ray in the picture's plane: from a mirror's optical frame to a lens's.
+FLIP_Z: NDArray[np.float64] = np.array([1.0, 1.0, -1.0])
 
 
 def rotation_from_roll_pitch_yaw(

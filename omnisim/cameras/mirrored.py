@@ -17,9 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays
 from omnisim.errors import OpticsError
-from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
-
-UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 
 @dataclass(frozen=True)
@@ -82,11 +80,11 @@ class MirroredCamera:
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); valid where the lens's are."""
         rays = self.lens.ray_from_pixel(pixels_px)
-        return Rays(rays.directions * UPSIDE_DOWN, rays.valid)
+        return Rays(rays.directions * FLIP_Z, rays.valid)
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid where the lens's are."""
-        return self.lens.pixel_from_ray(np.asarray(directions, dtype=np.float64) * UPSIDE_DOWN)
+        return self.lens.pixel_from_ray(np.asarray(directions, dtype=np.float64) * FLIP_Z)
 
     def uniforms(self) -> dict[str, float | tuple[float, ...]]:
         """Values for the lens's GLSL file."""

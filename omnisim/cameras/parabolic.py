@@ -32,9 +32,8 @@ from omnisim.cameras.camera import Rays
 from omnisim.cameras.parameters import check_finite, check_limits
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
-from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
-UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])  # θ is measured from −z
 LARGEST_THETA_RAD = math.radians(179.0)
 
 
@@ -83,10 +82,10 @@ class ParabolicCamera(ParametricCamera, RadialCamera):
 
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
         rays = super()._rays_from_plane(plane)
-        return Rays(rays.directions * UPSIDE_DOWN, rays.valid)
+        return Rays(rays.directions * FLIP_Z, rays.valid)
 
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
-        return super()._plane_from_rays(directions * UPSIDE_DOWN)
+        return super()._plane_from_rays(directions * FLIP_Z)
 
     def uniforms(self) -> dict[str, float | tuple[float, ...]]:
         """Values for `shaders/camera/parabolic.glsl`."""

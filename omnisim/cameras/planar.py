@@ -25,9 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import Pixels, Rays
 from omnisim.cameras.perspective import PerspectiveCamera
-from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
-
-UPSIDE_DOWN = np.array([1.0, 1.0, -1.0])
+from omnisim.frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 
 @dataclass(frozen=True)
@@ -40,8 +38,8 @@ class PlanarCamera(PerspectiveCamera):
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); all are valid."""
         rays = super().ray_from_pixel(pixels_px)
-        return Rays(rays.directions * UPSIDE_DOWN, rays.valid)
+        return Rays(rays.directions * FLIP_Z, rays.valid)
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid in front of the mirror."""
-        return super().pixel_from_ray(np.asarray(directions, dtype=np.float64) * UPSIDE_DOWN)
+        return super().pixel_from_ray(np.asarray(directions, dtype=np.float64) * FLIP_Z)
