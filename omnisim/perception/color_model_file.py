@@ -17,7 +17,7 @@ import numpy as np
 from omnisim.atomic_file import atomic_write, check_suffix
 from omnisim.errors import LocalizationError
 from omnisim.perception.color_model import ColorModel
-from omnisim.scene.model import Band, Landmark
+from omnisim.scene.model import ColorBand, Landmark
 from omnisim.scene.scene_file import Level, LinearRgb, Name, Point, Positive
 from omnisim.toml_file import Table, parse_table
 
@@ -113,7 +113,7 @@ def _landmarks(told: object) -> tuple[Landmark, ...]:
             each.name,
             each.position_m,
             each.footprint_m,
-            tuple(Band(b.color, b.linear_rgb, b.bottom_m, b.top_m) for b in each.bands),
+            tuple(ColorBand(b.color, b.linear_rgb, b.bottom_m, b.top_m) for b in each.bands),
         )
         for each in stored.landmarks
     )

@@ -2,9 +2,9 @@
 
 import logging
 
-from omnisim.scene.builtin import builtin_scenes
 from omnisim.scene.load import load_scene
 from omnisim.scene.model import Scene
+from omnisim.scene.source import builtin_scenes
 
 __all__ = ["Scene", "builtin_scenes", "load_scene"]
 

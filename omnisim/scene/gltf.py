@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 import omnisim.scene.gltf_primitives  # noqa: F401 (its handlers complete what trimesh reads)
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.content import Content, load_with_trimesh
 from omnisim.scene.gltf_header import MARKER, marked_file, read_header
 from omnisim.scene.gltf_skins import SKINNED_ATTRIBUTES, skinned
-from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
+from omnisim.scene.imported_scene import ImportedScene, load_with_trimesh
+from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Wrap
 from omnisim.scene.punctual_lights import read_lights
 from omnisim.scene.textures import TextureStore
@@ -36,7 +36,7 @@ def read_gltf(
     textures: TextureStore,
     resolver: AssetResolver,
     world_from_file: NDArray[np.float64],
-) -> Content:
+) -> ImportedScene:
     """Read a glTF or GLB file.
 
     Raises:
@@ -51,7 +51,7 @@ def read_gltf(
         notices = [*reader.notices, *_left_out(header)]
     except _HEADER_FAULTS as reason:
         raise SceneError(f"its JSON does not hold together: {reason!r}") from None
-    return Content(meshes, materials, instances, notices, lights)
+    return ImportedScene(meshes, materials, instances, notices, lights)
 
 
 def _left_out(header: dict[str, Any]) -> list[str]:
@@ -162,7 +162,7 @@ class GltfReader:
                 mesh, middle, file_from_mesh = len(meshes), made[1], np.eye(4)
                 meshes.append(made[0])
             label = str(node.get("name", f"node {index}"))
-            instances.append(Instance(label, mesh, moved(file_from_mesh, middle)))
+            instances.append(Instance(label, mesh, translate(file_from_mesh, middle)))
         return tuple(instances)
 
     def _skinned(

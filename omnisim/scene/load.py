@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.content import Content
 from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf import read_gltf
+from omnisim.scene.imported_scene import ImportedScene
 from omnisim.scene.labels import label_rules
-from omnisim.scene.locate import locate, read_bytes
 from omnisim.scene.mesh_data import LARGEST_COORDINATE
 from omnisim.scene.model import (
     MAX_LIGHTS,
-    Band,
+    ColorBand,
     Instance,
     Landmark,
     NamedStart,
@@ -31,6 +30,7 @@ from omnisim.scene.model import (
 from omnisim.scene.other_formats import read_other
 from omnisim.scene.punctual_lights import lighting_for
 from omnisim.scene.scene_file import SceneFile
+from omnisim.scene.source import read_bytes, resolve_source
 from omnisim.scene.textures import TextureStore
 
 # A pale clear sky near the horizon, linear RGB.
@@ -56,7 +56,7 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
-    path, settings = locate(source)
+    path, settings = resolve_source(source)
     known = {f".{name}" for name in trimesh.available_formats()} - _NOT_SCENES
     if path.suffix.lower() not in known:
         raise SceneError(
@@ -107,7 +107,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
     )
 
 
-def _check_finite(read: Content, instances: tuple[Instance, ...]) -> None:
+def _check_finite(read: ImportedScene, instances: tuple[Instance, ...]) -> None:
     """Refuse numbers that a float32 cannot hold: they would be drawn somewhere, or nowhere."""
     for instance in instances:
         if not np.abs(instance.world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
@@ -138,7 +138,7 @@ def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
     for table in settings.landmarks:
         feet = (0.0, *(band.top_m for band in table.bands[:-1]))
         bands = tuple(
-            Band(band.color, settings.palette[band.color], foot, band.top_m)
+            ColorBand(band.color, settings.palette[band.color], foot, band.top_m)
             for foot, band in zip(feet, table.bands, strict=True)
         )
         found.append(Landmark(table.name, table.position_m, table.footprint_m, bands))

@@ -74,8 +74,8 @@ def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32
     return np.ascontiguousarray(values[:, :4])
 
 
-def moved(matrix: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pose (4, 4) of a mesh whose origin was moved to `middle` (3,)."""
+def translate(matrix: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose (4, 4) of a mesh whose origin was translate to `middle` (3,)."""
     result = np.array(matrix, dtype=np.float64)
     result[:3, 3] += result[:3, :3] @ middle
     return result

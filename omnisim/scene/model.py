@@ -172,7 +172,7 @@ class NamedStart:
 
 
 @dataclass(frozen=True)
-class Band:
+class ColorBand:
     """A landmark's colour between two heights above its base.
 
     Attributes:
@@ -205,7 +205,7 @@ class Landmark:
     name: str
     position_m: tuple[float, float, float]
     footprint_m: tuple[float, float]
-    bands: tuple[Band, ...]
+    bands: tuple[ColorBand, ...]
 
     @property
     def height_m(self) -> float:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.content import Content, load_with_trimesh
-from omnisim.scene.mesh_data import colors_rgba, make_mesh, moved
+from omnisim.scene.imported_scene import ImportedScene, load_with_trimesh
+from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.obj_text import plain_obj
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
@@ -30,7 +30,9 @@ PLAIN_GREY = float(linear_from_srgb(0.8))
 _OPAQUE_FROM = 0.999
 
 
-def read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver) -> Content:
+def read_other(
+    path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver
+) -> ImportedScene:
     """Read a file of any format but glTF.
 
     Raises:
@@ -55,8 +57,8 @@ def read_other(path: Path, data: bytes, textures: TextureStore, resolver: AssetR
         file_from_mesh, geometry_name = loaded.graph[node]
         if geometry_name in index_of:
             mesh, middle = index_of[geometry_name]
-            instances.append(Instance(str(node), mesh, moved(file_from_mesh, middle)))
-    return Content(tuple(meshes), tuple(materials), tuple(instances), notices)
+            instances.append(Instance(str(node), mesh, translate(file_from_mesh, middle)))
+    return ImportedScene(tuple(meshes), tuple(materials), tuple(instances), notices)
 
 
 def _mesh(

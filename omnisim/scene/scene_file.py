@@ -21,14 +21,14 @@ LARGEST_CLASS = 60_000  # of the 16 bits that files have, some are left for what
 LinearRgb = tuple[Level, Level, Level]
 
 
-class Start(Table):
+class StartTable(Table):
     """Where to look from when nobody says."""
 
     position_m: Point
     yaw_deg: Number = 0.0
 
 
-class NamedStart(Table):
+class NamedStartTable(Table):
     """Where a vehicle may start: its base."""
 
     name: Name
@@ -36,23 +36,23 @@ class NamedStart(Table):
     yaw_deg: Number = 0.0
 
 
-class Band(Table):
+class ColorBandTable(Table):
     """A landmark's colour up to a height above its base."""
 
     color: Name
     top_m: Positive
 
 
-class Landmark(Table):
+class LandmarkTable(Table):
     """Something that can be recognised by its colours: bands from bottom to top."""
 
     name: Name
     position_m: Point
     footprint_m: tuple[Positive, Positive]
-    bands: Annotated[tuple[Band, ...], Field(min_length=1)]
+    bands: Annotated[tuple[ColorBandTable, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _bands_rise(self) -> Landmark:
+    def _bands_rise(self) -> LandmarkTable:
         for lower, upper in itertools.pairwise(self.bands):
             if not lower.top_m < upper.top_m:
                 raise ValueError(
@@ -61,7 +61,7 @@ class Landmark(Table):
         return self
 
 
-class ScenePath(Table):
+class ScenePathTable(Table):
     """Where a vehicle may drive: corners on the ground, one after the other."""
 
     name: Name
@@ -119,16 +119,18 @@ class SceneFile(Table):
     up_axis: Literal["x", "y", "z"] | None = None
     meters_per_unit: Positive | None = None
     background: LinearRgb | None = None
-    start: Start | None = None
-    starts: tuple[NamedStart, ...] = ()
-    paths: tuple[ScenePath, ...] = ()
+    start: StartTable | None = None
+    starts: tuple[NamedStartTable, ...] = ()
+    paths: tuple[ScenePathTable, ...] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
-    landmarks: tuple[Landmark, ...] = ()
+    landmarks: tuple[LandmarkTable, ...] = ()
     labels: LabelTables = ()
 
     @field_validator("starts", "paths", "landmarks")
     @classmethod
-    def _names_once(cls, tables: tuple[NamedStart | ScenePath | Landmark, ...]) -> tuple:
+    def _names_once(
+        cls, tables: tuple[NamedStartTable | ScenePathTable | LandmarkTable, ...]
+    ) -> tuple[NamedStartTable | ScenePathTable | LandmarkTable, ...]:
         names = [table.name for table in tables]
         for name in names:
             if names.count(name) > 1:
@@ -138,8 +140,8 @@ class SceneFile(Table):
     @field_validator("landmarks")
     @classmethod
     def _colors_known(
-        cls, landmarks: tuple[Landmark, ...], info: ValidationInfo
-    ) -> tuple[Landmark, ...]:
+        cls, landmarks: tuple[LandmarkTable, ...], info: ValidationInfo
+    ) -> tuple[LandmarkTable, ...]:
         palette = info.data.get("palette")
         if palette is None:  # it is wrong itself, which is being said
             return landmarks

@@ -19,7 +19,7 @@ from omnisim.perception.color_model import (
 )
 from omnisim.perception.color_model_file import load_model, save_model
 from omnisim.scene import load_scene
-from omnisim.scene.model import Band, Landmark
+from omnisim.scene.model import ColorBand, Landmark
 
 YELLOW, BLUE, GREY = (240, 210, 8), (8, 180, 240), (120, 120, 120)
 
@@ -121,7 +121,9 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
 
 def _stored(file, **changed):
     model = ColorModel(("red",), _flat_counts(), (2.0,))
-    landmarks = (Landmark("post", (1.0, 2.0, 0.0), (0.1, 0.1), (Band("red", (1, 0, 0), 0, 1),)),)
+    landmarks = (
+        Landmark("post", (1.0, 2.0, 0.0), (0.1, 0.1), (ColorBand("red", (1, 0, 0), 0, 1),)),
+    )
     save_model(file, model, landmarks)
     with np.load(file) as there:
         values = {**there, **changed}

@@ -1,4 +1,4 @@
-"""From what a user calls a scene to the file that holds it."""
+"""Scene sources: mesh files, scene TOMLs, and the names of the built-in scenes."""
 
 from __future__ import annotations
 
@@ -6,30 +6,34 @@ import difflib
 from pathlib import Path
 
 from omnisim.errors import SceneError
-from omnisim.scene.builtin import builtin_scene_file, builtin_scenes
+from omnisim.resources import SCENES
 from omnisim.scene.scene_file import SceneFile, read_scene_file
 
 
-def locate(source: str | Path) -> tuple[Path, SceneFile]:
-    """The mesh file of a path or built-in name, and what a scene's TOML says of it.
+def builtin_scenes() -> list[str]:
+    """Names of the built-in scenes, sorted; each is a folder with a `scene.toml`."""
+    return sorted(path.parent.name for path in SCENES.glob("*/scene.toml"))
+
+
+def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
+    """Mesh file of a path or built-in name, and the settings of its TOML, if any.
 
     Raises:
-        SceneError: there is none, or it is not a file that can be read.
+        SceneError: there is no such scene, or it is no readable file.
     """
     try:
-        return _locate(Path(source), str(source))
+        return _resolve(Path(source), str(source))
     except OSError as reason:  # a folder without permission, a name too long
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
 
 
-def _locate(path: Path, name: str) -> tuple[Path, SceneFile]:
-    if path.is_dir() and (path / "scene.toml").is_file():
+def _resolve(path: Path, name: str) -> tuple[Path, SceneFile]:
+    if (path / "scene.toml").is_file():
         path = path / "scene.toml"
-    builtin = None if path.is_file() else builtin_scene_file(name)
-    if builtin is not None:
-        path = builtin
+    if not path.is_file() and name in builtin_scenes():
+        path = SCENES / name / "scene.toml"
     if path.is_dir():
-        raise SceneError(f"{path}: is a folder without a scene.toml: want a scene file")
+        raise SceneError(f"{path}: expected a scene file, got a folder without a scene.toml")
     if not path.exists():
         names = builtin_scenes()
         near = difflib.get_close_matches(name, names, n=1)
@@ -47,7 +51,7 @@ def _locate(path: Path, name: str) -> tuple[Path, SceneFile]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of a file.
+    """ImportedScene of a file.
 
     Raises:
         SceneError: it cannot be read, or is empty.

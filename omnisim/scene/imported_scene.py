@@ -13,7 +13,7 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.model import Instance, Light, Material, Mesh
 
 
-class Content(NamedTuple):
+class ImportedScene(NamedTuple):
     """Instances still in the file's axes and units (`world_from_mesh` is file_from_mesh); lights
     in the world."""  # fmt: skip
 
