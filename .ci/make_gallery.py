@@ -41,7 +41,7 @@ def gallery_cameras() -> dict[str, CentralCamera]:
     """A camera of each model, in the order of `CAMERA_MODELS`."""
     first: dict[str, CentralCamera] = {}
     for camera in CAMERA_EXAMPLES.values():
-        first.setdefault(camera.model, camera)
+        first.setdefault(camera.model_name, camera)
     return {
         model: first[model].scaled(
             LONGER_SIDE_PX / max(first[model].width_px, first[model].height_px)

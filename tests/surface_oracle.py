@@ -118,7 +118,7 @@ class Oracle:
 
 def compare(scene, oracle, renderer, now, after):
     """Shares of the valid pixels that agree, and errors of the flow, as a dictionary."""
-    camera, to_rig = renderer.camera.camera, renderer.camera.camera.rig_from_optical
+    camera, to_rig = renderer.camera.model, renderer.camera.model.rig_from_optical
     frame = renderer.render(
         now, also=("range", "instance", "normals", "flow", "valid"), next_base=after
     )

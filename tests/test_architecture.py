@@ -121,5 +121,5 @@ def test_every_camera_model_is_a_triple():
 
     stems = {path.stem for path in (SHADERS / "camera").glob("*.glsl")}
     classes = {type(camera) for camera in CAMERA_EXAMPLES.values()}
-    assert {kind.model for kind in classes} == stems
+    assert {kind.model_name for kind in classes} == stems
     assert {kind.__module__.rpartition(".")[2] for kind in classes} == stems

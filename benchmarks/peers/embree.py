@@ -21,7 +21,7 @@ class EmbreeGeometry(Peer):
     name = "Embree, geometry"
 
     def __init__(self, scene: Scene):
-        self._rays = EmbreeRays(scene, SENSOR.camera)
+        self._rays = EmbreeRays(scene, SENSOR.model)
         self.texels = self._rays.count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -41,7 +41,7 @@ class EmbreeColors(Peer):
     name = "Embree, colour"
 
     def __init__(self, scene: Scene):
-        self.rays = EmbreeRays(scene, SENSOR.camera)
+        self.rays = EmbreeRays(scene, SENSOR.model)
         self.texels = self.rays.count
         self._colors = HitColors(scene)
         self._background = np.array(scene.background, dtype=np.float32)

@@ -61,7 +61,7 @@ def _fine_bands(
     """The same for the finer picture that the reference is averaged from, in bands of rows."""
     import dataclasses
 
-    fine = SENSOR.camera.scaled(CAPTURES)
+    fine = SENSOR.model.scaled(CAPTURES)
     u, v = fine.principal_point_px
     rows = fine.height_px // _BANDS
     return [

@@ -59,7 +59,7 @@ class GazeboWay(Peer):
         self._target = face_target(context, drawn)
         self._cube = context.texture_cube((FACE_PX, FACE_PX), 4, internal_format=SRGB8_ALPHA8)
         self._cube.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        camera = SENSOR.camera
+        camera = SENSOR.model
         size = (camera.width_px, camera.height_px)
         self._picture = context.framebuffer(
             [context.texture(size, 4, internal_format=SRGB8_ALPHA8)]

@@ -47,7 +47,7 @@ class PaperWay(Peer):
         self._targets = [face_target(context, texture) for texture in self._textures]
         self.texels = len(FACES) * FACE_PX**2
         self.triangles = len(FACES) * int(self._drawing.counts.sum())
-        camera = SENSOR.camera
+        camera = SENSOR.model
         self._size = (camera.width_px, camera.height_px)
         self._picture = context.framebuffer(
             [context.texture(self._size, 4, internal_format=SRGB8_ALPHA8)]
@@ -62,7 +62,7 @@ class PaperWay(Peer):
 
     def _mirror_parts(self) -> list[moderngl.VertexArray]:
         """The mirror, cut along the edges of the cube: one vertex array a face."""
-        mirror = SENSOR.camera.mirror
+        mirror = SENSOR.model.mirror
         mesh = unfold(mirror, tessellate(mirror, PAPER_POLYGONS))
         cells = mesh.texture_coordinates * (LAYOUT_COLUMNS, LAYOUT_ROWS)
         # a triangle's cell is that of its middle: at the seams vertices lie on a cell's edge

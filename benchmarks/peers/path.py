@@ -58,7 +58,7 @@ def _along(corners: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.fl
 def _free_way(stage: Stage) -> tuple[float, float]:
     """Heading in degrees of the longest free way from the scene's start, and how far to go."""
     sensor = SENSOR.resized(LOOK_PX)
-    camera = sensor.camera
+    camera = sensor.model
     pose = sensor.base_pose(stage.scene.start.position_m)
     with Renderer(stage, sensor) as renderer:
         ranges_m = renderer.render(pose, also=("range",)).channels["range"]

@@ -42,7 +42,7 @@ class PyrenderFaces(Peer):
         pinhole = pyrender.PerspectiveCamera(0.5 * np.pi, NEAR_M, FAR_M, aspectRatio=1.0)
         self._camera = self._stage.add(pinhole)
         self._renderer = _offscreen(lit, device)
-        self._maps = FaceMaps(SENSOR.camera, FACE_PX, len(FACES))
+        self._maps = FaceMaps(SENSOR.model, FACE_PX, len(FACES))
         self._faces = np.empty((FACE_PX, len(FACES) * FACE_PX, 3), dtype=np.uint8)
         self.texels = len(FACES) * FACE_PX**2
         self.triangles = len(FACES) * scene.triangle_count

@@ -32,7 +32,7 @@ def psnr_db(picture: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
     Those are the ones whose middle the mirror reflects into, and that alpha, where there is one,
     does not call empty.
     """
-    _, where = mirror_rays(SENSOR.camera)
+    _, where = mirror_rays(SENSOR.model)
     for one in (picture, reference):
         if one.shape[2] == 4:
             where = where & (one[..., 3] > 0)

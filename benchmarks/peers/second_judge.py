@@ -27,7 +27,7 @@ JUDGED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COL
 
 def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The picture (height, width, 3) of 64 rays a pixel, averaged in linear light."""
-    camera = SENSOR.camera
+    camera = SENSOR.model
     levels = linear_from_srgb(np.arange(256) / 255.0)
     total = np.zeros((camera.height_px, camera.width_px, 3))
     count = np.zeros((camera.height_px, camera.width_px, 1))

@@ -178,7 +178,7 @@ def _frame(
 
 def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
     """How far each mesh shifts what it shows, on average, as a share of the picture's width."""
-    mirror = vehicle.camera().sensor.camera.mirror
+    mirror = vehicle.camera().sensor.model.mirror
     errors = {
         str(polygons): mesh_error(mirror, tessellate(mirror, polygons), rim_radius_px=0.5).mean_px
         for polygons in POLYGONS

@@ -131,9 +131,9 @@ def _pipelines(context: Any, scene: Scene) -> dict[str, Pipeline]:
     )  # fmt: skip
     pipelines = {}
     for camera in CAMERA_EXAMPLES.values():
-        if camera.model not in pipelines:
+        if camera.model_name not in pipelines:
             lens = _in_picture(camera, fine)
-            pipelines[camera.model] = Pipeline(
+            pipelines[camera.model_name] = Pipeline(
                 context, lens, lens.rig_from_optical, cube, partial(LensCapture, context, lens),
                 SUPERSAMPLING,
             )  # fmt: skip

@@ -78,7 +78,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
         with context:  # others have been current since
             return make_report(
                 "limit", options, context, rows, _bounds(rows),
-                picture_px=paper.camera.width_px,
+                picture_px=paper.model.width_px,
             )  # fmt: skip
 
 

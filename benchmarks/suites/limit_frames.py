@@ -78,9 +78,9 @@ class LimitedFrame:
         seen = count_seen_triangles(
             context,
             stage.scene,
-            camera.camera,
+            camera.model,
             frame.world_from_base @ camera.base_from_rig,
-            round(camera.camera.width_px * camera.texels_per_pixel),
+            round(camera.model.width_px * camera.texels_per_pixel),
             camera.near_m,
         )
         return cls(

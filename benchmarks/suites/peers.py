@@ -83,8 +83,8 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
                 bounds += _bounds(name, timings, quality, as_good)
             report = make_report(
                 "peers", options, stage.context, rows, bounds,
-                picture_px=SENSOR.camera.width_px,
-                theta_max_deg=float(np.degrees(SENSOR.camera.mirror.theta_max_rad)),
+                picture_px=SENSOR.model.width_px,
+                theta_max_deg=float(np.degrees(SENSOR.model.mirror.theta_max_rad)),
                 poses=poses,
             )  # fmt: skip
     return report

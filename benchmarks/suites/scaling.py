@@ -130,7 +130,7 @@ def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
         renderer = opened.enter_context(Renderer(stage, sensor))
         variants = {OURS: _frame(stage, [(renderer.render, STREET)])}
         if has_embree():
-            rays = EmbreeRays(scene, sensor.camera)
+            rays = EmbreeRays(scene, sensor.model)
             quality = _as_good_as_rays(stage)
             as_good = opened.enter_context(Renderer(stage, rung(quality["as_good"])))
             variants[AS_GOOD] = _frame(stage, [(as_good.render, STREET)])
@@ -163,7 +163,7 @@ def _counts(stage: Stage, renderer: Renderer) -> dict[str, int]:
     sensor, eye = renderer.camera, STREET[0]
     submitted = RepeatedFrame(renderer, eye).count().virtual_cameras.triangles
     seen = count_seen_triangles(
-        stage.context, stage.scene, sensor.camera, eye, SIZE_PX, sensor.near_m
+        stage.context, stage.scene, sensor.model, eye, SIZE_PX, sensor.near_m
     )
     return {"submitted_triangles": submitted, "seen_triangles": seen}
 

@@ -162,7 +162,7 @@ def nearest_lens(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, tu
     from omnisim.calibration.fit import fit_camera
 
     if not lens.radius_limit > 0.0:
-        raise CalibrationError(f"{source}: {lens.model}: folds at its own middle: want a lens")
+        raise CalibrationError(f"{source}: {lens.model_name}: folds at its own middle: want a lens")
     best: Any = None
     candidates: tuple[tuple[type[Any], dict[str, float]], ...] = (
         (UnifiedCamera, {}), (UnifiedCamera, {"xi": 0.0}), (KannalaBrandtCamera, {}),
@@ -178,14 +178,14 @@ def nearest_lens(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, tu
         if best is not None and best.max_px <= GOOD_PX:
             break
     if best is None:
-        raise CalibrationError(f"{source}: {lens.model}: no model of omnisim comes near it")
+        raise CalibrationError(f"{source}: {lens.model_name}: no model of omnisim comes near it")
     if best.max_px > FURTHEST_OFF * min(lens.width_px, lens.height_px):
         raise CalibrationError(
-            f"{source}: {lens.model}: the nearest model of omnisim, {best.camera.model}, is up to "
-            f"{best.max_px:.3g} px off"
+            f"{source}: {lens.model_name}: the nearest model of omnisim, {best.camera.model_name}, "
+            f"is up to {best.max_px:.3g} px off"
         )
     note = (
-        f"{lens.model} is none of omnisim's models: read as {best.camera.model}, "
+        f"{lens.model_name} is none of omnisim's models: read as {best.camera.model_name}, "
         f"RMS {best.rms_px:.2g} px and at most {best.max_px:.2g} px off within "
         f"{math.degrees(best.theta_max_rad):.1f}°"
     )

@@ -149,10 +149,10 @@ def fit_camera(
     fixed = dict(fixed or {})
     if type(camera) is model and not mirrored and not fixed:
         return _stated(camera, camera, mirrored)
-    name = model.model if isinstance(model.model, str) else model.__name__
+    name = model.model_name if isinstance(model.model_name, str) else model.__name__
     if name not in _FREE:
         raise CalibrationError(
-            f"camera: model {camera.model!r} cannot be fitted by {name}: want one of "
+            f"camera: model {camera.model_name!r} cannot be fitted by {name}: want one of "
             + ", ".join(FITTED_MODELS)
         )
     samples = samples_of(camera, mirrored)
@@ -165,19 +165,19 @@ def fit_camera(
             best = _ended(best, theta_max_rad)
     except OpticsError as reason:
         raise CalibrationError(
-            f"camera: model {camera.model!r} cannot be fitted by {name}: {reason}"
+            f"camera: model {camera.model_name!r} cannot be fitted by {name}: {reason}"
             + _hint(camera, mirrored)
         ) from None
     fit = _stated(camera, best, mirrored)
     if fit.covered < LEAST_SHARE:
         raise CalibrationError(
-            f"camera: model {camera.model!r} cannot be fitted by {name}: it would show "
+            f"camera: model {camera.model_name!r} cannot be fitted by {name}: it would show "
             f"{100.0 * fit.covered:.1f} % of the valid pixels" + _hint(camera, mirrored)
         )
     if fit.rms_px > MOST_OFF * max(camera.width_px, camera.height_px):
         raise CalibrationError(
-            f"camera: model {camera.model!r} cannot be fitted by {name}: the best found is off by "
-            f"{fit.rms_px:.3g} px RMS"
+            f"camera: model {camera.model_name!r} cannot be fitted by {name}: the best found is "
+            f"off by {fit.rms_px:.3g} px RMS"
         )
     return fit
 
@@ -212,7 +212,7 @@ def residuals(source: CentralCamera, target: CentralCamera, *, mirrored: bool) -
     seen = target.pixel_from_ray(samples.directions)
     if not seen.valid.any():
         raise CalibrationError(
-            f"camera: a {target.model} sees nothing of what a {source.model} shows"
+            f"camera: a {target.model_name} sees nothing of what a {source.model_name} shows"
             + _hint(source, mirrored)
         )
     off = np.linalg.norm(seen.positions_px - samples.pixels_px, axis=-1)
@@ -264,7 +264,7 @@ def _largest_px(camera: CentralCamera, samples: Samples) -> float:
 def _used(camera: CentralCamera, samples: Samples, fixed: Mapping[str, Any]) -> Samples:
     """The samples that the target can see, and near its plane of 90° only if it is no plane."""
     used = camera.pixel_from_ray(samples.directions).valid
-    if camera.model == "perspective" or fixed.get("xi") == 0.0:
+    if camera.model_name == "perspective" or fixed.get("xi") == 0.0:
         used &= samples.theta_rad <= STEEPEST_RAD
     if used.sum() < 20:
         raise OpticsError("it sees nothing, or next to nothing, of what that shows")

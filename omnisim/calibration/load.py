@@ -125,7 +125,9 @@ def _camera(
         camera = optical_camera(said.lens, mirrored, limit, turned)
         check_camera(camera, place)
     residual = remark.residual if remark else None
-    return CalibratedCamera(said.name, camera, said.poses, residual, said.notes, said.lens.model)
+    return CalibratedCamera(
+        said.name, camera, said.poses, residual, said.notes, said.lens.model_name
+    )
 
 
 def check_camera(camera: Any, place: str) -> None:

@@ -106,7 +106,7 @@ def calibration_text(
             one.said.poses,
             one.residual,
             one.said.notes,
-            one.said.lens.model,
+            one.said.lens.model_name,
         )
         for one in words
     )
@@ -119,7 +119,7 @@ def in_words(camera: CalibratedCamera, form: Format, place: str, model: str | No
     Raises:
         CalibrationError: it cannot, with the reason.
     """
-    if form.is_own and model in (None, camera.camera.model):
+    if form.is_own and model in (None, camera.camera.model_name):
         said = Said(camera.name, camera.camera, camera.poses)
         return Words(said, False, False, None, camera.residual)
     kinds = _kinds(form, model)
@@ -138,10 +138,10 @@ def in_words(camera: CalibratedCamera, form: Format, place: str, model: str | No
             reasons.append(reason)
     if isinstance(camera.camera, PANORAMAS):
         raise CalibrationError(
-            f"{place}: {form.name} has no panorama, and this one is {camera.camera.model}"
+            f"{place}: {form.name} has no panorama, and this one is {camera.camera.model_name}"
         )
     fit = _best_fit(camera, form, place, model, mirrored, reasons)
-    residual = Residual(fit.rms_px, fit.max_px, fit.theta_max_rad, camera.camera.model)
+    residual = Residual(fit.rms_px, fit.max_px, fit.theta_max_rad, camera.camera.model_name)
     said = Said(camera.name, fit.camera, camera.poses)
     limit = theta_max_rad(fit.camera) or theta_max_rad(camera.camera)
     return Words(said, mirrored, turned, limit, residual)
@@ -160,10 +160,11 @@ def _with_doubts(words: Words, form: Format) -> Words:
 
 
 def _kinds(form: Format, model: str | None) -> list[type[Any]]:
-    kinds = [kind for kind in form.models if model in (None, kind.model)]
+    kinds = [kind for kind in form.models if model in (None, kind.model_name)]
     if not kinds:
         raise CalibrationError(
-            f"--model {model}: {form.name} has " + ", ".join(kind.model for kind in form.models)
+            f"--model {model}: {form.name} has "
+            + ", ".join(kind.model_name for kind in form.models)
         )
     return kinds
 
@@ -207,7 +208,7 @@ def _best_fit(
     middle = 0.5 * (camera.camera.width_px - 1), 0.5 * (camera.camera.height_px - 1)
     centred = {"principal_point_px": middle} if form.centred else {}
     for kind, fixed in form.fits:
-        if model not in (None, kind.model):
+        if model not in (None, kind.model_name):
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
@@ -222,14 +223,14 @@ def _best_fit(
             reasons.append(reason)
     if not fits:
         raise CalibrationError(
-            f"{place}: {form.name} cannot say model {camera.camera.model!r}: "
+            f"{place}: {form.name} cannot say model {camera.camera.model_name!r}: "
             + ("; ".join(dict.fromkeys(reasons)) or "none of its models is one")
         )
     best = min(fits, key=lambda fit: (fit.covered < LEAST_COVERED, fit.max_px))
     if best.covered < LEAST_COVERED or best.max_px > FURTHEST_OFF * side:
         raise CalibrationError(
-            f"{place}: {form.name} cannot say model {camera.camera.model!r}: the nearest, "
-            f"{best.camera.model!r}, is up to {best.max_px:.3g} px off and shows "
+            f"{place}: {form.name} cannot say model {camera.camera.model_name!r}: the nearest, "
+            f"{best.camera.model_name!r}, is up to {best.max_px:.3g} px off and shows "
             f"{100.0 * best.covered:.1f} % of its pixels" + "".join(f"; {one}" for one in reasons)
         )
     return best

@@ -27,7 +27,7 @@ class CentralCamera(Protocol):
 
     Attributes:
         width_px, height_px: size of the picture.
-        model: stem of the model's files, `cameras/<model>.py` and `shaders/camera/<model>.glsl`.
+        model_name: stem of its files, `cameras/<model>.py` and `shaders/camera/<model>.glsl`.
         rig_from_optical: (3, 3) how it sits in its rig when nobody turns it: looking ahead, or up
             into its mirror.
     """
@@ -39,7 +39,7 @@ class CentralCamera(Protocol):
     def height_px(self) -> int: ...  # noqa: D102
 
     @property
-    def model(self) -> str: ...  # noqa: D102
+    def model_name(self) -> str: ...  # noqa: D102
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]: ...  # noqa: D102

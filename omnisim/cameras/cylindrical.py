@@ -40,7 +40,7 @@ class CylindricalCamera(FocalCamera):
         OpticsError: a size or focal length that is not positive, or a centre that is not finite.
     """
 
-    model = "cylindrical"
+    model_name = "cylindrical"
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); valid where the azimuth is within ±180°."""

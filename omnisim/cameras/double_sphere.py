@@ -55,7 +55,7 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
 
     xi: float
     alpha: float
-    model = "double_sphere"
+    model_name = "double_sphere"
 
     def __post_init__(self) -> None:
         super().__post_init__()

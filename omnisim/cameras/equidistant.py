@@ -27,7 +27,7 @@ class EquidistantCamera(FisheyeCamera):
     """The fisheye r = f θ; see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = math.pi
-    model = "equidistant"
+    model_name = "equidistant"
     largest_theta_rad = math.pi
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

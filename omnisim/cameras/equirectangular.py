@@ -37,7 +37,7 @@ class EquirectangularCamera(ParametricCamera):
         OpticsError: a size that is not positive.
     """
 
-    model = "equirectangular"
+    model_name = "equirectangular"
 
     @property
     def radians_per_pixel(self) -> tuple[float, float]:

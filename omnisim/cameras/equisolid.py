@@ -27,7 +27,7 @@ class EquisolidCamera(FisheyeCamera):
     """The fisheye r = 2 f sin(θ/2); see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = math.pi
-    model = "equisolid"
+    model_name = "equisolid"
     largest_theta_rad = math.pi
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

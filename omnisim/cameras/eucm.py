@@ -51,7 +51,7 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
 
     alpha: float
     beta: float
-    model = "eucm"
+    model_name = "eucm"
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -46,7 +46,7 @@ class FThetaCamera(ParametricCamera, PolynomialLens):
     principal_point_px: tuple[float, float]
     coefficients_px: tuple[float, ...]
     theta_max_rad: float = math.pi
-    model = "f_theta"
+    model_name = "f_theta"
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def __post_init__(self) -> None:

@@ -55,7 +55,7 @@ class FThetaInverseCamera(ParametricCamera, RadialCamera):
     principal_point_px: tuple[float, float]
     coefficients: tuple[float, ...]
     theta_max_rad: float = math.pi
-    model = "f_theta_inverse"
+    model_name = "f_theta_inverse"
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def scaled(self, scale: float) -> FThetaInverseCamera:

@@ -59,7 +59,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
     c3: float
     function: str
     theta_max_rad: float = math.pi
-    model = "gazebo"
+    model_name = "gazebo"
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -72,7 +72,7 @@ class HyperbolicCamera:
     height_px: int
     focal_length_px: float
     principal_point_px: tuple[float, float]
-    model = "hyperbolic"
+    model_name = "hyperbolic"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def __post_init__(self) -> None:
@@ -193,7 +193,7 @@ class HyperbolicCamera:
     def parameters(self) -> dict[str, float | int | str | list[float]]:
         """The camera for the picture's metadata; angles in degrees, lengths as named."""
         return {
-            "model": self.model,
+            "model": self.model_name,
             "width_px": self.width_px,
             "height_px": self.height_px,
             "focal_length_px": self.focal_length_px,

@@ -48,7 +48,7 @@ class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
 
     coefficients: tuple[float, ...]
     theta_max_rad: float = math.pi
-    model = "kannala_brandt"
+    model_name = "kannala_brandt"
 
     def __post_init__(self) -> None:
         super().__post_init__()

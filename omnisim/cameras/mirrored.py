@@ -37,7 +37,7 @@ class MirroredCamera:
     def __post_init__(self) -> None:
         if not np.array_equal(self.lens.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD):
             raise OpticsError(
-                f"camera: mirrored = true: model {self.lens.model!r} is a mirror already"
+                f"camera: mirrored = true: model {self.lens.model_name!r} is a mirror already"
             )
 
     @classmethod
@@ -63,9 +63,9 @@ class MirroredCamera:
         return self.lens.height_px
 
     @property
-    def model(self) -> str:
+    def model_name(self) -> str:
         """Stem of the lens's files."""
-        return self.lens.model
+        return self.lens.model_name
 
     @property
     def principal_point_px(self) -> tuple[float, float]:

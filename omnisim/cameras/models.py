@@ -30,7 +30,7 @@ from omnisim.cameras.unified import UnifiedCamera
 from omnisim.errors import OpticsError
 
 CAMERA_MODELS: dict[str, type[CentralCamera]] = {
-    kind.model: kind
+    kind.model_name: kind
     for kind in (
         HyperbolicCamera,
         PerspectiveCamera,

@@ -64,7 +64,7 @@ class OcamcalibCamera(ParametricCamera, RadialCamera):
     polynomial: tuple[float, ...]
     affine: tuple[float, ...] = (1.0, 0.0, 0.0)
     theta_max_rad: float = math.pi
-    model = "ocamcalib"
+    model_name = "ocamcalib"
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def scaled(self, scale: float) -> OcamcalibCamera:

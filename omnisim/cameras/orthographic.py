@@ -27,7 +27,7 @@ class OrthographicCamera(FisheyeCamera):
     """The fisheye r = f sin θ; see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = 0.5 * math.pi
-    model = "orthographic"
+    model_name = "orthographic"
     largest_theta_rad = 0.5 * math.pi
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -55,7 +55,7 @@ class ParabolicCamera(ParametricCamera, RadialCamera):
     horizon_radius_px: float
     principal_point_px: tuple[float, float]
     theta_max_rad: float = math.radians(105.0)
-    model = "parabolic"
+    model_name = "parabolic"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def __post_init__(self) -> None:

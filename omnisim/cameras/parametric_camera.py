@@ -40,7 +40,7 @@ class ParametricCamera:
 
     width_px: int
     height_px: int
-    model: ClassVar[str]
+    model_name: ClassVar[str]
     rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class ParametricCamera:
 
     def parameters(self) -> dict[str, float | int | str | list[float]]:
         """The camera for the picture's metadata."""
-        told = {"model": self.model}
+        told = {"model": self.model_name}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             value = _map(math.degrees, value) if _is_angle(field.name) else value

@@ -39,7 +39,7 @@ class PerspectiveCamera(FocalCamera):
         OpticsError: a size or focal length that is not positive, or a centre that is not finite.
     """
 
-    model = "perspective"
+    model_name = "perspective"
 
     @classmethod
     def with_field_of_view(

@@ -32,7 +32,7 @@ from omnisim.frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 class PlanarCamera(PerspectiveCamera):
     """A picture of a plane mirror; see `PerspectiveCamera` for its attributes."""
 
-    model = "planar"
+    model_name = "planar"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:

@@ -51,7 +51,7 @@ class RadialTableCamera(ParametricCamera, RadialCamera):
     principal_point_px: tuple[float, float]
     thetas_rad: tuple[float, ...]
     radii_px: tuple[float, ...]
-    model = "radial_table"
+    model_name = "radial_table"
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def __post_init__(self) -> None:

@@ -28,7 +28,7 @@ class StereographicCamera(FisheyeCamera):
     """The fisheye r = 2 f tan(θ/2); see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = math.radians(150.0)
-    model = "stereographic"
+    model_name = "stereographic"
     largest_theta_rad = math.radians(179.0)
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -59,7 +59,7 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
     xi: float
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     skew_px: float = 0.0
-    model = "unified"
+    model_name = "unified"
 
     def __post_init__(self) -> None:
         super().__post_init__()

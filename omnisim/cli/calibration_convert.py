@@ -52,7 +52,9 @@ def run(request: ConvertRequest, out: Console, err: Console) -> None:
 
 def _is_mirror(camera: CalibratedCamera) -> bool:
     """Whether the file says a mirror by a lens."""
-    return camera.mirrored or (camera.said_as != camera.camera.model and looks_back(camera.camera))
+    return camera.mirrored or (
+        camera.said_as != camera.camera.model_name and looks_back(camera.camera)
+    )
 
 
 def _line(before: CalibratedCamera, after: CalibratedCamera) -> str:

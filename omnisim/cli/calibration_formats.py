@@ -14,7 +14,7 @@ def run(out: Console) -> None:
     for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
         table.add_column(heading)
     for form in FORMATS.values():
-        models = "all" if form.is_own else ", ".join(model.model for model in form.models)
+        models = "all" if form.is_own else ", ".join(model.model_name for model in form.models)
         table.add_row(
             form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
         )

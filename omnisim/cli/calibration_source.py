@@ -28,7 +28,7 @@ def read_calibration(
     if format is None and (suffix == ".toml" or suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES):
         if name is not None:
             raise CalibrationError(f"--camera-name {name}: {path} has one camera, without a name")
-        camera = OmniCamera.from_file(path).camera if suffix == ".toml" else _of_picture(path)
+        camera = OmniCamera.from_file(path).model if suffix == ".toml" else _of_picture(path)
         found = calibration_of(camera, "camera")
         return Calibration(found.cameras, "omnisim", str(path))
     found = load_calibration(path, format, name, mirrored)

@@ -24,15 +24,15 @@ def run(output: Path, polygons: int | None, sensor: Path | None, out: Console) -
     """
     check_mesh_target(output)
     camera = read_sensor(sensor)
-    if not isinstance(camera.camera, HyperbolicCamera):
-        raise OpticsError(f"{sensor}: a camera of model {camera.camera.model!r} has no mirror")
-    mirror = camera.camera.mirror
+    if not isinstance(camera.model, HyperbolicCamera):
+        raise OpticsError(f"{sensor}: a camera of model {camera.model.model_name!r} has no mirror")
+    mirror = camera.model.mirror
     if polygons is None:
         polygons = camera.polygons or PAPER_POLYGONS
     mesh = tessellate(mirror, polygons)
     unfolded = unfold(mirror, mesh)
     write_mirror(output, unfolded, "hyperbolic_mirror")
-    error = mesh_error(mirror, mesh, camera.camera.rim_radius_px)
+    error = mesh_error(mirror, mesh, camera.model.rim_radius_px)
     out.print(
         f"{output}: {mesh.polygons} polygons ({mesh.sectors} sectors × {mesh.rings} rings), "
         f"{len(unfolded.triangles)} triangles once cut along the cube's edges, "
@@ -40,7 +40,7 @@ def run(output: Path, polygons: int | None, sensor: Path | None, out: Console) -
         markup=False,
     )
     out.print(
-        f"in a picture of it {2.0 * camera.camera.rim_radius_px:.4g} px wide, off by "
+        f"in a picture of it {2.0 * camera.model.rim_radius_px:.4g} px wide, off by "
         f"{error.mean_px:.3g} px on average, {error.percentile_95_px:.3g} px at 95 %, "
         f"{error.max_px:.3g} px at most",
         markup=False,

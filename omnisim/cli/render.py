@@ -132,12 +132,12 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
     if request.rays is not None:
         from omnisim.calibration.ray_table import write_ray_table
 
-        write_ray_table(request.rays, camera.camera, frame.metadata)
+        write_ray_table(request.rays, camera.model, frame.metadata)
     if request.calibration_beside is not None:
         _calibration(camera, pose).save(request.calibration_beside, "omnisim")
     x, y, z = position
     out.print(
-        f"{request.output}: {camera.camera.width_px} × {camera.camera.height_px} px, "
+        f"{request.output}: {camera.model.width_px} × {camera.model.height_px} px, "
         f"{camera.polygons or 'exact'}{' polygons' if camera.polygons else ''}, "
         f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
         markup=False,
@@ -172,7 +172,7 @@ def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Ca
         Pose("base", "camera", sensor.base_from_optical),
         Pose("world", "base", world_from_base),
     )
-    return Calibration((CalibratedCamera("camera", sensor.camera, poses),))
+    return Calibration((CalibratedCamera("camera", sensor.model, poses),))
 
 
 def _check_also(request: RenderRequest, also: tuple[str, ...]) -> None:

@@ -42,7 +42,7 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
 
 
 def _camera_line(mounted: MountedCamera) -> str:
-    camera = mounted.sensor.camera
+    camera = mounted.sensor.model
     return (
         f"camera   {mounted.name}, {camera.width_px} × {camera.height_px} px, "
         f"effective viewpoint {_place(mounted)}"

@@ -24,9 +24,9 @@ def run(check: Path | None, out: Console) -> None:
     sensor = read_sensor(check)
     out.print(f"{check}: good", markup=False)
     lines = (
-        _mirror_lines(sensor.camera, sensor.polygons)
-        if isinstance(sensor.camera, HyperbolicCamera)
-        else [f"  {key:22} {value}" for key, value in sensor.camera.parameters().items()]
+        _mirror_lines(sensor.model, sensor.polygons)
+        if isinstance(sensor.model, HyperbolicCamera)
+        else [f"  {key:22} {value}" for key, value in sensor.model.parameters().items()]
     )
     for name, values in sensor.degradation.tables().items():
         told = ", ".join(f"{key} = {value}" for key, value in values.items())

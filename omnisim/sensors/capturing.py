@@ -37,7 +37,7 @@ def faces_of(
     past_rim = None
     if sensor.polygons is not None:
         past_rim = (
-            tessellate(sensor.camera.mirror, sensor.polygons).edge_middles_m @ MIRROR_FROM_OPTICAL
+            tessellate(sensor.model.mirror, sensor.polygons).edge_middles_m @ MIRROR_FROM_OPTICAL
         )
     return plan_tiles(
         camera,

@@ -40,7 +40,7 @@ class GroundTruth:
         self._stage, self._sensor = stage, sensor
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
-        context, buffers, camera = stage.context, stage.buffers, sensor.camera
+        context, buffers, camera = stage.context, stage.buffers, sensor.model
         capture = capture_of(stage, sensor, camera, Emit.RAY)
         self._rays = RayTable(context, (camera.width_px, camera.height_px), capture)
         self._visibility = VisibilityPass(
@@ -86,7 +86,7 @@ class GroundTruth:
             normals="normals" in names or "normals_camera" in names,
             albedos="albedo" in names,
         )
-        world_from_optical = now.world_from_rig[:3, :3] @ self._sensor.camera.rig_from_optical
+        world_from_optical = now.world_from_rig[:3, :3] @ self._sensor.model.rig_from_optical
         make = {
             "range": lambda: surfaces.ranges_m,
             "z": lambda: _along(surfaces, world_from_optical[:, 2]),
@@ -113,7 +113,7 @@ class GroundTruth:
         next_view = OcclusionPass(self._stage.context, self._visibility, self._rays, self._surfaces)
         sensor = self._sensor
         is_mesh = sensor.polygons is not None
-        return OpticalFlow(self._stage.buffers, sensor.camera, self._rays, is_mesh, next_view)
+        return OpticalFlow(self._stage.buffers, sensor.model, self._rays, is_mesh, next_view)
 
 
 def _along(surfaces: Surfaces, axis: NDArray[np.float64]) -> NDArray[np.float32]:

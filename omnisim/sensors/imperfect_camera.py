@@ -36,7 +36,7 @@ class ImperfectCamera:
         degradation = self.sensor.degradation
         if degradation.is_ideal:
             return None
-        geometry = PictureGeometry.of_camera(self.sensor.camera)
+        geometry = PictureGeometry.of_camera(self.sensor.model)
         return DegradationPass(
             stage.context,
             (geometry.width_px, geometry.height_px),
@@ -100,7 +100,7 @@ class ImperfectCamera:
         if shutter is None or motion is None or shutter.duration_s == 0.0:
             base = world_from_base
             return [SubFrame(base @ rig, stage.object_poses_at(base, object_poses), None)]
-        camera = self.sensor.camera
+        camera = self.sensor.model
         half_s = 0.5 * shutter.duration_s
         ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
         optical = [base @ self.sensor.base_from_optical for base in ends]

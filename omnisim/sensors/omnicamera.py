@@ -44,7 +44,7 @@ class OmniCamera:
     `OmniCamera(lens, polygons=None)`.
 
     Attributes:
-        camera: the camera model, with its mirror if it has one.
+        model: the camera model, with its mirror if it has one.
         polygons: of the mirror's mesh; None captures exactly, pixel by pixel.
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
@@ -62,7 +62,7 @@ class OmniCamera:
             them, a size or number of samples that cannot be, or a mounting that is no pose.
     """
 
-    camera: CentralCamera = field(default_factory=_paper_camera)
+    model: CentralCamera = field(default_factory=_paper_camera)
     polygons: int | None = PAPER_POLYGONS
     base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
@@ -78,10 +78,10 @@ class OmniCamera:
             if type(self.polygons) is not int:
                 raise OpticsError(f"polygons = {self.polygons!r}: want a whole number, or None")
             sectors_and_rings(self.polygons)
-            if not isinstance(self.camera, HyperbolicCamera):
+            if not isinstance(self.model, HyperbolicCamera):
                 raise OpticsError(
-                    f"polygons = {self.polygons}: a camera of model {self.camera.model!r} has no "
-                    "mirror with a mesh: want 'exact'"
+                    f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
+                    "no mirror with a mesh: want 'exact'"
                 )
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(
@@ -128,7 +128,7 @@ class OmniCamera:
     def _from_settings(cls, settings: SensorFile) -> OmniCamera:
         mounting, virtual = settings.mounting, settings.virtual_cameras
         return cls(
-            camera=settings.make_camera(),
+            model=settings.make_camera(),
             polygons=settings.polygon_count,
             base_from_rig=frames.pose(
                 mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
@@ -150,22 +150,33 @@ class OmniCamera:
         """
         if size_px < 1:
             raise OpticsError(f"camera: size {size_px}: want at least 1")
-        old = self.camera
+        old = self.model
         scale = size_px / min(old.width_px, old.height_px)
         return dataclasses.replace(
-            self, camera=old.scaled(scale), degradation=self.degradation.scaled(scale)
+            self, model=old.scaled(scale), degradation=self.degradation.scaled(scale)
         )
 
     @property
     def captured_camera(self) -> CentralCamera:
         """The camera of the finer picture that is averaged to this one's."""
-        return self.camera.scaled(self.supersampling)
+        return self.model.scaled(self.supersampling)
+
+    @property
+    def mirror_model(self) -> HyperbolicCamera:
+        """The model of a camera that looks up at a mirror.
+
+        Raises:
+            OpticsError: the camera is a lens.
+        """
+        if not isinstance(self.model, HyperbolicCamera):
+            raise OpticsError(f"a camera of model {self.model.model_name!r} has no mirror")
+        return self.model
 
     @property
     def base_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the camera's optical frame on its vehicle."""
         pose = self.base_from_rig.copy()
-        pose[:3, :3] = pose[:3, :3] @ self.camera.rig_from_optical
+        pose[:3, :3] = pose[:3, :3] @ self.model.rig_from_optical
         return pose
 
     def with_polygons(self, polygons: int | None) -> OmniCamera:

@@ -57,7 +57,7 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
     world_from_optical = _pose(metadata, "world_from_optical", path)
     polygons: int | None
     if sensor is not None:
-        camera: CentralCamera = sensor.camera
+        camera: CentralCamera = sensor.model
         base_from_optical = sensor.base_from_optical[:3, :3]
         polygons = sensor.polygons
     elif not isinstance(metadata.get("camera"), dict):

@@ -212,12 +212,12 @@ class Renderer(OnStage):
         self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]
     ) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()
-        world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.camera.rig_from_optical
+        world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.model.rig_from_optical
         return {
             "omnisim": __version__,
             "scene": self.scene.name,
             **self._about_body(),
-            "camera": self.camera.camera.parameters(),
+            "camera": self.camera.model.parameters(),
             "polygons": self.camera.polygons or "exact",
             "supersampling": self.camera.supersampling,
             "lit": not self._unlit,

@@ -256,7 +256,7 @@ def _place(name: str) -> str:
 
 def _calibration(camera: MountedCamera) -> str:
     told = {
-        "camera": camera.sensor.camera.parameters(),
+        "camera": camera.sensor.model.parameters(),
         "polygons": camera.sensor.polygons or "exact",
         "base_from_optical": camera.sensor.base_from_optical.tolist(),
     }

@@ -20,11 +20,11 @@ def sensor_toml(sensor: OmniCamera) -> str:
     # 1e-12°: what the way through radians leaves behind is not worth printing
     roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
     size = '"auto"' if sensor.face_size_px is None else sensor.face_size_px
-    if isinstance(sensor.camera, HyperbolicCamera):
-        group, geometry = "mirror", _mirror(sensor.camera, sensor.polygons)
-        picture = _picture(sensor.camera)
+    if isinstance(sensor.model, HyperbolicCamera):
+        group, geometry = "mirror", _mirror(sensor.model, sensor.polygons)
+        picture = _picture(sensor.model)
     else:
-        group, geometry, picture = "lens", _lens(sensor.camera), ""
+        group, geometry, picture = "lens", _lens(sensor.model), ""
     return f"""[{group}]
 {geometry}
 [{group}.mounting]

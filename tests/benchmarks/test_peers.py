@@ -40,7 +40,7 @@ def _averaged(picture):
 
 
 def _averaged_db(one, other):
-    _, valid = mirror_rays(SENSOR.camera)
+    _, valid = mirror_rays(SENSOR.model)
     size = len(valid) // AVERAGED
     inside = valid.reshape(size, AVERAGED, size, AVERAGED).all(axis=(1, 3))
     apart = (_averaged(one) - _averaged(other))[inside]
@@ -85,7 +85,7 @@ def test_work_is_what_the_ways_say(pictures):
     # what a face sees is culled by boxes: some are in two faces, most of six faces see nothing
     assert 0.5 * triangles < gazebo.triangles < 3 * triangles
     if field.EMBREE in racers.peers:
-        assert racers.peers[field.EMBREE].texels == mirror_rays(SENSOR.camera)[1].sum()
+        assert racers.peers[field.EMBREE].texels == mirror_rays(SENSOR.model)[1].sum()
 
 
 def test_pyrenders_reference_is_its_own_picture(monkeypatch):
@@ -156,7 +156,7 @@ class TestEmbree:
         scene = scene_of([room()])
         racer = EmbreeColors(scene)
         pose = SENSOR.base_pose((0.4, -0.3, 0.2), 30.0)
-        rays, valid = mirror_rays(SENSOR.camera)
+        rays, valid = mirror_rays(SENSOR.model)
         hits = room_hit(pose[:3, 3], rays[valid] @ pose[:3, :3].T)
         told = 255.0 * srgb_from_linear(room_color(hits))
         # rounded to 8 bits, of float32 rays
@@ -194,7 +194,7 @@ class TestEmbree:
         scene = scene_of([room(), room()], poses=[np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
         found = EmbreeGeometry(scene).render(SENSOR.base_pose((0.0, 0.0, 0.0)))
         assert set(found.tolist()) <= set(range(12))  # the inner room hides the outer
-        assert found.shape == (mirror_rays(SENSOR.camera)[1].sum(),)
+        assert found.shape == (mirror_rays(SENSOR.model)[1].sum(),)
 
 
 def _quad(height_m, material, color, down=False):
@@ -207,8 +207,8 @@ def _quad(height_m, material, color, down=False):
 
 
 def test_psnr_counts_valid_pixels_only():
-    size = SENSOR.camera.width_px
-    _, valid = mirror_rays(SENSOR.camera)
+    size = SENSOR.model.width_px
+    _, valid = mirror_rays(SENSOR.model)
     one = np.full((size, size, 4), 100, dtype=np.uint8)
     other = one.copy()
     assert psnr_db(one, other) == BEST_DB

@@ -29,7 +29,7 @@ def wall(distance_m, half_m, material=0, flipped=False):
 def seen(context, *meshes, materials=None, poses=None, yaw_deg=0.0):
     scene = scene_of(meshes, materials or [Material()], poses)
     at = pose(yaw_deg=yaw_deg)
-    return count_seen_triangles(context, scene, CAMERA.camera, at, 64, CAMERA.near_m)
+    return count_seen_triangles(context, scene, CAMERA.model, at, 64, CAMERA.near_m)
 
 
 def test_what_is_behind_a_wall_is_not_seen(context):

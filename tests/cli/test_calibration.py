@@ -191,14 +191,14 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
     )
     (tmp_path / "s.toml").write_text(text)
     sensor = OmniCamera.from_file(tmp_path / "s.toml")
-    assert sensor.camera == load_calibration(TUM_VI).cameras[1].camera
+    assert sensor.model == load_calibration(TUM_VI).cameras[1].camera
     assert sensor.polygons is None
     looks_up = text.replace("[lens.mounting]", "mirrored = true\n[lens.mounting]")
     (tmp_path / "up.toml").write_text(looks_up)
-    assert OmniCamera.from_file(tmp_path / "up.toml").camera == MirroredCamera(sensor.camera)
+    assert OmniCamera.from_file(tmp_path / "up.toml").model == MirroredCamera(sensor.model)
     # a drive's own copy stands for itself
     (tmp_path / "copy.toml").write_text(sensor_toml(sensor))
-    assert OmniCamera.from_file(tmp_path / "copy.toml").camera == sensor.camera
+    assert OmniCamera.from_file(tmp_path / "copy.toml").model == sensor.model
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ def picture(tmp_path):
     optical = base.copy()
     optical[:3, :3] = base[:3, :3] @ [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     metadata = {
-        "camera": camera.camera.parameters(),
+        "camera": camera.model.parameters(),
         "polygons": 1024,
         "scene": "none",
         "world_from_base": base.tolist(),

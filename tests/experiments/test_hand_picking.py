@@ -17,7 +17,7 @@ def _mount():
     sensor = omnisim.OmniCamera()
     raised = sensor.base_from_optical.copy()
     raised[:3, 3] = -0.08, 0.0, 0.65
-    return CameraMount(sensor.camera, raised)
+    return CameraMount(sensor.model, raised)
 
 
 def test_a_hand_is_as_good_as_it_says():

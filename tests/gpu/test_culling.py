@@ -14,7 +14,7 @@ from omnisim.sensors import OmniCamera
 from tests.gpu.test_static_drawer import sheet
 from tests.scenes import scene_of
 
-CAMERA = OmniCamera().resized(200).camera
+CAMERA = OmniCamera().resized(200).model
 PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, in_parts=True)
 NEAR_M = 0.05
 

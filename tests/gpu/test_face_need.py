@@ -100,5 +100,5 @@ def test_the_papers_camera_draws_few_texels_for_a_pixel(polygons):
     sensor = OmniCamera(polygons=polygons).with_quality("fast")
     density = sensor.texels_per_pixel / sensor.supersampling
     plan = faces_of(sensor, sensor.captured_camera, density, in_parts=True)
-    rim_px = 0.5 * sensor.camera.width_px
+    rim_px = 0.5 * sensor.model.width_px
     assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MOST_TEXELS

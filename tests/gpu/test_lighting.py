@@ -61,7 +61,7 @@ def test_light_on_a_floor(light, pose, normals, sides):
 
     plane = in_world((0.0, 0.0, 1.0))
     shading = in_world((0.3, 0.2, 0.9)) if normals else plane
-    rays = sensor.camera.ray_from_pixel(pixel_grid(91, 91))
+    rays = sensor.model.ray_from_pixel(pixel_grid(91, 91))
     directions = rays.directions @ RIG_FROM_OPTICAL_LOOKING_UP.T
     near = rays.valid & (directions[..., 2] < -0.75)  # steeply down: all on the floor
     directions = directions[near]

@@ -18,8 +18,8 @@ FISHEYE = EquidistantCamera(SIZE_PX, SIZE_PX, 36.0, (59.5, 59.5), theta_max_rad=
 CAMERAS = {
     "exact mirror": OmniCamera(polygons=None).resized(SIZE_PX),
     "mesh": OmniCamera(polygons=64).resized(SIZE_PX),
-    "fisheye": OmniCamera(camera=FISHEYE, polygons=None),
-    "equirectangular": OmniCamera(camera=EquirectangularCamera(160, 80), polygons=None),
+    "fisheye": OmniCamera(model=FISHEYE, polygons=None),
+    "equirectangular": OmniCamera(model=EquirectangularCamera(160, 80), polygons=None),
 }
 
 

@@ -10,7 +10,7 @@ from omnisim.gpu.culling.frustum_culling import EDGE_PX, FrustumCuller
 from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.sensors import OmniCamera
 
-CAMERA = OmniCamera().resized(200).camera
+CAMERA = OmniCamera().resized(200).model
 PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, in_parts=True)
 NEAR_M = 0.05
 POINTS = 300  # of each box

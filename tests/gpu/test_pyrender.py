@@ -89,7 +89,7 @@ def test_exported_mirror_shows_our_picture(tmp_path):
     pyrender = pytest.importorskip("pyrender")
     trimesh = pytest.importorskip("trimesh")
     sensor = OmniCamera(face_size_px=512, supersampling=1)  # as theirs: one look a pixel
-    camera = sensor.camera
+    camera = sensor.model
     with Renderer(load_scene("courtyard"), sensor, unlit=True) as renderer:
         ours = renderer.render(sensor.base_pose((0.5, 1.0, 0.9), yaw_deg=20.0))
         texture = unfolded_cube(renderer.faces())

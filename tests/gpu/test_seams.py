@@ -40,7 +40,7 @@ def _analytic(camera, world_from_base):
 def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, pose):
     mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
     camera = HyperbolicCamera.framed_on_rim(mirror, 360, 360)
-    sensor = OmniCamera(camera=camera, polygons=None, face_size_px=face_size_px)
+    sensor = OmniCamera(model=camera, polygons=None, face_size_px=face_size_px)
     with Renderer(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(pose)
     expected, valid, faces, hits = _analytic(camera, pose)

@@ -44,7 +44,7 @@ def _surfaces(visibility, buffers, pose, albedo=False):
 
 
 def _pass(context, buffers, albedo=False):
-    camera = OmniCamera(polygons=None).resized(120).camera
+    camera = OmniCamera(polygons=None).resized(120).model
     plan = plan_tiles(camera, camera.rig_from_optical, 1.5)
     return VisibilityPass(context, buffers, plan, 0.05, np.inf, (), albedo)
 

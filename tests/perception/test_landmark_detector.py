@@ -38,7 +38,7 @@ def _model(colors=tuple(COLORS)):
 def _mount(sensor):
     raised = sensor.base_from_optical.copy()
     raised[2, 3] = HEIGHT_M
-    return CameraMount(sensor.camera, raised, covered_pixels(sensor.camera, sensor.polygons))
+    return CameraMount(sensor.model, raised, covered_pixels(sensor.model, sensor.polygons))
 
 
 @pytest.fixture(scope="module")

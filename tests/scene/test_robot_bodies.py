@@ -113,14 +113,14 @@ def test_view_of_the_mirror_is_free(robot):
     theta_deg = np.degrees(np.arctan2(np.hypot(seen[:, 0], seen[:, 1]), -seen[:, 2]))
     assert theta_deg.max() < 70.0
     # Nearer, the holder stays above the cone of the rim: physically, too, it hides nothing.
-    rim = sensor.camera.mirror.theta_max_rad
+    rim = sensor.model.mirror.theta_max_rad
     cap = samples(corners["mirror_cap"]) - viewpoint
     assert np.all(np.arctan2(np.hypot(cap[:, 0], cap[:, 1]), -cap[:, 2]) > rim)
 
 
 def test_mirror_and_lens_are_where_the_sensor_file_says(robot):
     name, corners = robot
-    mirror = OmniCamera.from_file(SCENES / name / "omnicam.toml").camera.mirror
+    mirror = OmniCamera.from_file(SCENES / name / "omnicam.toml").model.mirror
     viewpoint = np.array(sensors_of(name)["omnicam"]["position_m"])
     shape = np.unique((corners["mirror"] - viewpoint).reshape(-1, 3), axis=0)
     below = shape[shape[:, 2] < -mirror.rim_height_m + 1e-5]

@@ -157,7 +157,7 @@ def test_the_p2at_sees_itself_in_the_middle_and_nowhere_else():
     camera, _ = mounted_on_p2at(240)
     camera = camera.with_polygons(None)
     v, u = np.mgrid[:240, :240]
-    rays = camera.camera.ray_from_pixel(np.stack((u, v), axis=-1).astype(float))
+    rays = camera.model.ray_from_pixel(np.stack((u, v), axis=-1).astype(float))
     theta_deg = np.full((240, 240), 180.0)
     theta_deg[rays.valid] = np.degrees(np.arccos(-rays.directions[rays.valid][:, 2]))
     scene = load_scene("courtyard")

@@ -162,7 +162,7 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     degradation = preset(name)
     ideal = OmniCamera().resized(120)
     sensor = ideal.with_degradation(degradation)
-    geometry = PictureGeometry.of_camera(sensor.camera)
+    geometry = PictureGeometry.of_camera(sensor.model)
     with Stage(scene_of([room()])) as stage:
         with Renderer(stage, ideal) as renderer:
             perfect = renderer.render(np.eye(4), linear=True)

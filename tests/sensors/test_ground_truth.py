@@ -238,7 +238,7 @@ def test_flow_is_the_reprojection_of_what_the_exact_rays_hit(lens):
     hits = room_hit(POSE[:3, 3], directions)
     there = lens.pixel_from_ray((hits - after[:3, 3]) @ after[:3, :3] @ lens.rig_from_optical)
     expected = there.positions_px - pixel_grid(lens.width_px, lens.height_px)
-    turn_px = {"equirectangular": 120.0, "cylindrical": 2 * np.pi * 20.0}.get(lens.model)
+    turn_px = {"equirectangular": 120.0, "cylindrical": 2 * np.pi * 20.0}.get(lens.model_name)
     if turn_px is not None:
         expected[..., 0] -= turn_px * np.round(expected[..., 0] / turn_px)
     flow = frame.channels["flow"]

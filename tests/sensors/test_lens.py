@@ -35,7 +35,7 @@ supersampling = 1
 def test_a_lens_of_a_sensor_file(tmp_path):
     (tmp_path / "lens.toml").write_text(TEXT)
     sensor = OmniCamera.from_file(tmp_path / "lens.toml")
-    assert sensor.camera == LENS
+    assert sensor.model == LENS
     assert sensor.polygons is None
     assert sensor.supersampling == 1
     np.testing.assert_allclose(sensor.base_from_rig, frames.pose((0.1, 0.2, 0.3), pitch_deg=10.0))
@@ -104,12 +104,12 @@ def test_sensor_text_of_any_camera_is_that_camera(camera, tmp_path):
     sensor = OmniCamera(camera, polygons=None)
     (tmp_path / "s.toml").write_text(sensor_toml(sensor))
     again = OmniCamera.from_file(tmp_path / "s.toml")
-    assert type(again.camera) is type(camera)
+    assert type(again.model) is type(camera)
     if not isinstance(camera, HyperbolicCamera):
         pixels = pixel_grid(camera.width_px, camera.height_px)[::9, ::9]
         np.testing.assert_allclose(
-            again.camera.ray_from_pixel(pixels).directions,
+            again.model.ray_from_pixel(pixels).directions,
             camera.ray_from_pixel(pixels).directions,
             atol=1e-12,
         )
-    assert dataclasses.replace(again, camera=camera).supersampling == sensor.supersampling
+    assert dataclasses.replace(again, model=camera).supersampling == sensor.supersampling

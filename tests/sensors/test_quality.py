@@ -26,7 +26,7 @@ def test_a_name_sets_both_numbers_and_nothing_else(name):
     before = OmniCamera(polygons=64, near_m=0.1, supersampling=7, texels_per_pixel=0.5)
     after = before.with_quality(name)
     assert _numbers(after) == QUALITIES[name]
-    assert (after.camera, after.polygons, after.near_m) == (before.camera, 64, 0.1)
+    assert (after.model, after.polygons, after.near_m) == (before.model, 64, 0.1)
     assert _numbers(OmniCamera.from_table({"camera": {"quality": name}})) == QUALITIES[name]
 
 

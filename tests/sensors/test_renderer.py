@@ -245,7 +245,7 @@ def test_texture_stands_upright_and_ends_as_it_says(wrap):
 
     def at(x, y):  # a point of the floor
         direction = RIG_FROM_OPTICAL_LOOKING_UP.T @ (x, y, -1.0)
-        u, v = np.rint(sensor.camera.pixel_from_ray(direction).positions_px).astype(int)
+        u, v = np.rint(sensor.model.pixel_from_ray(direction).positions_px).astype(int)
         return tuple(np.rint(rgb[v, u] / 255.0).astype(int).tolist())
 
     assert at(1.0, -1.0) == (1, 0, 0)  # u = v = 0.25
@@ -377,7 +377,7 @@ def test_metadata_describes_camera_and_pose():
     with Renderer(scene_of([room()]), sensor) as renderer:
         metadata = renderer.render(frames.pose((1.0, 0.5, 0.0), yaw_deg=30.0)).metadata
     assert metadata["camera"]["k"] == 11.546
-    assert metadata["camera"]["focal_length_px"] == sensor.camera.focal_length_px
+    assert metadata["camera"]["focal_length_px"] == sensor.model.focal_length_px
     assert metadata["polygons"] == 1024
     world_from_optical = np.array(metadata["world_from_optical"])
     np.testing.assert_allclose(world_from_optical[:3, 3], (1.0, 0.5, 0.0))

@@ -10,7 +10,7 @@ from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 
 def test_documented_default_file_is_the_default():
     documented, default = OmniCamera.from_file(DEFAULT_SENSOR_FILE), OmniCamera()
-    assert documented.camera == default.camera
+    assert documented.model == default.model
     np.testing.assert_array_equal(documented.base_from_rig, default.base_from_rig)
     for name in (
         "polygons",
@@ -27,7 +27,7 @@ def test_documented_default_file_is_the_default():
 def test_empty_file_is_the_default(tmp_path):
     path = tmp_path / "sensor.toml"
     path.write_text("")
-    assert OmniCamera.from_file(path).camera == OmniCamera().camera
+    assert OmniCamera.from_file(path).model == OmniCamera().model
 
 
 def test_every_group_is_heard(tmp_path):
@@ -41,11 +41,11 @@ def test_every_group_is_heard(tmp_path):
     )
     sensor = OmniCamera.from_file(path)
     assert sensor.polygons is None
-    assert sensor.camera.mirror.k == 5.0
-    assert sensor.camera.mirror.rim_radius_m == pytest.approx(0.03)
-    assert (sensor.camera.width_px, sensor.camera.height_px) == (640, 480)
-    assert sensor.camera.focal_length_px == 900.0
-    assert sensor.camera.principal_point_px == (320.5, 239.5)
+    assert sensor.model.mirror.k == 5.0
+    assert sensor.model.mirror.rim_radius_m == pytest.approx(0.03)
+    assert (sensor.model.width_px, sensor.model.height_px) == (640, 480)
+    assert sensor.model.focal_length_px == 900.0
+    assert sensor.model.principal_point_px == (320.5, 239.5)
     assert sensor.supersampling == 3
     assert (sensor.face_size_px, sensor.near_m, sensor.far_m, sensor.samples) == (512, 0.1, 50, 1)
     np.testing.assert_allclose(sensor.base_from_rig[:3, 3], (0.1, 0.0, 0.5))
@@ -64,11 +64,11 @@ def test_viewpoint_is_where_it_was_asked_for():
 def test_resizing_keeps_the_view():
     sensor = OmniCamera()
     larger = sensor.resized(720)
-    assert (larger.camera.width_px, larger.camera.height_px) == (720, 720)
-    assert larger.camera.rim_radius_px == pytest.approx(360.0)
+    assert (larger.model.width_px, larger.model.height_px) == (720, 720)
+    assert larger.model.rim_radius_px == pytest.approx(360.0)
     # the same corner of the picture sees the same ray
-    one = sensor.camera.ray_from_pixel((-0.5, 100.5)).directions
-    np.testing.assert_allclose(larger.camera.ray_from_pixel((-0.5, 201.5)).directions, one)
+    one = sensor.model.ray_from_pixel((-0.5, 100.5)).directions
+    np.testing.assert_allclose(larger.model.ray_from_pixel((-0.5, 201.5)).directions, one)
 
 
 @pytest.mark.parametrize(

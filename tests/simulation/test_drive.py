@@ -80,7 +80,7 @@ def test_everything_is_there(whole, vehicle):
     odometry = read_odometry(whole / "odometry.csv")
     assert len(odometry.times_s) == steps
     sensor = OmniCamera.from_file(whole / "omnicam" / "sensor.toml")
-    assert sensor.camera == vehicle.camera("omnicam").sensor.camera
+    assert sensor.model == vehicle.camera("omnicam").sensor.model
     calibration = json.loads((whole / "omnicam" / "calibration.json").read_text())
     assert calibration["camera"]["xi"] == pytest.approx(0.9954942)
     for step in (0, steps - 1):
@@ -282,8 +282,8 @@ def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
     sensor = OmniCamera.from_table(table)
     (tmp_path / "s.toml").write_text(sensor_toml(sensor))
     again = OmniCamera.from_file(tmp_path / "s.toml")
-    assert again.camera.mirror.theta_max_rad == pytest.approx(
-        sensor.camera.mirror.theta_max_rad, abs=1e-12
+    assert again.model.mirror.theta_max_rad == pytest.approx(
+        sensor.model.mirror.theta_max_rad, abs=1e-12
     )
     np.testing.assert_allclose(again.base_from_rig, sensor.base_from_rig, atol=1e-12)
     for name in (
@@ -296,8 +296,8 @@ def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
         "texels_per_pixel",
     ):
         assert getattr(again, name) == getattr(sensor, name)
-    assert again.camera.focal_length_px == sensor.camera.focal_length_px
-    assert again.camera.principal_point_px == sensor.camera.principal_point_px
+    assert again.model.focal_length_px == sensor.model.focal_length_px
+    assert again.model.principal_point_px == sensor.model.principal_point_px
 
 
 def test_missing_files_come_back_in_any_order(scene, vehicle, whole, tmp_path):

@@ -86,7 +86,7 @@ def _camera(parameters: dict[str, Any], place: str) -> CentralCamera:
         camera = camera_from_parameters(parameters)
         unknown = parameters.keys() - camera.parameters().keys() - {"mirrored"}
         if unknown:
-            raise CalibrationError(f"{place}: {min(unknown)}: unknown key of a {camera.model}")
+            raise CalibrationError(f"{place}: {min(unknown)}: unknown key of a {camera.model_name}")
         return camera
 
 

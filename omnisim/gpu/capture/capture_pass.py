@@ -42,7 +42,7 @@ class LensCapture:
 
     def __init__(self, context: moderngl.Context, camera: CentralCamera, emit: Emit = Emit.COLOR):
         self._stored_rays = None
-        if emit not in (Emit.RAY, Emit.LOOKUP) and searches_for_rays(camera.model):
+        if emit not in (Emit.RAY, Emit.LOOKUP) and searches_for_rays(camera.model_name):
             self._stored_rays = _stored_rays(context, camera)
         if self._stored_rays is None:
             self.program = _model_program(context, camera, emit)
@@ -74,7 +74,7 @@ def _model_program(
         "common/full_screen.vert",
         "capture/lens.frag",
         defines=emit.defines + mirrored,
-        includes={"CAMERA_MODEL": f"camera/{camera.model}.glsl"},
+        includes={"CAMERA_MODEL": f"camera/{camera.model_name}.glsl"},
     )
     for name, value in camera.uniforms().items():
         program[name] = value

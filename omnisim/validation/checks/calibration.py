@@ -109,7 +109,7 @@ class MarkerPicture(NamedTuple):
 def marker_picture(bench: Bench) -> MarkerPicture:
     """Render and measure markers all around."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
-    camera = sensor.camera
+    camera = sensor.model
     world_from_base = frames.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
     world_from_rig = world_from_base @ sensor.base_from_rig
     world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP

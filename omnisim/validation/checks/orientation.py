@@ -95,7 +95,7 @@ def _mesh(scene: Scene, side: str) -> Mesh:
 def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: float) -> float:
     """Largest difference between a side's paint and the picture where optics expects it."""
     assert frame.linear is not None
-    camera, heading = sensor.camera, math.radians(heading_deg)
+    camera, heading = sensor.model, math.radians(heading_deg)
     front = np.array([math.cos(heading), math.sin(heading), 0.0])
     picture_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
     worst = 0.0
@@ -119,7 +119,7 @@ def _reading(bench: Bench, scene: Scene) -> tuple[float, float, NDArray[np.uint8
     frame = bench.take(scene, sensor, sensor.base_pose(position))
     view = cylinder_view(1800, math.radians(-45.0), math.radians(14.0))
     base_from_optical = np.array(frame.metadata["world_from_optical"])[:3, :3]  # heading 0
-    unwarp = Unwarping(sensor.camera, view.camera, base_from_optical.T @ view.base_from_view)
+    unwarp = Unwarping(sensor.model, view.camera, base_from_optical.T @ view.base_from_view)
     panorama = unwarp(frame.rgb)
     grey = panorama.astype(np.float64).mean(axis=2)
     normal, mirrored = 1.0, -1.0

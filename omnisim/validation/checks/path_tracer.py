@@ -90,7 +90,7 @@ def check(bench: Bench) -> Findings:
             Picture("traced-mirror", _gallery(pair, exact),
                     "A traced mirror, our exact capture, and their difference, eight times "
                     "enhanced: edges only, and no side of them is favoured."),
-            Picture("traced-shifts", _figure(sensor.camera, shifts),
+            Picture("traced-shifts", _figure(sensor.model, shifts),
                     "How far patches of the picture are shifted between the two, 300 times "
                     "enlarged."),
         ),
@@ -98,7 +98,7 @@ def check(bench: Bench) -> Findings:
 
 
 def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples: int) -> Pair:
-    camera, world_from_optical = sensor.camera, _world_from_optical(sensor, pose)
+    camera, world_from_optical = sensor.model, _world_from_optical(sensor, pose)
     traced, again = (
         trace_mirror(scene, camera, world_from_optical, samples, seed=seed) for seed in (0, 1)
     )
@@ -112,7 +112,7 @@ def _marker_distances(
     bench: Bench, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Distance between the middles of markers in the traced picture and in ours (n,)."""
-    camera, world_from_optical = sensor.camera, _world_from_optical(sensor, pose)
+    camera, world_from_optical = sensor.model, _world_from_optical(sensor, pose)
     viewpoint_m = world_from_optical[:3, 3]
     positions = marker_positions(
         viewpoint_m, -world_from_optical[:3, 2], camera.mirror.theta_max_rad, MARKERS

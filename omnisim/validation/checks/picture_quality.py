@@ -97,11 +97,11 @@ def _truth(
     The texels are as fine as the samples, and drawn anew for each shift.
     """
     finest = dataclasses.replace(sensor, supersampling=FINEST, texels_per_pixel=float(FINEST))
-    total = [np.zeros((sensor.camera.height_px, sensor.camera.width_px, 3)) for _ in poses]
+    total = [np.zeros((sensor.model.height_px, sensor.model.width_px, 3)) for _ in poses]
     for shift in shifts:
-        centre = np.add(sensor.camera.principal_point_px, np.divide(shift, FINEST)).tolist()
-        camera = dataclasses.replace(sensor.camera, principal_point_px=tuple(centre))
-        taken = _taken(stage, dataclasses.replace(finest, camera=camera), poses)
+        centre = np.add(sensor.model.principal_point_px, np.divide(shift, FINEST)).tolist()
+        camera = dataclasses.replace(sensor.model, principal_point_px=tuple(centre))
+        taken = _taken(stage, dataclasses.replace(finest, model=camera), poses)
         total = [one + other for one, other in zip(total, taken, strict=True)]
     return [one / len(shifts) for one in total]
 
@@ -123,7 +123,7 @@ def _plain(
     stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
     """Linear pictures by a bilinear look into the faces at the middle of each pixel."""
-    camera = sensor.camera
+    camera = sensor.model
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     rig = rays.directions @ camera.rig_from_optical.T
     index = face_index(rig)

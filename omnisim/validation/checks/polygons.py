@@ -76,7 +76,7 @@ def check(bench: Bench) -> Findings:
 
 def shown_error_px(bench: Bench, sensor: OmniCamera, polygons: int) -> NDArray[np.float64]:
     """Distance (pixels,) of every pixel from where the mirror shows the direction it has."""
-    camera = sensor.camera
+    camera = sensor.model
     context = open_context(bench.device)
     try:
         with context:

@@ -53,15 +53,15 @@ def check(bench: Bench) -> Findings:
     table = {"mirror": {"theta_max_deg": WIDE_RIM_DEG, "polygons": "exact"}}
     wide_sensor = OmniCamera.from_table(table).resized(1024)
     wide_frame = take(bench, scene, wide_sensor)
-    one, other = measure(exact, paper.camera), measure(mesh, paper.camera)
-    wide = measure(wide_frame, wide_sensor.camera)
+    one, other = measure(exact, paper.model), measure(mesh, paper.model)
+    wide = measure(wide_frame, wide_sensor.model)
     eq2_off = wide.radii_px.mean(axis=1) - wide.eq2_px
     relative = 100.0 * (wide.eq2_px / wide.exact_px - 1.0)
     return Findings(
         "A line at every 5° of incidence, the 90° one red, as in Fig. 7, measured at 720 azimuths. "
         "The radii are those of the exact relation, r = f ψ sin θ/(ξ + cos θ). The paper's Eq. 2, "
         "r = h sin θ/(1 + cos θ), is its special case ξ = 1, a paraboloid; this mirror's "
-        f"ξ = {paper.camera.mirror.xi:.5f}. With the same 90° circle Eq. 2 is off by "
+        f"ξ = {paper.model.mirror.xi:.5f}. With the same 90° circle Eq. 2 is off by "
         f"{relative[2]:+.2f} % at 15°, {relative[21]:+.2f} % at 110° and {relative[24]:+.2f} % at "
         f"125°: {abs(eq2_off[24]):.1f} px in a picture of 1024 px: the measurement rules it out.",
         (
@@ -76,7 +76,7 @@ def check(bench: Bench) -> Findings:
             Measure("rim at 130°, exact capture, 1024 px: each ring's mean radius",
                     largest(wide.mean_error_px), EXACT_BOUND_PX, "px"),
         ),
-        {"xi": paper.camera.mirror.xi},
+        {"xi": paper.model.mirror.xi},
         (_table(one, other),),
         (
             Picture("fig7-rings", _picture(bench, scene),

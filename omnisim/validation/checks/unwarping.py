@@ -34,7 +34,7 @@ def check(bench: Bench) -> Findings:
         VIEW_PX, VIEW_PX, 0.5 * math.pi, math.radians(YAW_DEG), math.radians(PITCH_DEG)
     )
     unwarp = Unwarping(
-        sensor.camera, view.camera, frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
+        sensor.model, view.camera, frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
     )
     frame = bench.take(bench.scene, sensor, sensor.base_pose(bench.viewpoint_m))
     assert frame.linear is not None
@@ -87,7 +87,7 @@ def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.floa
 
     def place(step: tuple[float, float]) -> NDArray[np.float64]:
         directions = view.camera.ray_from_pixel(grid + step).directions @ rotation.T
-        return sensor.camera.pixel_from_ray(directions).positions_px
+        return sensor.model.pixel_from_ray(directions).positions_px
 
     jacobian = np.stack(
         (place((0.5, 0.0)) - place((-0.5, 0.0)), place((0.0, 0.5)) - place((0.0, -0.5))), axis=-1

@@ -21,7 +21,7 @@ BOUND_C = 1e-9
 
 def check(bench: Bench) -> Findings:
     """Reflect rays over the whole mirror and measure by how much they miss the viewpoint."""
-    camera = OmniCamera().camera
+    camera = OmniCamera().model
     mirror, tangents = camera.mirror, _tangents(camera.mirror, 301)
     points, reflected = reflect(mirror, tangents)
     misses = np.linalg.norm(np.cross(points, reflected), axis=-1)

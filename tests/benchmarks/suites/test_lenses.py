@@ -14,7 +14,7 @@ def test_every_model_is_timed_and_the_worst_is_held(tmp_path, monkeypatch):
     monkeypatch.setattr(lenses, "CAMERA_EXAMPLES", few)
     report = lenses.run(Options(rounds=1, warm_up=0))
     check(report)
-    assert {row["lens"] for row in report["rows"]} == {camera.model for camera in few.values()}
+    assert {row["lens"] for row in report["rows"]} == {camera.model_name for camera in few.values()}
     assert len(report["rows"]) > 1
     ratios = [row["ratio"] for row in report["rows"]]
     assert report["bounds"][0]["value"] == max(ratios)

@@ -59,7 +59,7 @@ def test_embree_hits_what_the_camera_sees(needs_opengl):
         pytest.skip("embreex, the ray caster to compare with, is missing")
     scene, sensor = build_town(1000), OmniCamera(polygons=None).resized(120)
     eye = scaling.STREET[0]
-    rays = EmbreeRays(scene, sensor.camera)
+    rays = EmbreeRays(scene, sensor.model)
     with Renderer(scene, sensor) as renderer:
         frame = renderer.render(eye, also=("range",))
     assert rays.count == frame.valid.sum()

@@ -31,7 +31,7 @@ LOOKING_UP[:3, :3] = RIG_FROM_OPTICAL_LOOKING_UP
 
 
 def _camera(size_px=SIZE_PX):
-    return OmniCamera().resized(size_px).camera
+    return OmniCamera().resized(size_px).model
 
 
 def _inside(camera):
