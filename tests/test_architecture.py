@@ -33,7 +33,8 @@ GPU_LAYERS = (
     {"scene"},
     {"culling"},
     {"atlas"},
-    {"context", "shader_files", "uniforms"},
+    {"context", "shader_files", "uniforms", "memory"},
+    {"gl_functions"},
 )
 HOMES = {
     "moderngl": {"gpu"},

@@ -20,7 +20,7 @@ from benchmarks.peers.face_target import (
     srgb_texture,
 )
 from benchmarks.peers.peer import SENSOR, Peer
-from omnisim.gpu.scene.reversed_depth import gl_function
+from omnisim.gpu.gl_functions import gl_function
 from omnisim.gpu.uniforms import columns_first
 from omnisim.scene.model import Scene
 

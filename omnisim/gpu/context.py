@@ -8,7 +8,7 @@ from typing import NamedTuple
 import moderngl
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.scene.reversed_depth import clip_depth_from_zero_to_one
+from omnisim.gpu.gl_functions import clip_depth_from_zero_to_one
 
 REQUIRED_VERSION = 450
 INSTALL_HINT = (

@@ -1,9 +1,30 @@
-"""From NumPy to what OpenGL's uniforms want."""
+"""Uniforms of programs, and their values from NumPy."""
 
 from __future__ import annotations
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
+
+
+def find_uniform(
+    program: moderngl.Program | moderngl.ComputeShader, name: str
+) -> moderngl.Uniform | None:
+    """Uniform of a program; None where the compiler left it out."""
+    member = program.get(name, None)
+    return member if isinstance(member, moderngl.Uniform) else None
+
+
+def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> moderngl.Uniform:
+    """Uniform of a program.
+
+    Raises:
+        KeyError: it has none of that name.
+    """
+    found = find_uniform(program, name)
+    if found is None:
+        raise KeyError(name)
+    return found
 
 
 def columns_first(matrices: NDArray[np.float64]) -> NDArray[np.float32]:

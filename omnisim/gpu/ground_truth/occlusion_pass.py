@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture.capture_pass import connect_cube
 from omnisim.gpu.capture.ray_table import RayTable
+from omnisim.gpu.gl_functions import clear_integers, flush
 from omnisim.gpu.ground_truth.hit_tables import (
     DrawItemTable,
     connect_places,
@@ -18,8 +19,7 @@ from omnisim.gpu.ground_truth.hit_tables import (
     use_tables,
 )
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
-from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass, clear_integers
-from omnisim.gpu.scene.reversed_depth import gl_function
+from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first
 
@@ -71,7 +71,6 @@ class OcclusionPass:
         # once: nothing is ever drawn where there is no ray
         self._target.use()
         clear_integers(0)
-        self._flush = gl_function("glFlush")
         draws = visibility.buffers.draws
         self._draws = DrawItemTable(context, draws)
         self._object_plus_one = np.array(
@@ -105,7 +104,7 @@ class OcclusionPass:
         self._now.surfaces.use(_SURFACES_NOW)
         if self._vertex_array is not None:
             self._vertex_array.render(moderngl.TRIANGLES)
-        self._flush()
+        flush()
 
     def read(self) -> NDArray[np.bool_]:
         """Which pixels' (height, width) points are hidden."""

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture.capture_pass import connect_cube
 from omnisim.gpu.capture.ray_table import RayTable
+from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.hit_tables import (
     DrawItemTable,
     connect_places,
     connect_tables,
     use_tables,
 )
-from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass, clear_integers
+from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first
 

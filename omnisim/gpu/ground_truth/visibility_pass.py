@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Collection
 from functools import partial
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import TilePlan
+from omnisim.gpu.gl_functions import clear_integers, flush
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIdGeometry, TriangleIds, surfaces_of
 from omnisim.gpu.ground_truth.visibility_program import (
     NumberedPrograms,
@@ -19,14 +19,12 @@ from omnisim.gpu.ground_truth.visibility_program import (
     VisibilityVariant,
     alpha_cutoff,
 )
-from omnisim.gpu.scene.reversed_depth import float_depth, gl_function
+from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import InstanceTransforms, SceneBuffers
 from omnisim.gpu.scene.static_drawer import StaticDrawer
 from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.gpu.scene.vertex_format import vertex_array
 from omnisim.scene.model import Material
-
-_COLOR = 0x1800  # GL_COLOR
 
 
 class VisibilityPass:
@@ -92,7 +90,6 @@ class VisibilityPass:
             variant: vertex_array(context, one.program, buffers.vertices, buffers.triangles.indices)
             for variant, one in self._programs.items()
         }
-        self._flush = gl_function("glFlush")
         seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
         alone = buffers.shown(hidden) & ~buffers.static_geometry.taken & np.array(seen)
         self._alone = np.flatnonzero(alone)
@@ -136,7 +133,7 @@ class VisibilityPass:
             self._drawing.draw(view, placement, order, paint)
             if self._static is not None:
                 self._static.draw(number)
-                self._flush()  # as the picture's pass does
+                flush()  # as the picture's pass does
         while self._static is not None and self._static.has_more:
             self._static.prepare_more(partial(self._read_depth, target))
             for number, view in enumerate(views):
@@ -164,10 +161,3 @@ def _variants(holed: set[bool], albedo: bool) -> list[VisibilityVariant]:
 def _is_never_seen(material: Material) -> bool:
     """Whether it is so clear everywhere that no texel can show it: textures only take away."""
     return material.base_color[3] < alpha_cutoff(material)
-
-
-def clear_integers(attachment: int) -> None:
-    """Zero an attachment of integers of the framebuffer in use: glClear is for floats."""
-    zeros = (ctypes.c_uint * 4)()
-    clear = gl_function("glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
-    clear(_COLOR, attachment, ctypes.addressof(zeros))

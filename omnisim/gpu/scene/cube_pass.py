@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Face, TilePlan
-from omnisim.gpu.scene.reversed_depth import float_depth, gl_function
+from omnisim.gpu.gl_functions import flush
+from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import InstanceTransforms, SceneBuffers, is_blended
 from omnisim.gpu.scene.static_drawer import StaticDrawer
 from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of
@@ -90,7 +91,6 @@ class CubePass:
         self._programs = [surfaces[variant] for variant in variants]
         arrays = {one: buffers.vertex_array(surfaces[one].program) for one in set(variants)}
         self._vertex_arrays = [arrays[variant] for variant in variants]
-        self._flush = gl_function("glFlush")
         self._static = None
         if not (plain or buffers.static_geometry.is_empty):
             # OpenGL reads no depth of several samples, and what one of them hides another may show
@@ -145,7 +145,7 @@ class CubePass:
                 self._static.draw(number)
                 # tile by tile: a software renderer keeps what it was told of all tiles in memory
                 # otherwise, and is slower by up to a seventh
-                self._flush()
+                flush()
         while self._static is not None and self._static.has_more:
             self._static.prepare_more(self._read_depth)
             for number, view in enumerate(views):

@@ -3,18 +3,16 @@ size before it makes its own, which takes longer than all the textures of a scen
 
 from __future__ import annotations
 
-import ctypes
 from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.reversed_depth import gl_function
+from omnisim.gpu.gl_functions import upload_mip_level
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
 SRGB8_ALPHA8 = 0x8C43
-_TEXTURE_2D, _RGBA, _UNSIGNED_BYTE = 0x0DE1, 0x1908, 0x1401
 # Linear light in 14 bits: a step is a fifth of one of 8-bit sRGB where that is finest, and two
 # values add up within 16 bits.
 _MOST = 2**14 - 1
@@ -79,15 +77,6 @@ def upload_levels(texture: moderngl.Texture, levels: list[NDArray[np.uint8]]) ->
 
     moderngl allocates levels only by letting the driver make them.
     """
-    allocate = gl_function(
-        "glTexImage2D",
-        ctypes.c_uint, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int,
-        ctypes.c_uint, ctypes.c_uint, ctypes.c_char_p,
-    )  # fmt: skip
     texture.use()
     for number, level in enumerate(levels, start=1):
-        height, width = level.shape[:2]
-        allocate(
-            _TEXTURE_2D, number, SRGB8_ALPHA8, width, height, 0, _RGBA, _UNSIGNED_BYTE,
-            level.tobytes(),
-        )  # fmt: skip
+        upload_mip_level(number, SRGB8_ALPHA8, (level.shape[1], level.shape[0]), level.tobytes())
