@@ -1,9 +1,9 @@
 """A look inside a frame: where its time goes, and what it draws.
 
 The one place of the benchmarks that knows how a `Renderer` is made: its virtual cameras are drawn
-by `_cube.render`, which its pipeline calls; what comes after it, up to the first read from the GPU,
-is the mirror pass and the capture; reads are readback. Reads and draws are noticed where moderngl
-has them, so that how the pipeline calls them does not matter.
+by `CameraPasses.cube`, which its pipeline calls; what comes after, up to the first read from the
+GPU, is the mirror pass and the capture; reads are readback. Reads and draws are noticed where
+moderngl has them, so that how the pipeline calls them does not matter.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
 from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.sensors.renderer import CameraPasses
 
 _READS = (
     (moderngl.Framebuffer, ("read", "read_into")),
@@ -82,16 +83,17 @@ class RepeatedFrame:
 
     def render_faces(self) -> None:
         """The virtual cameras alone, until they are drawn."""
-        with self.renderer._current() as stage:  # not nested: the inner end would be the outer's
-            self._draw_faces(stage)
-            stage.context.finish()
+        with self.renderer._current() as passes:  # not nested: the inner end would be the outer's
+            self._draw_faces(passes)
+            self.renderer._stage.context.finish()
 
     def parts(self) -> PartSeconds:
         """Render it, waiting for the GPU at every boundary, and say how long each part took."""
-        with self.renderer._current() as stage:
-            marks = _Marks(stage.context)
+        marks = _Marks(self.renderer._stage.context)
+        with self.renderer._current() as passes:
+            cube = passes.cube
         start = time.perf_counter()
-        with _instead(self.renderer._cube, "render", marks.faces), _reads(marks.read):
+        with _instead(cube, "render", marks.faces), _reads(marks.read):
             self.render()
         whole = time.perf_counter() - start
         faces, capture, reads = marks.seconds
@@ -99,8 +101,8 @@ class RepeatedFrame:
 
     def count(self) -> FrameCounts:
         """Render it and count."""
-        with self.renderer._current() as stage:
-            counted = count(stage.context, lambda: self._draw_faces(stage))
+        with self.renderer._current() as passes:
+            counted = count(self.renderer._stage.context, lambda: self._draw_faces(passes))
         calls: list[int] = []
 
         def noting(draws_of: Callable[..., int]) -> Callable[..., Any]:
@@ -121,10 +123,11 @@ class RepeatedFrame:
             self.render()
         return FrameCounts(counted, len(calls), sum(calls))
 
-    def _draw_faces(self, stage: Stage) -> None:
+    def _draw_faces(self, passes: CameraPasses) -> None:
         renderer = self.renderer
         world_from_rig = self.world_from_base @ renderer.camera.base_from_rig
-        renderer._cube.render(world_from_rig, stage.object_poses_at(self.world_from_base))
+        object_poses = renderer._stage.object_poses_at(self.world_from_base)
+        passes.cube.render(world_from_rig, object_poses)
 
 
 class _Marks:

@@ -16,7 +16,8 @@ class Omnisim(Peer):
         self.name = name
         self._renderer = Renderer(stage, sensor, unlit=unlit)
         self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
-        faces = self._renderer._cube.plan.faces
+        with self._renderer._current() as passes:
+            faces = passes.cube.plan.faces
         self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in faces)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -13,11 +13,11 @@ from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
-from omnisim.sensors.stage import OnStage, Stage
+from omnisim.sensors.stage import SensorRenderer, Stage
 from omnisim.version import __version__
 
 
-class LaserRenderer(OnStage):
+class LaserRenderer(SensorRenderer[RangePass]):
     """Takes a scanner's scans of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
@@ -46,15 +46,13 @@ class LaserRenderer(OnStage):
     ):
         self.scanner = LaserScanner() if scanner is None else scanner
         self._angles_rad = np.radians(self.scanner.angles_deg)
-        super().__init__(scene, body, hidden, device)
 
-    def _build(self, stage: Stage) -> None:
-        self._ranges = RangePass(
-            stage.context, stage.buffers, self._angles_rad, self.scanner.reach_m, self.hidden
-        )
+        def make_passes(stage: Stage) -> RangePass:
+            return RangePass(
+                stage.context, stage.buffers, self._angles_rad, self.scanner.reach_m, hidden
+            )
 
-    def _forget(self) -> None:
-        del self._ranges
+        super().__init__(scene, body, hidden, device, make_passes)
 
     def scan(
         self,
@@ -82,13 +80,13 @@ class LaserRenderer(OnStage):
         base = None if world_from_base is None else check_pose(world_from_base)
         if self.body is not None and base is None:
             raise OmnisimError("scan: world_from_base is missing: where is the body?")
-        with self._current() as stage:
-            true_ranges_m = self._ranges.cast(pose, stage.object_poses_at(base, object_poses))
+        with self._current() as ranges:
+            true_ranges_m = ranges.cast(pose, self._stage.object_poses_at(base, object_poses))
         ranges_m = self.scanner.measure(true_ranges_m, scan_number)
         metadata = {
             "omnisim": __version__,
             "scene": self.scene.name,
-            **self._about_body(),
+            **self._body_metadata(),
             "scan_number": int(scan_number),
         }
         if self.body is not None:

@@ -25,12 +25,82 @@ from omnisim.sensors.imperfect_camera import ImperfectCamera
 from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import View
-from omnisim.sensors.stage import OnStage, Stage
+from omnisim.sensors.stage import SensorRenderer, Stage
 from omnisim.srgb import srgb_from_linear
 from omnisim.version import __version__
 
 
-class Renderer(OnStage):
+class CameraPasses:
+    """GPU passes of one camera; those that only some frames need are made on first use.
+
+    Args:
+        stage: its context is current, here and in all methods.
+        sensor: the camera.
+        hidden: names of the body's instances that are not drawn.
+        unlit: whether to show plain base colours, without lights.
+        imperfect: the camera's degradation.
+
+    Attributes:
+        cube, pipeline: of the picture.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        sensor: OmniCamera,
+        hidden: Collection[str],
+        unlit: bool,
+        imperfect: ImperfectCamera,
+    ):
+        self._stage, self._sensor = stage, sensor
+        self._hidden, self._unlit = hidden, unlit
+        self._whole_cube: CubePass | None = None
+        self._ground_truth: GroundTruth | None = None
+        camera = sensor.captured_camera
+        check_picture_size(stage.context, camera.width_px, camera.height_px)
+        density = sensor.texels_per_pixel / sensor.supersampling
+        plan = faces_of(sensor, camera, density, sensor.face_size_px, in_parts=True)
+        self.cube = self._cube_pass(plan)
+        self.pipeline = Pipeline(
+            stage.context,
+            camera,
+            camera.rig_from_optical,
+            self.cube,
+            partial(capture_of, stage, sensor, camera),
+            sensor.supersampling,
+            imperfect.make_pass(stage),
+        )
+
+    def whole_cube(self) -> CubePass:
+        """Faces drawn to their edges, each in one piece."""
+        if self._whole_cube is None:
+            self._whole_cube = self._cube_pass(whole_faces(self.cube.plan))
+        return self._whole_cube
+
+    def ground_truth(self, albedo: bool) -> GroundTruth:
+        """Channels, with albedo if it is asked for."""
+        if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
+            self._ground_truth = GroundTruth(self._stage, self._sensor, self._hidden, albedo)
+            self._stage.context.gc()
+        return self._ground_truth
+
+    def _cube_pass(self, plan: TilePlan) -> CubePass:
+        stage, sensor = self._stage, self._sensor
+        return CubePass(
+            stage.context,
+            stage.buffers,
+            stage.surfaces,
+            plan,
+            sensor.near_m,
+            sensor.far_m,
+            sensor.samples,
+            self._unlit,
+            stage.scene.background,
+            self._hidden,
+        )
+
+
+class Renderer(SensorRenderer[CameraPasses]):
     """Renders a sensor's pictures of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
@@ -64,47 +134,20 @@ class Renderer(OnStage):
         self.camera = OmniCamera() if camera is None else camera
         self._imperfect = ImperfectCamera(self.camera, seed)
         self._unlit = unlit
-        self._whole_cube: CubePass | None = None
         self._last_view: View | None = None
-        self._ground_truth: GroundTruth | None = None
-        super().__init__(scene, body, hidden, device)
-
-    def _build(self, stage: Stage) -> None:
-        sensor, context = self.camera, stage.context
-        camera = sensor.captured_camera
-        check_picture_size(context, camera.width_px, camera.height_px)
-        density = sensor.texels_per_pixel / sensor.supersampling
-        plan = faces_of(sensor, camera, density, sensor.face_size_px, in_parts=True)
-        self._cube = self._cube_pass(stage, plan)
-        self._pipeline = Pipeline(
-            context,
-            camera,
-            camera.rig_from_optical,
-            self._cube,
-            partial(capture_of, stage, sensor, camera),
-            sensor.supersampling,
-            self._imperfect.make_pass(stage),
+        super().__init__(
+            scene,
+            body,
+            hidden,
+            device,
+            partial(
+                CameraPasses,
+                sensor=self.camera,
+                hidden=frozenset(hidden),
+                unlit=unlit,
+                imperfect=self._imperfect,
+            ),
         )
-
-    def _cube_pass(self, stage: Stage, plan: TilePlan) -> CubePass:
-        sensor = self.camera
-        return CubePass(
-            stage.context,
-            stage.buffers,
-            stage.surfaces,
-            plan,
-            sensor.near_m,
-            sensor.far_m,
-            sensor.samples,
-            self._unlit,
-            self.scene.background,
-            self.hidden,
-        )
-
-    def _forget(self) -> None:
-        self._whole_cube = None
-        del self._cube, self._pipeline
-        self._ground_truth = None
 
     def render(
         self,
@@ -145,13 +188,14 @@ class Renderer(OnStage):
             raise OutputError("channel 'flow': leads to the next picture: want next_base")
         world_from_rig = base @ self.camera.base_from_rig
         metadata = self._metadata(base, world_from_rig)
-        with self._current() as stage:
+        stage = self._stage
+        with self._current() as passes:
             moving = stage.object_poses_at(base, object_poses)
             if self.camera.degradation.is_ideal:
-                picture = self._pipeline.render(world_from_rig, linear, moving)
+                picture = passes.pipeline.render(world_from_rig, linear, moving)
             else:
                 picture, metadata["degradation"] = self._imperfect.take(
-                    self._pipeline,
+                    passes.pipeline,
                     stage,
                     base,
                     object_poses,
@@ -162,7 +206,7 @@ class Renderer(OnStage):
                 )
             channels, labels = {}, None
             if names:
-                truth = self._truth(stage, names)
+                truth = passes.ground_truth("albedo" in names)
                 after = None
                 if after_base is not None:
                     after = View(
@@ -179,14 +223,6 @@ class Renderer(OnStage):
             metadata["next_world_from_base"] = after_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels)
 
-    def _truth(self, stage: Stage, names: Collection[str]) -> GroundTruth:
-        """What gives the channels: made when they are first asked for."""
-        albedo = "albedo" in names
-        if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
-            self._ground_truth = GroundTruth(stage, self.camera, self.hidden, albedo)
-            stage.context.gc()
-        return self._ground_truth
-
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
@@ -195,12 +231,10 @@ class Renderer(OnStage):
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
-        with self._current() as stage:
+        with self._current() as passes:
             if self._last_view is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
-            if self._whole_cube is None:
-                self._whole_cube = self._cube_pass(stage, whole_faces(self._cube.plan))
-            cube = self._whole_cube
+            cube = passes.whole_cube()
             cube.render(self._last_view.world_from_rig, self._last_view.world_from_objects)
             linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
         return {
@@ -216,7 +250,7 @@ class Renderer(OnStage):
         return {
             "omnisim": __version__,
             "scene": self.scene.name,
-            **self._about_body(),
+            **self._body_metadata(),
             "camera": self.camera.model.parameters(),
             "polygons": self.camera.polygons or "exact",
             "supersampling": self.camera.supersampling,

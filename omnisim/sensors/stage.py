@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -138,14 +138,18 @@ class Stage(Closing):
             self.context.release()
 
 
-class OnStage(Closing):
-    """What the renderers of all sensors share: a stage, their own or one they share, and its end.
+Passes = TypeVar("Passes")
+
+
+class SensorRenderer(Closing, Generic[Passes]):
+    """Passes of one sensor on a stage, its own or a shared one, until it is closed.
 
     Args:
         scene: becomes a stage of its own; or a stage that somebody else closes.
         body: for a stage of its own.
         hidden: names of the body's instances that this sensor does not see.
         device: for a stage of its own.
+        make_passes: called once, with the stage's context current.
 
     Raises:
         GraphicsError: from opening a stage, or a stage and what only it can choose.
@@ -157,10 +161,10 @@ class OnStage(Closing):
         body: Scene | None,
         hidden: Collection[str],
         device: int | None,
+        make_passes: Callable[[Stage], Passes],
     ):
         self.hidden = frozenset(hidden)
-        self._closed = False
-        self._is_stage_ours = not isinstance(scene, Stage)
+        self._owns_stage = not isinstance(scene, Stage)
         if not isinstance(scene, Stage):
             self._stage = Stage(scene, body, device=device)
         elif body is None and device is None:
@@ -169,50 +173,41 @@ class OnStage(Closing):
             raise GraphicsError("a stage has its body and its device: give them to the stage")
         try:
             with self._stage.current():
-                self._build(self._stage)
+                self._passes: Passes | None = make_passes(self._stage)
         except BaseException:
-            if self._is_stage_ours:
+            if self._owns_stage:
                 self._stage.close()
             raise
 
     @property
     def scene(self) -> Scene:
-        """What there is to see."""
+        """Static scene."""
         return self._stage.scene
 
     @property
     def body(self) -> Scene | None:
-        """What moves with the vehicle."""
+        """Body of the vehicle, which moves with it."""
         return self._stage.body
 
-    @abstractmethod
-    def _build(self, stage: Stage) -> None:
-        """Make the passes; the stage's context is current."""
-
-    @abstractmethod
-    def _forget(self) -> None:
-        """Let go of the passes."""
-
     @contextmanager
-    def _current(self) -> Iterator[Stage]:
-        if self._closed:
+    def _current(self) -> Iterator[Passes]:
+        """Make the stage's context current for a `with` block that uses the passes."""
+        if self._passes is None:
             raise GraphicsError("this renderer is closed: open a new one")
         with self._stage.current():
-            yield self._stage
+            yield self._passes
 
     def close(self) -> None:
-        """Give back what it holds on the GPU, and the stage if it is its own."""
-        if self._closed:
+        """Free the passes, and close the stage if it is its own; a second time does nothing."""
+        if self._passes is None:
             return
-        self._closed = True
-        self._forget()
-        if self._is_stage_ours:
+        self._passes = None
+        if self._owns_stage:
             self._stage.close()
         else:
             self._stage.collect()
 
-    def _about_body(self) -> dict[str, Any]:
-        """For the metadata."""
+    def _body_metadata(self) -> dict[str, Any]:
         if self.body is None:
             return {}
         return {"body": self.body.name, "hidden": sorted(self.hidden)}

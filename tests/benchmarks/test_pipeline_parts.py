@@ -28,7 +28,7 @@ def test_a_frame_in_parts_is_the_frame(frame, monkeypatch):
     assert min(parts) > 0.0
     assert parts.whole == pytest.approx(sum(parts))
     assert (moderngl.Framebuffer.read_into, moderngl.VertexArray.render) == before
-    assert "render" not in vars(frame.renderer._cube)
+    assert "render" not in vars(frame.renderer._passes.cube)
 
 
 def test_a_failure_leaves_nothing_changed(frame, monkeypatch):
@@ -40,7 +40,7 @@ def test_a_failure_leaves_nothing_changed(frame, monkeypatch):
     with pytest.raises(RuntimeError):
         frame.parts()
     assert moderngl.Framebuffer.read_into is before
-    assert "render" not in vars(frame.renderer._cube)
+    assert "render" not in vars(frame.renderer._passes.cube)
 
 
 def test_counts_are_the_same_each_time(frame):

@@ -80,7 +80,7 @@ def test_the_picture_is_the_same_to_the_last_bit_when_everything_is_drawn(monkey
     ]
     with Renderer(scene, sensor) as renderer:
         little = [renderer.render(one).rgba for one in poses]
-        drawn = renderer._cube._static.triangles
+        drawn = renderer._passes.cube._static.triangles
         monkeypatch.setattr(
             cluster_culling.ClusterCuller,
             "_turned_away",
@@ -91,5 +91,5 @@ def test_the_picture_is_the_same_to_the_last_bit_when_everything_is_drawn(monkey
         )
         monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (10**9,) * TURNS)
         everything = [renderer.render(one).rgba for one in poses]
-        assert drawn < renderer._cube._static.triangles / 20
+        assert drawn < renderer._passes.cube._static.triangles / 20
     np.testing.assert_array_equal(little, everything)

@@ -30,7 +30,7 @@ def _at_start(stage, camera):
 
 def _take(stage, camera):
     with Renderer(stage, camera) as renderer:
-        has_table = renderer._pipeline._lookups is not None
+        has_table = renderer._passes.pipeline._lookups is not None
         return renderer.render(_at_start(stage, camera)).rgba, has_table
 
 
@@ -95,7 +95,7 @@ def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
                 with monkeypatch.context() as patch:
                     notes[polygons] = Notes(patch)
                     renderer.render(_at_start(stage, camera))
-                table = renderer._pipeline._lookups._places.size
+                table = renderer._passes.pipeline._lookups._places.size
                 assert table == 8 * 200 * 200 * camera.supersampling**2
     few, many = notes.values()
     assert len(few.drawn) > 10  # in the faces and the picture

@@ -129,7 +129,7 @@ class Pictures:
             with Renderer(self._stage, camera) as renderer:
                 rgba = renderer.render(world_from_base).rgba
                 if not options:
-                    self.triangles = renderer._cube._static.triangles
+                    self.triangles = renderer._passes.cube._static.triangles
         return rgba
 
 

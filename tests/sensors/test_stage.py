@@ -95,7 +95,7 @@ def test_a_closed_renderer_leaves_nothing_on_the_stage():
     with Stage(surroundings(), body()) as stage:
         first = Renderer(stage, CAMERA)
         before = first.render(pose()).rgba
-        width_px, height_px = first._cube.atlas.size
+        width_px, height_px = first._passes.cube.atlas.size
         atlas_bytes = 8 * width_px * height_px  # four half floats
 
         def open_and_close(count):
