@@ -17,8 +17,9 @@ from readme import ROOT, renew_figures, renew_table
 
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.__main__ import SUITES
 from benchmarks.machine import in_words
+
+from benchmarks.__main__ import SUITES
 from benchmarks.report import read_report
 from omnisim.errors import OmnisimError
 

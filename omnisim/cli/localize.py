@@ -12,7 +12,6 @@ from omnisim.cli.progress import count_along
 from omnisim.errors import LocalizationError
 from omnisim.experiments.localizing import localize, sighting_of
 from omnisim.experiments.localizing_report import write_localized
-from omnisim.experiments.page import check_folder
 from omnisim.experiments.run_data import read_run
 from omnisim.experiments.training import train_on_run
 from omnisim.localization.parameters import read_parameters
@@ -20,6 +19,7 @@ from omnisim.localization.sightings import LandmarkMap
 from omnisim.perception.color_model import ColorModel, Costs
 from omnisim.perception.color_model_file import load_model
 from omnisim.perception.landmark_detector import LandmarkDetector
+from omnisim.reports.report import HTML, check_report_target
 
 SHOWN = 4  # panoramas on the page
 
@@ -39,7 +39,7 @@ def run(
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    check_folder(output)
+    check_report_target(output)
     chosen = read_parameters(parameters)
     data = read_run(folder, scene, camera)
     colors = _colors(model, folder)
@@ -71,14 +71,13 @@ def run(
         chosen,
         data.mount.position_m,
     )
-    page = write_localized(output, data, found, chosen, detections, shown, told)
-    (section,) = page.sections
+    report = write_localized(output, data, found, chosen, detections, shown, told)
+    (section,) = report.sections
     for notice in section.notices:
         err.print("note: ", notice, sep="", markup=False)
-    out.print(f"{output / 'report.html'}: {counted(data.steps, 'step')}", markup=False)
-    for number in section.numbers:
-        unit = f" {number.unit}" if number.unit else ""
-        out.print(f"  {number.name}: {number.value:.4g}{unit}", markup=False)
+    out.print(f"{output / HTML}: {counted(data.steps, 'step')}", markup=False)
+    for measure in section.measures:
+        out.print(f"  {measure.name}: {measure.value_text}", markup=False)
 
 
 def _colors(path: Path | None, folder: Path) -> ColorModel | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from pathlib import Path
 
 from rich.console import Console
@@ -10,9 +11,10 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from omnisim.errors import OmnisimError
-from omnisim.validation.chapters import CHAPTERS, Chapter, Outcome, run_chapters
-from omnisim.validation.check import Bench
-from omnisim.validation.report import Report, check_report_target, machine
+from omnisim.reports.machine import machine_of_device
+from omnisim.reports.report import HTML, Section, check_report_target
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.suite import CHECKS, Check, make_report, run_checks
 
 _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow"}
 
@@ -25,11 +27,10 @@ def run(
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    chapters = _chosen(only, is_quick)
+    checks = _chosen(only, is_quick)
     check_report_target(output)
-    machine_here = machine(device)  # without OpenGL better now than after the work
-    bench = Bench(device=device, is_quick=is_quick)
-    outcomes: list[Outcome] = []
+    machine = machine_of_device(device)  # without OpenGL better now than after the work
+    sections: list[Section] = []
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),
@@ -37,43 +38,40 @@ def run(
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        task = progress.add_task(escape(chapters[0].title), total=len(chapters))
-        for outcome in run_chapters(bench, chapters):
-            outcomes.append(outcome)
-            _print(outcome, out)
-            following = chapters[len(outcomes)].title if len(outcomes) < len(chapters) else ""
+        task = progress.add_task(escape(checks[0].title), total=len(checks))
+        for section in run_checks(Fixture(device, is_quick), checks):
+            sections.append(section)
+            _print(section, out)
+            following = checks[len(sections)].title if len(sections) < len(checks) else ""
             progress.update(task, advance=1, description=escape(following))
-    report = Report(outcomes, is_quick, machine_here)
+    report = make_report(sections, is_quick, machine)
     report.write(output)
-    skipped = sum(outcome.status == "skipped" for outcome in outcomes)
-    failed = sum(outcome.status == "failed" for outcome in outcomes)
-    told = f"{output / 'report.html'}: {len(outcomes) - skipped - failed} passed"
-    told += f", {failed} failed" if failed else ""
-    told += f", {skipped} skipped" if skipped else ""
-    out.print(told, markup=False)
+    counts = Counter(section.status for section in sections)
+    summary = f"{output / HTML}: {counts['passed']} passed"
+    summary += f", {counts['failed']} failed" if counts["failed"] else ""
+    summary += f", {counts['skipped']} skipped" if counts["skipped"] else ""
+    out.print(summary, markup=False)
     return report.passed
 
 
-def _chosen(only: list[str], is_quick: bool) -> list[Chapter]:
-    known = {chapter.key: chapter for chapter in CHAPTERS}
+def _chosen(only: list[str], is_quick: bool) -> list[Check]:
+    known = {check.key: check for check in CHECKS}
     for key in only:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
             hint = f"did you mean {near[0]!r}?" if near else "known: " + ", ".join(known)
             raise OmnisimError(f"--only {key}: no such check; {hint}")
     if only:
-        return [chapter for chapter in CHAPTERS if chapter.key in only]
-    return [chapter for chapter in CHAPTERS if chapter.is_quick or not is_quick]
+        return [check for check in CHECKS if check.key in only]
+    return [check for check in CHECKS if check.is_quick or not is_quick]
 
 
-def _print(outcome: Outcome, out: Console) -> None:
-    color = _COLORS[outcome.status]
-    time = f"{outcome.seconds:5.1f} s" if outcome.findings else ""
-    out.print(f"[{color}]{outcome.status:8}[/] {escape(outcome.chapter.title):55} {time}")
-    if outcome.reason:
-        out.print(f"         {escape(outcome.reason)}")
-    for measure in outcome.findings.measures if outcome.findings else ():
-        sign = "≥" if measure.at_least else "≤"
-        line = f"{measure.name}: {measure.value:.3g} {sign} {measure.bound:.3g} {measure.unit}"
-        if not measure.passed:
-            out.print(f"         [red]missed[/] {escape(line)}")
+def _print(section: Section, out: Console) -> None:
+    color = _COLORS[section.status]
+    time = f"{section.seconds:5.1f} s" if section.seconds is not None else ""
+    out.print(f"[{color}]{section.status:8}[/] {escape(section.title):55} {time}")
+    if section.skipped or section.failure:
+        out.print(f"         {escape(section.skipped or section.failure)}")
+    for measure in section.missed:
+        line = f"{measure.name}: {measure.value_text} {measure.bound_text}"
+        out.print(f"         [red]missed[/] {escape(line)}")

@@ -10,7 +10,6 @@ import numpy as np
 
 from omnisim.experiments.detecting import Found, accuracy
 from omnisim.experiments.experiment_runs import Real, Simulated
-from omnisim.experiments.page import Number, Picture, Section, Table
 from omnisim.experiments.recordings import Recordings
 from omnisim.experiments.run_labels import RunLabels
 from omnisim.experiments.seeds import Progress
@@ -26,6 +25,8 @@ from omnisim.plots.detection_plots import (
     roc_figure,
 )
 from omnisim.plots.style import gallery
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section, Table
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)
 
@@ -47,11 +48,11 @@ def pictures(runs: Recordings, trained: Training, simulated: Simulated, real: Re
         "like the landmarks', a lamp over one corner, and a camera with defocus, motion blur, "
         "auto-exposure, noise, dirt and a colour mosaic. The simulation: a P2AT with an ideal "
         f"camera. Colours are learned from {trained.pictures} clean pictures of another drive.",
-        pictures=(
-            Picture("fig11-pictures", gallery(shown, 3),
+        figures=(
+            CaptionedFigure("fig11-pictures", gallery(shown, 3),
                     "Above the real setting, below the simulation: the same field, blurred and "
                     "noisy above."),
-            Picture("fig11-detections", detections_figure(rows),
+            CaptionedFigure("fig11-detections", detections_figure(rows),
                     "Panoramas with what is found: in the simulation every box is around a "
                     "landmark; in the real setting most are missed, even in the pictures with most "
                     "boxes that are shown here, and some are around something else."),
@@ -80,8 +81,8 @@ def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
         )  # fmt: skip
     alarms = [1e6 * sum(each.pixels.false_alarms.values()) for each in (simulated, real)]
     numbers = [
-        Number("false positives of all colours, clean", alarms[0], "in a million pixels"),
-        Number("false positives of all colours, degraded", alarms[1], "in a million pixels",
+        Measure("false positives of all colours, clean", alarms[0], "in a million pixels"),
+        Measure("false positives of all colours, degraded", alarms[1], "in a million pixels",
                paper="“a large amount of false positives”"),
     ]  # fmt: skip
     curves = {
@@ -104,7 +105,7 @@ def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
         "behind it, and are most of those that are missed.",
         numbers,
         (table,),
-        (Picture("roc", roc_figure(curves),
+        (CaptionedFigure("roc", roc_figure(curves),
                  "The share of a colour's pixels that is found against that of all others that "
                  "is taken for it; dots are the thresholds."),),
     )  # fmt: skip
@@ -120,19 +121,19 @@ def detection(simulated: Simulated, real: Real) -> Section:
     }
     worst = accuracy(real.found, 0.0, 4.0)
     numbers = [
-        Number("recall within 4 m, of the landmark that has least",
+        Measure("recall within 4 m, of the landmark that has least",
                min(each.recall for each in each_name.values()), "", 0.95, True),
-        Number("precision within 4 m, of the landmark that has least",
+        Measure("precision within 4 m, of the landmark that has least",
                min(each.precision for each in each_name.values()), "", 0.98, True),
-        Number("bearing error within 3 m, RMS", math.degrees(three.bearing_rms_rad), "°", 0.5),
-        Number("range error within 3 m, RMS", 100.0 * three.range_rms_share, "%", 5.0),
-        Number("the same by the inverse of Eq. 2", 100.0 * three.range_eq2_rms_share, "%"),
-        Number("range by Eq. 2 less that by the exact relation, mean within 4 m",
+        Measure("bearing error within 3 m, RMS", math.degrees(three.bearing_rms_rad), "°", 0.5),
+        Measure("range error within 3 m, RMS", 100.0 * three.range_rms_share, "%", 5.0),
+        Measure("the same by the inverse of Eq. 2", 100.0 * three.range_eq2_rms_share, "%"),
+        Measure("range by Eq. 2 less that by the exact relation, mean within 4 m",
                1e3 * near.eq2_mean_m, "mm"),
-        Number("processor time of one picture of 360 × 360, median",
+        Measure("processor time of one picture of 360 × 360, median",
                simulated.milliseconds, "ms", 30.0),
-        Number("recall within 4 m, real setting", worst.recall),
-        Number("precision within 4 m, real setting", worst.precision),
+        Measure("recall within 4 m, real setting", worst.recall),
+        Measure("precision within 4 m, real setting", worst.precision),
     ]  # fmt: skip
     rows = tuple(
         (name, f"{told.recall:.3f}", f"{told.precision:.3f}",
@@ -149,7 +150,7 @@ def detection(simulated: Simulated, real: Real) -> Section:
         numbers,
         (Table("Within 4 m, clean.",
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
-        (Picture("recall", rates_figure({"clean": _rates(simulated.found),
+        (CaptionedFigure("recall", rates_figure({"clean": _rates(simulated.found),
                                          "real setting": _rates(real.found)}),
                  "Clean, nearly everything to 4 m is found, and nothing else; in the real setting "
                  "little is, and some of it is a box."),),
@@ -202,8 +203,8 @@ def degradations(
                   ("degradation", "level", "recall", "precision", "bearing, RMS", "range, RMS",
                    "false pixels in 10⁶", "error of the place"), tuple(rows)),
         ),
-        pictures=(
-            Picture("degradations", curves_figure(panels, levels),
+        figures=(
+            CaptionedFigure("degradations", curves_figure(panels, levels),
                     "Levels as in the table. What shifts colours costs most, white balance and "
                     "light; noise makes most false positives; blur costs what is far."),
         ),

@@ -8,7 +8,6 @@ import time
 import numpy as np
 
 from omnisim.experiments.experiment_runs import SEEDS, Real, Simulated
-from omnisim.experiments.page import Number, Picture, Section, Table
 from omnisim.experiments.seeds import (
     SeedRuns,
     ahead_only,
@@ -24,6 +23,8 @@ from omnisim.plots.localization_plots import (
     paths_figure,
     seeds_figure,
 )
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section, Table
 
 LATE_STEP = 5
 PAPER_BOUND_M, SIMULATED_BOUND_M = 0.6, 0.5
@@ -40,24 +41,24 @@ def first_experiment(simulated: Simulated) -> Section:
     mean = float(np.nanmean(by_step[1:]))  # at the start nothing is estimated: it is the truth
     inside = np.mean((by_step[1:] > band.low) & (by_step[1:] < band.high))
     numbers = [
-        Number(f"largest error after step {LATE_STEP}, median of {SEEDS} seeds",
+        Measure(f"largest error after step {LATE_STEP}, median of {SEEDS} seeds",
                float(np.median(late.max(axis=1))), "m", 0.25, paper="well below 0.5 m"),
-        Number(f"mean error after step {LATE_STEP}, median",
+        Measure(f"mean error after step {LATE_STEP}, median",
                float(np.median(late.mean(axis=1))), "m", 0.10),
-        Number("mean error on the diagonal, median",
+        Measure("mean error on the diagonal, median",
                float(np.median(seeds.errors_m[:, -DIAGONAL_STEPS:].mean(axis=1))), "m", 0.10,
                paper="0.349 m"),
-        Number("largest error by the wheels alone, median",
+        Measure("largest error by the wheels alone, median",
                float(np.median(seeds.reckoned_m.max(axis=1))), "m", paper="well above 1 m"),
-        Number("step at which the gate opens, median", float(np.median(seeds.opens)),
+        Measure("step at which the gate opens, median", float(np.median(seeds.opens)),
                paper="1: instantly"),
-        Number(f"NEES, mean of seeds and steps (3 expected), not above its 95 % band of {SEEDS}",
+        Measure(f"NEES, mean of seeds and steps (3 expected), not above its 95 % band of {SEEDS}",
                mean, "", band.high),
-        Number("the same, not below", mean, "", band.low, True),
-        Number("share of the steps whose mean NEES is within the band", float(inside)),
-        Number("NIS over its degrees of freedom, all steps",
+        Measure("the same, not below", mean, "", band.low, True),
+        Measure("share of the steps whose mean NEES is within the band", float(inside)),
+        Measure("NIS over its degrees of freedom, all steps",
                float(np.nansum(seeds.nis) / max(seeds.nis_degrees.sum(), 1))),
-        Number("processor time of a step of the filter, median",
+        Measure("processor time of a step of the filter, median",
                _step_microseconds(simulated), "µs", 100.0),
     ]  # fmt: skip
     return Section(
@@ -67,11 +68,11 @@ def first_experiment(simulated: Simulated) -> Section:
         "wheels. What errors the pictures' rasters give to detections all seeds have in common, so "
         "that NEES, averaged over seeds, wanders about its mean more than independent runs would.",
         numbers,
-        pictures=(
-            Picture("seeds", seeds_figure(seeds.errors_m, seeds.reckoned_m,
+        figures=(
+            CaptionedFigure("seeds", seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                           f"{SEEDS} seeds of experiment 1"),
                     "The estimate stays within millimetres while the wheels are off by a metre."),
-            Picture("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
+            CaptionedFigure("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
                                                       seeds.nis_bands),
                     "NEES about 3, with the wandering that all seeds share; NIS below 1: what is "
                     "seen agrees better than it says."),
@@ -95,26 +96,26 @@ def second_experiment(real: Real) -> Section:
     ]
     wheels = seeds.reckoned_m.max(axis=1)
     numbers = [
-        Number("step at which the gate opens, median", float(np.median(opens)), "",
+        Measure("step at which the gate opens, median", float(np.median(opens)), "",
                LATE_STEP + 1, True, paper="23"),
-        Number("largest error after the gate opens, median",
+        Measure("largest error after the gate opens, median",
                float(np.median(after)) if after else math.nan, "m", PAPER_BOUND_M,
                paper="within 0.6 m"),
-        Number("mean error after the gate opens, median",
+        Measure("mean error after the gate opens, median",
                float(np.median(late)) if late else math.nan, "m"),
-        Number("largest error by the wheels alone, median", float(np.median(wheels)), "m",
+        Measure("largest error by the wheels alone, median", float(np.median(wheels)), "m",
                1.0, True, paper="well above 1 m at several steps"),
-        Number("seeds of 20 whose gate opens later than step 5",
+        Measure("seeds of 20 whose gate opens later than step 5",
                float(np.sum(opens > LATE_STEP))),
-        Number("seeds of 20 that stay within 0.6 m after it opens",
+        Measure("seeds of 20 that stay within 0.6 m after it opens",
                float(np.sum(np.array(after) <= PAPER_BOUND_M))),
-        Number("with experiment 1's noise instead: step at which the gate opens, median",
+        Measure("with experiment 1's noise instead: step at which the gate opens, median",
                float(np.median(real.honest.opens))),
-        Number("with it: mean error after step 5, median",
+        Measure("with it: mean error after step 5, median",
                float(np.median(real.honest.errors_m[:, LATE_STEP:].mean(axis=1))), "m"),
-        Number("landmarks found automatically and a start that is known: mean error, median",
+        Measure("landmarks found automatically and a start that is known: mean error, median",
                float(np.median(real.automatic.errors_m[:, LATE_STEP:].mean(axis=1))), "m"),
-        Number("the same: largest error after step 5, median",
+        Measure("the same: largest error after step 5, median",
                float(np.median(real.automatic.errors_m[:, LATE_STEP:].max(axis=1))), "m"),
     ]  # fmt: skip
     return Section(
@@ -124,8 +125,8 @@ def second_experiment(real: Real) -> Section:
         "with bias. What the filter is told of the wheels is less than they deserve: only then "
         "does it ignore landmarks for as long as the paper's did.",
         numbers,
-        pictures=(
-            Picture("seeds-real", seeds_figure(seeds.errors_m, seeds.reckoned_m,
+        figures=(
+            CaptionedFigure("seeds-real", seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                                f"{SEEDS} seeds of experiment 2"),
                     "The estimate follows the wheels until the gate opens, and then the truth."),
         ),
@@ -148,11 +149,11 @@ def side_by_side(simulated: Simulated, real: Real) -> Section:
         "Fig. 12 and 13: paths and errors",
         f"One seed of each experiment: 0 of the simulation, {chosen} of the real setting, whose "
         "gate opens nearest to the median.",
-        pictures=(
-            Picture("fig12-paths", paths_figure(panels),
+        figures=(
+            CaptionedFigure("fig12-paths", paths_figure(panels),
                     "Left the estimate leaves the truth and comes back when the gate opens; right "
                     "it lies on the truth, with ellipses of millimetres."),
-            Picture("fig13-errors", errors_figure(panels),
+            CaptionedFigure("fig13-errors", errors_figure(panels),
                     "Left the gate rejects what is seen at first, and opens by itself; right it is "
                     "open from the start."),
         ),
@@ -202,8 +203,8 @@ def gains(simulated: Simulated) -> Section:
                   ("camera", "landmarks a picture", "mean error, median", "its 95 % band",
                    "largest error, median"), tuple(rows)),
         ),
-        pictures=(
-            Picture("seeds-ahead", seeds_figure(ahead.errors_m, ahead.reckoned_m,
+        figures=(
+            CaptionedFigure("seeds-ahead", seeds_figure(ahead.errors_m, ahead.reckoned_m,
                                                 "with landmarks within 45° of the front only"),
                     "Errors grow wherever nothing stands ahead."),
         ),

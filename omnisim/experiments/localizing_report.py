@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.experiments.page import Number, Page, Picture, Section, make_folder
 from omnisim.experiments.run_data import RunData
 from omnisim.experiments.track_files import write_track
 from omnisim.localization.consistency import mean_band
@@ -19,6 +18,8 @@ from omnisim.perception.detection_files import write_detections
 from omnisim.perception.landmark_detector import Detection
 from omnisim.plots.detection_plots import detections_figure
 from omnisim.plots.localization_plots import PathPanel, errors_figure, paths_figure
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Report, Section, make_folder
 
 LATE_STEP = 5  # from when on errors count: the paper's start is worse than its odometry
 
@@ -31,7 +32,7 @@ def write_localized(
     detections: Sequence[Sequence[Detection]],
     shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
     told: Sequence[str] = (),
-) -> Page:
+) -> Report:
     """Write everything that is known of a localized run; returns the page.
 
     Args:
@@ -52,15 +53,15 @@ def write_localized(
         folder / "detections.csv",
         ((step, each) for step, found in enumerate(detections) for each in found),
     )
-    page = Page(
+    report = Report(
         f"Localization of {run.name}",
         "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
         "in its pictures.",
         (_section(run, track, parameters, shown, told),),
         {"parameters": parameters.model_dump(), "steps": len(track.estimates)},
     )
-    page.write(folder)
-    return page
+    report.write(folder)
+    return report
 
 
 def _section(
@@ -72,37 +73,37 @@ def _section(
 ) -> Section:
     truth = run.true_poses
     panel = PathPanel(run.name, track, truth, run.landmarks)
-    pictures = [
-        Picture("fig11-detections", detections_figure(shown),
+    figures = [
+        CaptionedFigure("fig11-detections", detections_figure(shown),
                 "Panoramas with what was found in them: every box is around a landmark."),
-        Picture("fig12-paths", paths_figure([panel]),
+        CaptionedFigure("fig12-paths", paths_figure([panel]),
                 "From above: the estimate, with ellipses of three sigma, and the wheels alone."),
     ]  # fmt: skip
     told = [*before, *notices(track, parameters)]
     if truth is None:
         told.append("The run has no ground truth: nobody knows the errors, and none are shown.")
     else:
-        pictures.append(
-            Picture("fig13-errors", errors_figure([panel]),
+        figures.append(
+            CaptionedFigure("fig13-errors", errors_figure([panel]),
                     "Distance from the true position, and how many landmarks the gate let through.")
         )  # fmt: skip
     return Section(
         run.name,
         "Successors of the paper's Fig. 11, 12 and 13.",
         track_numbers(track, truth),
-        pictures=pictures,
+        figures=figures,
         notices=told,
     )
 
 
-def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Number]:
+def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:
     """What can be told of a single track."""
     accepted, rejected = int(track.counts(True).sum()), int(track.counts(False).sum())
     opens = track.gate_opens
     numbers = [
-        Number("landmarks let through the gate", accepted),
-        Number("landmarks rejected", rejected),
-        Number("step at which the gate opens", math.nan if opens is None else opens,
+        Measure("landmarks let through the gate", accepted),
+        Measure("landmarks rejected", rejected),
+        Measure("step at which the gate opens", math.nan if opens is None else opens,
                paper="23 in the real setting, 1 in simulation"),
     ]  # fmt: skip
     if truth is None:
@@ -112,12 +113,12 @@ def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Numbe
     each = track.nees(truth)
     known = each[np.isfinite(each)]
     numbers += [
-        Number(f"largest error after step {LATE_STEP}", float(errors[late].max()), "m",
+        Measure(f"largest error after step {LATE_STEP}", float(errors[late].max()), "m",
                paper="below 0.6 m, real and simulated"),
-        Number(f"mean error after step {LATE_STEP}", float(errors[late].mean()), "m"),
-        Number("largest error by the wheels alone", float(wheels.max()), "m",
+        Measure(f"mean error after step {LATE_STEP}", float(errors[late].mean()), "m"),
+        Measure("largest error by the wheels alone", float(wheels.max()), "m",
                paper="well above 1 m"),
-        Number("NEES, mean of the run (3 expected)",
+        Measure("NEES, mean of the run (3 expected)",
                float(known.mean()) if len(known) else math.nan),
     ]  # fmt: skip
     found = [estimate for estimate in track.estimates if estimate.nis_degrees]
@@ -125,7 +126,7 @@ def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Numbe
     if degrees:
         low, high = mean_band(1, degrees)
         numbers.append(
-            Number(
+            Measure(
                 f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})",
                 sum(estimate.nis for estimate in found) / degrees,
             )

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from omnisim.experiments import landmark_sections, localization_sections
 from omnisim.experiments.experiment_runs import SEEDS, Real, Simulated
-from omnisim.experiments.page import Page, make_folder
 from omnisim.experiments.recordings import record_all
 from omnisim.experiments.seeds import (
     Progress,
@@ -18,9 +17,10 @@ from omnisim.experiments.training import train_on_run
 from omnisim.localization.parameters import read_parameters
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_model_file import save_model
+from omnisim.reports.report import Report, make_folder
 
 
-def run_experiments(folder: Path, device: int | None, progress: Progress) -> Page:
+def run_experiments(folder: Path, device: int | None, progress: Progress) -> Report:
     """Record, learn, localize, and write the page; what is recorded already is kept.
 
     Raises:
@@ -43,7 +43,7 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Pag
         localization_sections.gains(simulated),
         landmark_sections.degradations(simulated, trained, parameters, progress),
     )
-    page = Page(
+    report = Report(
         "A robot finds itself",
         "The experiments of Schmits and Visser (2008), section 3.2, on omnisim, and what lies "
         "beyond them. The paper publishes neither its noise, nor its gate, nor its bins and "
@@ -52,5 +52,5 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Pag
         sections,
         {"seeds": SEEDS, "parameters": parameters.model_dump()},
     )
-    page.write(folder)
-    return page
+    report.write(folder)
+    return report

@@ -3,9 +3,9 @@
 import copy
 
 import pytest
+from benchmarks.machine import about, in_words
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.machine import about, in_words
 from benchmarks.options import Options
 from benchmarks.report import (
     AT_LEAST,

@@ -1,11 +1,13 @@
 """`omnisim validate` as a person uses it."""
 
 import json
+import math
 
 import pytest
 
-from omnisim.validation import chapters
-from omnisim.validation.check import Findings, Measure
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import Section
+from omnisim.validation import suite
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -16,11 +18,13 @@ def test_report_has_everything(omnisim, tmp_path):
     assert "report/report.html: 1 passed" in out
     told = json.loads((tmp_path / "report" / "report.json").read_text())
     assert told["passed"]
-    assert "Orientation" in told["left_out"]
+    assert "Orientation" in told["facts"]["left_out"]
     assert told["machine"]["renderer"]
-    (check,) = told["checks"]
+    (check,) = told["sections"]
     assert check["status"] == "passed"
-    assert {"name", "value", "bound", "unit", "sense", "passed"} == set(check["measures"][0])
+    assert {"name", "value", "bound", "unit", "sense", "passed", "paper"} == set(
+        check["measures"][0]
+    )
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == len(check["figures"]) == 1
     assert 'src="http' not in page  # one file that holds everything
@@ -31,12 +35,12 @@ def test_report_has_everything(omnisim, tmp_path):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkeypatch):
-    findings = Findings("<b>Wrong</b> on purpose.", (Measure("miss", float("nan"), 1.0, "px"),))
-    monkeypatch.setattr(chapters.Chapter, "run", lambda self, bench: findings)
+    section = Section("Fig. 7", "<b>Wrong</b> on purpose.", (Measure("miss", math.nan, "px", 1.0),))
+    monkeypatch.setattr(suite.Check, "run", lambda self, fixture: section)
     status, out, _ = omnisim("validate", "-o", "report", "--only", "rings")
     assert status == 1
     assert "failed   Fig. 7" in out
-    assert "missed miss: nan ≤ 1 px" in out
+    assert "missed miss: not a number ≤ 1 px" in out
     assert json.loads((tmp_path / "report" / "report.json").read_text())["passed"] is False
     page = (tmp_path / "report" / "report.html").read_text()
     assert "Not every bound holds" in page
@@ -45,7 +49,7 @@ def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkey
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(chapters, "why_missing", lambda name: f"{name} is not here: pip")
+    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not here: pip")
     status, out, error = omnisim(
         "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
     )
@@ -54,14 +58,15 @@ def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypa
     assert "cv2.omnidir is not here: pip" in out
     assert "report/report.html: 1 passed, 1 skipped" in out
     told = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert told["skipped"] == {"omnidir": "cv2.omnidir is not here: pip"}
+    reasons = {section["key"]: section["reason"] for section in told["sections"]}
+    assert reasons == {"omnidir": "cv2.omnidir is not here: pip", "viewpoint": ""}
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.index("Not checked") < page.index("<h2")
 
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_report_of_nothing_does_not_say_that_all_is_well(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(chapters, "why_missing", lambda name: f"{name} is not here: pip")
+    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not here: pip")
     status, _, _ = omnisim("validate", "-o", "report", "--only", "omnidir")
     assert status == 0
     page = (tmp_path / "report" / "report.html").read_text()
@@ -96,15 +101,15 @@ def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, words):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_an_oracle_that_breaks_down_fails_its_check_alone(omnisim, tmp_path, monkeypatch):
-    true_run = chapters.Chapter.run
+    true_run = suite.Check.run
 
-    def run(self, bench):
+    def run(self, fixture):
         if self.key == "omnidir":
             raise RuntimeError("lost\nin <there>")
-        return true_run(self, bench)
+        return true_run(self, fixture)
 
-    monkeypatch.setattr(chapters.Chapter, "run", run)
-    monkeypatch.setattr(chapters.Chapter, "missing", lambda self: "")
+    monkeypatch.setattr(suite.Check, "run", run)
+    monkeypatch.setattr(suite.Check, "skip_reason", lambda self: "")
     status, out, _ = omnisim("validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint")
     assert status == 1
     assert "failed   A calibration library" in out

@@ -93,7 +93,7 @@ def test_a_run_is_localized(run, localized):
         "report.json", "fig11-detections.png", "fig12-paths.png", "fig13-errors.png",
     }  # fmt: skip
     (section,) = json.loads((out / "report.json").read_text())["sections"]
-    told = {number["name"]: number["value"] for number in section["numbers"]}
+    told = {measure["name"]: measure["value"] for measure in section["measures"]}
     assert told["landmarks let through the gate"] >= 4 * (STEPS - 1)
     truth = np.loadtxt(run / "ground_truth.tum")
     estimate = np.loadtxt(out / "estimate.tum")
@@ -117,7 +117,7 @@ def test_a_run_without_ground_truth_is_localized_without_errors(run, model, tmp_
     assert "no ground truth" in " ".join(done.output.split())
     assert not (tmp_path / "out" / "fig13-errors.png").exists()
     told = json.loads((tmp_path / "out" / "report.json").read_text())["sections"][0]
-    assert not any("error" in number["name"] for number in told["numbers"])
+    assert not any("error" in measure["name"] for measure in told["measures"])
 
 
 def _track(folder, model):

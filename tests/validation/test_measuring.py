@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from omnisim.validation.check import Findings, Measure, largest, mean
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import Section
+from omnisim.validation.fixture import max_abs, mean_abs
 from omnisim.validation.markers import centroids, marker_positions, middles_of_outlines
 from omnisim.validation.ring_radii import ring_radii
 
@@ -60,12 +62,12 @@ def test_markers_stand_apart_and_in_their_cone():
     [(1.0, False, True), (1.1, False, False), (0.9, True, False), (1.0, True, True)],
 )
 def test_bounds(value, at_least, passed):
-    measure = Measure("x", value, 1.0, at_least=at_least)
+    measure = Measure("x", value, bound=1.0, at_least=at_least)
     assert measure.passed == passed
-    assert Findings("", (measure,)).passed == passed
+    assert (Section("", "", (measure,)).status == "passed") == passed
 
 
 @pytest.mark.parametrize("at_least", [True, False])
 def test_what_was_not_measured_never_passes(at_least):
-    assert not Measure("x", largest(np.array([])), 1.0, at_least=at_least).passed
-    assert not Measure("x", mean(np.array([np.nan, 0.0])), 1.0, at_least=at_least).passed
+    assert not Measure("x", max_abs(np.array([])), bound=1.0, at_least=at_least).passed
+    assert not Measure("x", mean_abs(np.array([np.nan, 0.0])), bound=1.0, at_least=at_least).passed

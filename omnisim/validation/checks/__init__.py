@@ -1,1 +1,1 @@
-"""The chapters of the proof, one module each, in the order of the report."""
+"""Checks of the geometry, one module each."""

@@ -20,8 +20,9 @@ from omnisim.cameras import (
 )
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.plots.style import gallery
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera, Renderer
-from omnisim.validation.check import Bench, Findings, Measure, Picture
 from omnisim.validation.chessboards import (
     PATTERN,
     board_corners_m,
@@ -29,6 +30,7 @@ from omnisim.validation.chessboards import (
     board_poses_in_front,
     board_scene,
 )
+from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir, opencv_projection
 
 RMS_BOUND_PX = 0.1
@@ -96,31 +98,33 @@ def lenses() -> tuple[Lens, ...]:
     )  # fmt: skip
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Find the corners in rendered pictures; project them by OpenCV with the saved calibration."""
-    count = LEAST_BOARDS if bench.is_quick else 10
-    measures, shown, facts = [], {}, {}
+    count = LEAST_BOARDS if fixture.is_quick else 10
+    measures, counts, shown = [], [], {}
     for lens in lenses():
-        off, boards, picture = _off_px(bench, lens, count)
+        off, boards, picture = _off_px(fixture, lens, count)
         rms = float(np.sqrt(np.mean(off**2))) if boards >= LEAST_BOARDS else math.nan
-        measures.append(Measure(f"{lens.name}: reprojection, RMS", rms, RMS_BOUND_PX, "px"))
-        facts[f"{lens.name}: boards"] = float(boards)
+        measures.append(Measure(f"{lens.name}: reprojection, RMS", rms, "px", RMS_BOUND_PX))
+        counts.append(Measure(f"{lens.name}: boards", boards))
         if picture is not None:
             shown[lens.name] = picture
-    return Findings(
+    return Section(
+        title,
         "Chessboards were rendered, their corners found by OpenCV, and the corners' true places "
         "projected by OpenCV's own functions, which were told nothing but the calibration file "
         "that omnisim saved in OpenCV's format; nothing was fitted.",
-        tuple(measures),
-        facts,
-        pictures=(
-            Picture("boards", gallery(shown, 3), "A board of each camera that OpenCV knows."),
+        measures + counts,
+        figures=(
+            CaptionedFigure(
+                "boards", gallery(shown, 3), "A board of each camera that OpenCV knows."
+            ),
         ),
     )
 
 
 def _off_px(
-    bench: Bench, lens: Lens, count: int
+    fixture: Fixture, lens: Lens, count: int
 ) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
     """Distances (n,) between corners found and projected, boards found, and one of them."""
     camera = lens.camera
@@ -138,7 +142,7 @@ def _off_px(
     sensor = OmniCamera(camera, polygons=None, samples=SAMPLES, texels_per_pixel=TEXELS)
     with (
         tempfile.TemporaryDirectory() as folder,
-        Renderer(board_scene(), sensor, unlit=True, device=bench.device) as renderer,
+        Renderer(board_scene(), sensor, unlit=True, device=fixture.device) as renderer,
     ):
         path = Path(folder) / "calibration.yaml"
         calibration_of(camera).save(path, lens.format)

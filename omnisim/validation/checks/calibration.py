@@ -5,20 +5,22 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim import frames
 from omnisim.cameras import HyperbolicCamera
+from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, gallery, plot
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera, Renderer
-from omnisim.validation.check import Bench, Findings, Measure, Picture, largest, mean
 from omnisim.validation.chessboards import (
     PATTERN,
     board_corners_m,
     board_poses,
     board_scene,
 )
+from omnisim.validation.fixture import Fixture, max_abs, mean_abs
 from omnisim.validation.markers import (
     centroids,
     clear_of_the_edge,
@@ -37,22 +39,23 @@ MEAN_BOUND_PX, LARGEST_BOUND_PX = 0.05, 0.15
 XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
 
 
-def check_markers(bench: Bench) -> Findings:
+def check_markers(fixture: Fixture, title: str) -> Section:
     """Render markers through the whole pipeline; compare their centroids with our model's."""
-    camera, measured, rims = marker_picture(bench)
+    camera, measured, rims = marker_picture(fixture)
     predicted = middles_of_outlines(camera.pixel_from_ray(rims).positions_px)
     off = np.linalg.norm(measured - predicted, axis=1)
-    return Findings(
+    return Section(
+        title,
         f"{len(off)} white discs, 0.8° in radius, all around a tilted vehicle, 0.6 to 12 m away, "
         f"rendered through the whole pipeline at {SIZE_PX} × {SIZE_PX} px; the middles of their "
         "pictures against where the camera model puts them.",
         (
-            Measure("markers, mean distance", mean(off), MEAN_BOUND_PX, "px"),
-            Measure("markers, largest distance", largest(off), LARGEST_BOUND_PX, "px"),
+            Measure("markers, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
+            Measure("markers, largest distance", max_abs(off), "px", LARGEST_BOUND_PX),
+            Measure("markers", len(off)),
         ),
-        {"markers": float(len(off))},
-        pictures=(
-            Picture("markers", _figure(camera, predicted, measured - predicted,
+        figures=(
+            CaptionedFigure("markers", _figure(camera, predicted, measured - predicted,
                                        "Markers: measured − predicted"),
                     "Each arrow is a marker's error, 300 times enlarged: small, and in no "
                     "common direction."),
@@ -60,38 +63,37 @@ def check_markers(bench: Bench) -> Findings:
     )  # fmt: skip
 
 
-def check_omnidir(bench: Bench) -> Findings:
+def check_omnidir(fixture: Fixture, title: str) -> Section:
     """Compare the same centroids with OpenCV's projection, and calibrate from chessboards."""
-    camera, measured, rims = marker_picture(bench)
+    camera, measured, rims = marker_picture(fixture)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
     off = np.linalg.norm(measured - middles_of_outlines(projected), axis=1)
-    boards, corners = chessboard_pictures(bench, 10 if bench.is_quick else 20)
+    boards, corners = chessboard_pictures(fixture, 10 if fixture.is_quick else 20)
     size = (camera.width_px, camera.height_px)
     found = omnidir.calibrate(board_corners_m(), corners, size)
     focal = 100.0 * (found.focal_length_px / camera.unified_focal_length_px - 1.0)
     centre = np.linalg.norm(found.principal_point_px - camera.principal_point_px)
-    return Findings(
+    return Section(
+        title,
         "cv2.omnidir.projectPoints, given the K and ξ that the camera states, against the middles "
         "of the rendered markers; and cv2.omnidir.calibrate, given nothing but chessboards that "
         "OpenCV found in rendered pictures, against the camera's ξ and focal length "
         f"(stated {camera.mirror.xi:.5f} and {camera.unified_focal_length_px:.3f} px, found "
         f"{found.xi:.5f} and {found.focal_length_px:.3f} px).",
         (
-            Measure("markers against omnidir, mean distance", mean(off), MEAN_BOUND_PX, "px"),
-            Measure("markers against omnidir, largest distance", largest(off),
-                    LARGEST_BOUND_PX, "px"),
+            Measure("markers against omnidir, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
+            Measure("markers against omnidir, largest distance", max_abs(off),
+                    "px", LARGEST_BOUND_PX),
             Measure("calibration: ξ, distance from the stated one",
-                    abs(found.xi - camera.mirror.xi), XI_BOUND),
+                    abs(found.xi - camera.mirror.xi), bound=XI_BOUND),
             Measure("calibration: focal length, distance from the stated one", abs(focal),
-                    FOCAL_BOUND_PERCENT, "%"),
-            Measure("calibration: reprojection, RMS", found.rms_px, RMS_BOUND_PX, "px"),
+                    "%", FOCAL_BOUND_PERCENT),
+            Measure("calibration: reprojection, RMS", found.rms_px, "px", RMS_BOUND_PX),
+            Measure("boards", found.boards),
+            Measure("calibration: distance of the principal point", float(centre), "px"),
         ),
-        {
-            "boards": float(found.boards),
-            "calibration: distance of the principal point, px": float(centre),
-        },
-        pictures=(
-            Picture("chessboards",
+        figures=(
+            CaptionedFigure("chessboards",
                     gallery({f"board {i + 1}": b for i, b in enumerate(boards[:6])}, 3),
                     "Some of the chessboards that OpenCV calibrated from."),
         ),
@@ -106,7 +108,7 @@ class MarkerPicture(NamedTuple):
     outlines: NDArray[np.float64]  # (n, corners, 3) their rims, optical frame
 
 
-def marker_picture(bench: Bench) -> MarkerPicture:
+def marker_picture(fixture: Fixture) -> MarkerPicture:
     """Render and measure markers all around."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     camera = sensor.model
@@ -118,7 +120,7 @@ def marker_picture(bench: Bench) -> MarkerPicture:
     positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
     near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
     clear = clear_of_the_edge(camera, near_px)
-    frame = bench.take(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
+    frame = fixture.render(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
     assert frame.linear is not None
     measured = centroids(frame.linear[..., 1].astype(np.float64), near_px[clear])
     around = (outlines(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
@@ -126,12 +128,12 @@ def marker_picture(bench: Bench) -> MarkerPicture:
 
 
 def chessboard_pictures(
-    bench: Bench, count: int
+    fixture: Fixture, count: int
 ) -> tuple[list[NDArray[np.uint8]], list[NDArray[np.float64]]]:
     """Pictures that OpenCV found the board in, and its corners (n, 2) there."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     pictures, corners = [], []
-    with Renderer(board_scene(), sensor, unlit=True, device=bench.device) as renderer:
+    with Renderer(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
         for rig_from_board in board_poses(count):
             picture = renderer.render(np.linalg.inv(rig_from_board)).rgb
             found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)

@@ -17,11 +17,13 @@ from omnisim.perception.bilinear import sample
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import cylinder_view
 from omnisim.plots.style import gallery
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Mesh
 from omnisim.sensors import OmniCamera
 from omnisim.srgb import linear_from_srgb
-from omnisim.validation.check import Bench, Findings, Measure, Picture
+from omnisim.validation.fixture import Fixture
 
 # Where each side of the room shows nothing but its paint, between two lines: metres east, north
 # and up from the viewpoint.
@@ -39,38 +41,40 @@ COLOR_BOUND = 0.02  # linear, below the difference of any two sides by far
 READS_BOUND = 0.8  # correlation of a word with itself seen in a panorama
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Look for the six named sides in pictures at three headings, and read their words."""
     scene = load_scene("compass")
     table = {
         "mirror": {"theta_max_deg": RIM_DEG, "polygons": "exact"},
-        "camera": {"supersampling": 1 if bench.is_quick else 2},
+        "camera": {"supersampling": 1 if fixture.is_quick else 2},
     }
     sensor = OmniCamera.from_table(table).resized(480)
     worst, frames = 0.0, {}
     for heading_deg in HEADINGS_DEG:
         pose = sensor.base_pose(scene.start.position_m, heading_deg)
-        frames[heading_deg] = frame = bench.take(scene, sensor, pose)
+        frames[heading_deg] = frame = fixture.render(scene, sensor, pose)
         worst = max(worst, _worst_color(scene, sensor, frame, heading_deg))
-    normal, mirrored, panorama = _reading(bench, scene)
-    return Findings(
+    normal, mirrored, panorama = _reading(fixture, scene)
+    return Section(
+        title,
         "A room whose sides bear their names, seen by a camera that looks up at the mirror, at "
         f"{len(HEADINGS_DEG)} headings. Each side's colour is where optics without our frames "
         "puts it: what is in front at the top, what is to the left on the right. The unwarped "
         "panorama reads from left to right as a person turning to the right would see it.",
         (
-            Measure("largest difference of a side's colour from its paint", worst, COLOR_BOUND),
+            Measure("largest difference of a side's colour from its paint", worst,
+                    bound=COLOR_BOUND),
             Measure("least correlation of a panorama's word with the painted one", normal,
-                    READS_BOUND, at_least=True),
-            Measure("largest correlation with the word mirrored", mirrored, 0.6),
+                    bound=READS_BOUND, at_least=True),
+            Measure("largest correlation with the word mirrored", mirrored, bound=0.6),
         ),
-        pictures=(
-            Picture("orientation-mirror",
+        figures=(
+            CaptionedFigure("orientation-mirror",
                     gallery({f"heading {h:.0f}°": f.rgb for h, f in frames.items()}, 3),
                     "The mirror's picture at three headings (0° is east, 90° north): the side in "
                     "front is at the top, words are mirrored, the dark ring outside is the "
                     "ceiling."),
-            Picture("orientation-panorama", gallery({"": panorama}, 1, side_in=10.0),
+            CaptionedFigure("orientation-panorama", gallery({"": panorama}, 1, side_in=10.0),
                     "The panorama, facing east: north is on the left, south on the right, and "
                     "words read normally."),
         ),
@@ -111,12 +115,12 @@ def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: fl
     return worst
 
 
-def _reading(bench: Bench, scene: Scene) -> tuple[float, float, NDArray[np.uint8]]:
+def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.uint8]]:
     """Least correlation of a wall's word with its paint, largest with its mirror image, and the
     panorama."""
     sensor = OmniCamera().with_polygons(None).resized(720)
     position = scene.start.position_m
-    frame = bench.take(scene, sensor, sensor.base_pose(position))
+    frame = fixture.render(scene, sensor, sensor.base_pose(position))
     view = cylinder_view(1800, math.radians(-45.0), math.radians(14.0))
     base_from_optical = np.array(frame.metadata["world_from_optical"])[:3, :3]  # heading 0
     unwarp = Unwarping(sensor.model, view.camera, base_from_optical.T @ view.base_from_view)

@@ -6,17 +6,19 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim import frames
 from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, gallery, plot
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera
 from omnisim.srgb import srgb_from_linear
-from omnisim.validation.check import Bench, Findings, Measure, Picture, largest, mean
 from omnisim.validation.displacement import Displacements, displacements
+from omnisim.validation.fixture import Fixture, max_abs, mean_abs
 from omnisim.validation.markers import (
     centroids,
     clear_of_the_edge,
@@ -43,26 +45,27 @@ class Pair(NamedTuple):
     inside: NDArray[np.bool_]
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Trace the textured scene and markers in a real mirror, and compare."""
-    size = QUICK_SIZE_PX if bench.is_quick else SIZE_PX
-    samples = QUICK_SAMPLES if bench.is_quick else SAMPLES
+    size = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
+    samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     sensor = OmniCamera().with_polygons(None).resized(size)
-    scene, pose = opaque_only(bench.scene), sensor.base_pose(bench.viewpoint_m, yaw_deg=20.0)
+    scene, pose = opaque_only(fixture.scene), sensor.base_pose(fixture.viewpoint_m, yaw_deg=20.0)
     pair = _trace(scene, sensor, pose, samples)
-    exact = _linear(bench, scene, sensor, pose)
-    mesh = _linear(bench, scene, sensor.with_polygons(1024), pose)
+    exact = _linear(fixture, scene, sensor, pose)
+    mesh = _linear(fixture, scene, sensor.with_polygons(1024), pose)
     fine = _linear(
-        bench,
+        fixture,
         scene,
         dataclasses.replace(sensor, supersampling=FINE, texels_per_pixel=float(FINE)),
         pose,
     )
     shifts = displacements(_grey(pair.traced), _grey(fine), pair.inside)
     lengths = np.linalg.norm(shifts.shifts_px, axis=1)
-    markers = _marker_distances(bench, sensor.resized(SIZE_PX), pose)
+    markers = _marker_distances(fixture, sensor.resized(SIZE_PX), pose)
     floor = noise_floor_db(pair.traced, pair.again, pair.inside)
-    return Findings(
+    return Section(
+        title,
         f"Mitsuba's path tracer follows {samples} rays a pixel from a real pinhole to a real "
         "mirror, a mesh of the hyperboloid so fine that it is off by 0.001 px, and on into the "
         "textured scene, whose surfaces shine in their base colours. It knows nothing of our rays "
@@ -70,27 +73,26 @@ def check(bench: Bench) -> Findings:
         f"picture is antialiasing: with {FINE} × {FINE} captures a pixel they come closer still.",
         (
             Measure("exact capture, default quality", psnr_db(pair.traced, exact, pair.inside),
-                    BOUND_DB, "dB", at_least=True),
+                    "dB", BOUND_DB, at_least=True),
             Measure(f"exact capture, {FINE} × {FINE} captures a pixel",
-                    psnr_db(pair.traced, fine, pair.inside), FINE_BOUND_DB, "dB", at_least=True),
-            Measure("markers, mean distance", mean(markers), MARKER_BOUND_PX, "px"),
-            Measure("markers, largest distance", largest(markers), 2.0 * MARKER_BOUND_PX, "px"),
-            Measure("shift of the texture's edges, mean", mean(lengths), SHIFT_BOUND_PX, "px"),
+                    psnr_db(pair.traced, fine, pair.inside), "dB", FINE_BOUND_DB, at_least=True),
+            Measure("markers, mean distance", mean_abs(markers), "px", MARKER_BOUND_PX),
+            Measure("markers, largest distance", max_abs(markers), "px", 2.0 * MARKER_BOUND_PX),
+            Measure("shift of the texture's edges, mean", mean_abs(lengths), "px", SHIFT_BOUND_PX),
+            Measure("size", size, "px"),
+            Measure("samples per pixel", samples),
+            Measure("noise floor", floor, "dB"),
+            Measure("1024 polygons, default quality", psnr_db(pair.traced, mesh, pair.inside),
+                    "dB"),
+            Measure("markers", len(markers)),
+            Measure("patches with edges", len(lengths)),
+            Measure("shift of the texture's edges, 95 %", float(np.percentile(lengths, 95)), "px"),
         ),
-        {
-            "size, px": float(size),
-            "samples a pixel": float(samples),
-            "noise floor, dB": floor,
-            "1024 polygons, default quality, dB": psnr_db(pair.traced, mesh, pair.inside),
-            "markers": float(len(markers)),
-            "patches with edges": float(len(lengths)),
-            "shift of the texture's edges, 95 %, px": float(np.percentile(lengths, 95)),
-        },
-        pictures=(
-            Picture("traced-mirror", _gallery(pair, exact),
+        figures=(
+            CaptionedFigure("traced-mirror", _gallery(pair, exact),
                     "A traced mirror, our exact capture, and their difference, eight times "
                     "enhanced: edges only, and no side of them is favoured."),
-            Picture("traced-shifts", _figure(sensor.model, shifts),
+            CaptionedFigure("traced-shifts", _figure(sensor.model, shifts),
                     "How far patches of the picture are shifted between the two, 300 times "
                     "enlarged."),
         ),
@@ -109,7 +111,7 @@ def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples:
 
 
 def _marker_distances(
-    bench: Bench, sensor: OmniCamera, pose: NDArray[np.float64]
+    fixture: Fixture, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Distance between the middles of markers in the traced picture and in ours (n,)."""
     camera, world_from_optical = sensor.model, _world_from_optical(sensor, pose)
@@ -123,7 +125,7 @@ def _marker_distances(
     clear = clear_of_the_edge(camera, near_px)
     scene = marker_scene(positions[clear], viewpoint_m)
     traced = trace_mirror(scene, camera, world_from_optical, 64)
-    ours = _linear(bench, scene, sensor, pose)
+    ours = _linear(fixture, scene, sensor, pose)
     one = centroids(traced[..., 1].astype(np.float64), near_px[clear])
     other = centroids(ours[..., 1].astype(np.float64), near_px[clear])
     return np.linalg.norm(one - other, axis=1)
@@ -136,9 +138,9 @@ def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArra
 
 
 def _linear(
-    bench: Bench, scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64]
+    fixture: Fixture, scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    linear = bench.take(scene, sensor, pose).linear
+    linear = fixture.render(scene, sensor, pose).linear
     assert linear is not None
     return linear
 

@@ -11,10 +11,12 @@ from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index, face_tangents
 from omnisim.perception import bilinear
 from omnisim.plots.style import gallery
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.validation.check import Bench, Findings, Measure, Picture
+from omnisim.validation.fixture import Fixture
 from omnisim.validation.psnr import psnr_db
 
 SIZE_PX = 360
@@ -30,23 +32,24 @@ DETAIL = (slice(40, 160), slice(200, 350))
 BOUND_DB, SHIMMER_BOUND = 38.0, 1.0 / 3.0
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Compare default quality and plain bilinear with 256 samples a pixel, at rest and panning."""
-    return measure_quality(bench, bench.scene, bench.viewpoint_m)
+    return measure_quality(fixture, fixture.scene, fixture.viewpoint_m, title)
 
 
 def measure_quality(
-    bench: Bench,
+    fixture: Fixture,
     scene: Scene,
     viewpoint_m: tuple[float, float, float],
-) -> Findings:
+    title: str,
+) -> Section:
     """The same in any scene, from a viewpoint (3,), world."""
     sensor = OmniCamera(polygons=None).resized(SIZE_PX)
-    steps = QUICK_PAN_STEPS if bench.is_quick else PAN_STEPS
-    shifts = QUICK_SHIFTS if bench.is_quick else SHIFTS
+    steps = QUICK_PAN_STEPS if fixture.is_quick else PAN_STEPS
+    shifts = QUICK_SHIFTS if fixture.is_quick else SHIFTS
     headings_deg = 25.0 + PAN_STEP_DEG * np.arange(steps)
     poses = [sensor.base_pose(viewpoint_m, heading) for heading in headings_deg]
-    with Stage(scene, device=bench.device) as stage:
+    with Stage(scene, device=fixture.device) as stage:
         truth = _truth(stage, sensor, poses, shifts)
         ours = _taken(stage, sensor, poses)
         plain = _plain(stage, dataclasses.replace(sensor, face_size_px=PLAIN_FACE_PX), poses)
@@ -58,26 +61,27 @@ def measure_quality(
         "omnisim": ours[0],
         "plain bilinear": plain[0],
     }
-    return Findings(
+    return Section(
+        title,
         f"The picture at default quality, {SIZE_PX} × {SIZE_PX} px, against {samples} samples a "
         f"pixel; beside it a plain bilinear look into faces of {PLAIN_FACE_PX} px. Shimmer is how "
         f"much the difference from them changes from one to the next of {steps} pictures, "
         f"turned by {PAN_STEP_DEG}° each.",
         (
             Measure(
-                "default quality", psnr_db(ours[0], truth[0], seen), BOUND_DB, "dB", at_least=True
+                "default quality", psnr_db(ours[0], truth[0], seen), "dB", BOUND_DB, at_least=True
             ),
             Measure(
-                "shimmer, as a share of plain bilinear's", shimmer / plain_shimmer, SHIMMER_BOUND
+                "shimmer, as a share of plain bilinear's",
+                shimmer / plain_shimmer,
+                bound=SHIMMER_BOUND,
             ),
+            Measure("plain bilinear", psnr_db(plain[0], truth[0], seen), "dB"),
+            Measure("shimmer", shimmer, "levels of 255"),
+            Measure("plain bilinear's shimmer", plain_shimmer, "levels of 255"),
         ),
-        facts={
-            "plain bilinear, dB": psnr_db(plain[0], truth[0], seen),
-            "shimmer, levels of 255": shimmer,
-            "plain bilinear's shimmer, levels of 255": plain_shimmer,
-        },
-        pictures=(
-            Picture(
+        figures=(
+            CaptionedFigure(
                 "picture-quality",
                 gallery({name: _encoded(one[DETAIL]) for name, one in pictures.items()}, 3),
                 "A detail: edges and fine lines by many samples, by us, and by plain bilinear.",

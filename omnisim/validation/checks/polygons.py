@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
@@ -14,9 +13,12 @@ from omnisim.gpu.context import open_context
 from omnisim.gpu.pipeline import capture_rays
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
+from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section, Table
 from omnisim.sensors import OmniCamera, Stage
-from omnisim.validation.check import Bench, Findings, Measure, Picture, Table
+from omnisim.validation.fixture import Fixture
 from omnisim.validation.psnr import psnr_db
 
 DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture
@@ -30,54 +32,55 @@ class MeshResult(NamedTuple):
     picture: NDArray[np.uint8]
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Render the textured scene by meshes of 16 to 4096 polygons and exactly."""
     sensor = OmniCamera()
-    pose = sensor.base_pose(bench.viewpoint_m)
-    with Stage(bench.scene, device=bench.device) as stage:
+    pose = sensor.base_pose(fixture.viewpoint_m)
+    with Stage(fixture.scene, device=fixture.device) as stage:
         exact, *frames = (
-            bench.take(stage, sensor.with_polygons(polygons), pose)
+            fixture.render(stage, sensor.with_polygons(polygons), pose)
             for polygons in (None, *PAPER_POLYGON_COUNTS)
         )
     results = {}
     for polygons, frame in zip(PAPER_POLYGON_COUNTS, frames, strict=True):
-        error = shown_error_px(bench, sensor, polygons)
+        error = shown_error_px(fixture, sensor, polygons)
         psnr = psnr_db(frame.linear, exact.linear, frame.valid & exact.valid)
         results[polygons] = MeshResult(error, psnr, frame.rgb)
     means = [results[polygons].error_px.mean() for polygons in PAPER_POLYGON_COUNTS]
     slope = float(np.polyfit(np.log(PAPER_POLYGON_COUNTS), np.log(means), 1)[0])
     paper = results[1024]
-    return Findings(
+    return Section(
+        title,
         "Views of 360 × 360 px by meshes of the mirror, against the exact capture. The error is "
         "where the mesh shows a direction against where the mirror would, from the rays of the "
         "GPU itself. Four times the polygons leave a quarter of it: 256 still bend straight lines, "
         "1024 do not to an eye, 4096 add nothing that one could see, as the paper found.",
         (
-            Measure("slope of the log-log line, distance from −1", abs(slope + 1.0), 0.1),
-            Measure("1024 polygons, mean error", float(paper.error_px.mean()), 0.20, "px"),
-            Measure("1024 polygons, largest error", float(paper.error_px.max()), 0.40, "px"),
+            Measure("slope of the log-log line, distance from −1", abs(slope + 1.0), bound=0.1),
+            Measure("1024 polygons, mean error", float(paper.error_px.mean()), "px", 0.20),
+            Measure("1024 polygons, largest error", float(paper.error_px.max()), "px", 0.40),
+            Measure("slope", slope),
         ),
-        {"slope": slope},
         (_table(results),),
         (
-            Picture("fig8-polygons",
+            CaptionedFigure("fig8-polygons",
                     gallery({f"{n} polygons": r.picture for n, r in results.items()}
                             | {"exact": exact.rgb}, 3),
                     "The same view by more and more polygons, and exactly: the picture settles."),
-            Picture("fig9-detail",
+            CaptionedFigure("fig9-detail",
                     gallery({f"{n} polygons": _detail(r.picture) for n, r in results.items()}
                             | {"exact": _detail(exact.rgb)}, 3),
                     "The same detail of each, magnified: lines are jagged up to 256 polygons."),
-            Picture("convergence", _figure(results, slope),
+            CaptionedFigure("convergence", _figure(results, slope),
                     "The error falls as one over the number of polygons."),
         ),
     )  # fmt: skip
 
 
-def shown_error_px(bench: Bench, sensor: OmniCamera, polygons: int) -> NDArray[np.float64]:
+def shown_error_px(fixture: Fixture, sensor: OmniCamera, polygons: int) -> NDArray[np.float64]:
     """Distance (pixels,) of every pixel from where the mirror shows the direction it has."""
     camera = sensor.model
-    context = open_context(bench.device)
+    context = open_context(fixture.device)
     try:
         with context:
             mesh = tessellate(camera.mirror, polygons)

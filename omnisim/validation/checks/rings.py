@@ -6,16 +6,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.hyperbolic import image_radius_eq2_px
 from omnisim.frame import Frame
+from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section, Table
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera
-from omnisim.validation.check import Bench, Findings, Measure, Picture, Table, largest
+from omnisim.validation.fixture import Fixture, max_abs
 from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5
@@ -41,23 +43,24 @@ class Rings(NamedTuple):
     def sector_error_px(self, sectors: int = 24) -> float:
         """Largest error of a ring's mean radius in a sector."""
         in_sectors = self.radii_px.reshape(len(self.radii_px), sectors, -1).mean(axis=2)
-        return largest(in_sectors - self.exact_px[:, None])
+        return max_abs(in_sectors - self.exact_px[:, None])
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Render the rings exactly and by 1024 polygons and measure every radius."""
     scene = load_scene("rings")
     paper = OmniCamera()
-    exact = take(bench, scene, paper.with_polygons(None))
-    mesh = take(bench, scene, paper)
+    exact = render(fixture, scene, paper.with_polygons(None))
+    mesh = render(fixture, scene, paper)
     table = {"mirror": {"theta_max_deg": WIDE_RIM_DEG, "polygons": "exact"}}
     wide_sensor = OmniCamera.from_table(table).resized(1024)
-    wide_frame = take(bench, scene, wide_sensor)
+    wide_frame = render(fixture, scene, wide_sensor)
     one, other = measure(exact, paper.model), measure(mesh, paper.model)
     wide = measure(wide_frame, wide_sensor.model)
     eq2_off = wide.radii_px.mean(axis=1) - wide.eq2_px
     relative = 100.0 * (wide.eq2_px / wide.exact_px - 1.0)
-    return Findings(
+    return Section(
+        title,
         "A line at every 5° of incidence, the 90° one red, as in Fig. 7, measured at 720 azimuths. "
         "The radii are those of the exact relation, r = f ψ sin θ/(ξ + cos θ). The paper's Eq. 2, "
         "r = h sin θ/(1 + cos θ), is its special case ξ = 1, a paraboloid; this mirror's "
@@ -66,31 +69,31 @@ def check(bench: Bench) -> Findings:
         f"125°: {abs(eq2_off[24]):.1f} px in a picture of 1024 px: the measurement rules it out.",
         (
             Measure("exact capture, 360 px: each ring's mean radius against the exact relation",
-                    largest(one.mean_error_px), EXACT_BOUND_PX, "px"),
+                    max_abs(one.mean_error_px), "px", EXACT_BOUND_PX),
             Measure("exact capture, 360 px: mean radius in any sector of 15°",
-                    one.sector_error_px(), 3.0 * EXACT_BOUND_PX, "px"),
+                    one.sector_error_px(), "px", 3.0 * EXACT_BOUND_PX),
             Measure("1024 polygons, 360 px: each ring's mean radius against the exact relation",
-                    largest(other.mean_error_px), MESH_BOUND_PX, "px"),
+                    max_abs(other.mean_error_px), "px", MESH_BOUND_PX),
             Measure("1024 polygons, 360 px: mean radius in any sector of 15°",
-                    other.sector_error_px(), MESH_BOUND_PX, "px"),
+                    other.sector_error_px(), "px", MESH_BOUND_PX),
             Measure("rim at 130°, exact capture, 1024 px: each ring's mean radius",
-                    largest(wide.mean_error_px), EXACT_BOUND_PX, "px"),
+                    max_abs(wide.mean_error_px), "px", EXACT_BOUND_PX),
+            Measure("ξ", paper.camera.mirror.xi),
         ),
-        {"xi": paper.model.mirror.xi},
         (_table(one, other),),
         (
-            Picture("fig7-rings", _picture(bench, scene),
+            CaptionedFigure("fig7-rings", _picture(fixture, scene),
                     "Lines of equal incidence, 5° apart, in the exact mirror; 90° is red."),
-            Picture("fig7-radii", _figure(wide, one, other),
+            CaptionedFigure("fig7-radii", _figure(wide, one, other),
                     "Measured radii against the exact relation: dots stay on zero, and Eq. 2 "
                     "does not."),
         ),
     )  # fmt: skip
 
 
-def take(bench: Bench, scene: Scene, sensor: OmniCamera) -> Frame:
+def render(fixture: Fixture, scene: Scene, sensor: OmniCamera) -> Frame:
     """A picture of the rings from their centre."""
-    return bench.take(scene, sensor, sensor.base_pose(scene.start.position_m))
+    return fixture.render(scene, sensor, sensor.base_pose(scene.start.position_m))
 
 
 def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
@@ -151,8 +154,8 @@ def _table(exact: Rings, mesh: Rings) -> Table:
     )  # fmt: skip
 
 
-def _picture(bench: Bench, scene: Scene) -> Figure:
-    frame = take(bench, scene, OmniCamera().with_polygons(None).resized(720))
+def _picture(fixture: Fixture, scene: Scene) -> Figure:
+    frame = render(fixture, scene, OmniCamera().with_polygons(None).resized(720))
     return gallery({"": frame.rgb}, 1, side_in=6.5)
 
 

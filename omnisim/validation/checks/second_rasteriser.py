@@ -7,9 +7,11 @@ import numpy as np
 from omnisim.cameras import PerspectiveCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.plots.style import gallery
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section, Table
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import linear_from_srgb
-from omnisim.validation.check import Bench, Findings, Measure, Picture, Table
+from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.pyrender_rasteriser import rasterise
 from omnisim.validation.oracles.surfaces import opaque_only
 from omnisim.validation.psnr import psnr_db
@@ -20,20 +22,20 @@ AVERAGED = 4
 BOUND_DB, AVERAGED_BOUND_DB = 35.0, 40.0
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Render five faces with both and compare them, as they are and averaged."""
     size = SIZE_PX
-    scene = opaque_only(bench.scene)
+    scene = opaque_only(fixture.scene)
     sensor = OmniCamera(face_size_px=size, samples=4)
-    world_from_base = sensor.base_pose(bench.viewpoint_m, yaw_deg=25.0)
-    with Renderer(scene, sensor, unlit=True, device=bench.device) as renderer:
+    world_from_base = sensor.base_pose(fixture.viewpoint_m, yaw_deg=25.0)
+    with Renderer(scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(world_from_base)
         faces = renderer.faces()
     camera = PerspectiveCamera.with_field_of_view(size, size, 0.5 * np.pi)
     rows, plain, averaged, theirs = [], [], [], {}
     everywhere = np.ones((size, size), dtype=bool)
     # in the quick report the three that differ most in what they see
-    chosen = ("front", "left", "down") if bench.is_quick else tuple(faces)
+    chosen = ("front", "left", "down") if fixture.is_quick else tuple(faces)
     for name in chosen:
         ours = faces[name]
         pose = world_from_base.copy()
@@ -46,17 +48,20 @@ def check(bench: Bench) -> Findings:
         rows.append((name, f"{plain[-1]:.1f}", f"{averaged[-1]:.1f}"))
     pictures = {"front, omnisim": faces["front"], "front, pyrender": theirs["front"]}
     pictures |= {"down, omnisim": faces["down"], "down, pyrender": theirs["down"]}
-    return Findings(
+    return Section(
+        title,
         f"{len(chosen)} of the five virtual cameras at {size} × {size} px against pyrender, plain "
         "base colours. It blends edges and textures in sRGB values, omnisim in linear light; "
         f"averaged over {AVERAGED} × {AVERAGED} pixels in linear light that difference is small, "
         "and shapes and colours are left to compare.",
         (
-            Measure("worst face, as it is", min(plain), BOUND_DB, "dB", at_least=True),
-            Measure("worst face, averaged", min(averaged), AVERAGED_BOUND_DB, "dB", at_least=True),
+            Measure("worst face, as it is", min(plain), "dB", BOUND_DB, at_least=True),
+            Measure("worst face, averaged", min(averaged), "dB", AVERAGED_BOUND_DB, at_least=True),
         ),
         tables=(Table("PSNR of each face in dB", ("face", "as it is", "averaged"), tuple(rows)),),
-        pictures=(Picture("faces", gallery(pictures, 2), "Two of the faces by both: the same."),),
+        figures=(
+            CaptionedFigure("faces", gallery(pictures, 2), "Two of the faces by both: the same."),
+        ),
     )
 
 

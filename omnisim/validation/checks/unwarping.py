@@ -6,17 +6,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim import frames
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import View, perspective_view
+from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, gallery, plot
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import linear_from_srgb
-from omnisim.validation.check import Bench, Findings, Measure, Picture, largest
+from omnisim.validation.fixture import Fixture, max_abs
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
 from omnisim.validation.psnr import psnr_db
 
@@ -26,9 +28,9 @@ PSNR_BOUND_DB, LINE_BOUND_PX = 30.0, 0.5
 BARS = 7
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Unwarp a picture of the textured scene, and one of straight bars."""
-    supersampling = 1 if bench.is_quick else 2
+    supersampling = 1 if fixture.is_quick else 2
     sensor = OmniCamera(supersampling=supersampling).with_polygons(None).resized(PICTURE_PX)
     view = perspective_view(
         VIEW_PX, VIEW_PX, 0.5 * math.pi, math.radians(YAW_DEG), math.radians(PITCH_DEG)
@@ -36,45 +38,46 @@ def check(bench: Bench) -> Findings:
     unwarp = Unwarping(
         sensor.model, view.camera, frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
     )
-    frame = bench.take(bench.scene, sensor, sensor.base_pose(bench.viewpoint_m))
+    frame = fixture.render(fixture.scene, sensor, sensor.base_pose(fixture.viewpoint_m))
     assert frame.linear is not None
-    unwarped, pinhole = unwarp(frame.linear), _pinhole(bench)
+    unwarped, pinhole = unwarp(frame.linear), _pinhole(fixture)
     suffices = unwarp.valid & (_picture_pixels_per_pixel(sensor, view) >= 1.0)
     psnr = psnr_db(unwarped, pinhole, suffices)
-    bars = unwarp(_bars(bench, sensor))
+    bars = unwarp(_bars(fixture, sensor))
     lines = [_line(bars, view.camera, index) for index in range(BARS)]
     bends = [_bend(line) for line in lines]
-    return Findings(
+    return Section(
+        title,
         f"A 90° view of {VIEW_PX} px out of the mirror's picture of {PICTURE_PX} px, against what "
         "a pinhole camera at the effective viewpoint sees, wherever the mirror's picture is at "
         f"least as fine ({100.0 * suffices.mean():.0f} % of the view); and {BARS} bars that are "
         "straight in the world, each followed through the view.",
         (
-            Measure("unwarped view against the pinhole camera's", psnr, PSNR_BOUND_DB, "dB",
+            Measure("unwarped view against the pinhole camera's", psnr, "dB", PSNR_BOUND_DB,
                     at_least=True),
-            Measure("largest distance of a bar from a straight line", max(bends), LINE_BOUND_PX,
-                    "px"),
+            Measure("largest distance of a bar from a straight line", max(bends), "px",
+                    LINE_BOUND_PX),
+            Measure("columns that the bars were measured in", sum(len(line) for line in lines)),
         ),
-        {"columns that the bars were measured in": float(sum(len(line) for line in lines))},
-        pictures=(
-            Picture("unwarped",
+        figures=(
+            CaptionedFigure("unwarped",
                     gallery({"unwarped": _masked(unwarped, unwarp.valid),
                              "pinhole camera": _masked(pinhole, unwarp.valid),
                              "bars, unwarped": bars}, 3),
                     "The same view out of the mirror's picture and by a pinhole camera; and "
                     "straight bars, straight again."),
-            Picture("straight-bars", _figure(lines),
+            CaptionedFigure("straight-bars", _figure(lines),
                     "Distance of each bar from the straight line that fits it best."),
         ),
     )  # fmt: skip
 
 
-def _pinhole(bench: Bench) -> NDArray[np.float32]:
+def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
     """What a pinhole camera sees: the front face of another rig, turned to look that way."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
-    pose = frames.pose(bench.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
-    with Renderer(bench.scene, sensor, unlit=True, device=bench.device) as renderer:
+    pose = frames.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
+    with Renderer(fixture.scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(pose)
         face = linear_from_srgb(renderer.faces()["front"] / 255.0)
     return face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3)).astype(np.float32)
@@ -95,7 +98,7 @@ def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.floa
     return np.linalg.svd(jacobian, compute_uv=False)[..., 1]
 
 
-def _bars(bench: Bench, sensor: OmniCamera) -> NDArray[np.float32]:
+def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
     """The mirror's picture of white bars on black: long, level, one above the other."""
     forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
@@ -110,7 +113,7 @@ def _bars(bench: Bench, sensor: OmniCamera) -> NDArray[np.float32]:
         corners.append([middle - along - half, middle + along - half,
                         middle + along + half, middle - along + half])  # fmt: skip
     scene = plain_scene("bars", (quads("bars", corners), WHITE))
-    linear = bench.take(scene, sensor, np.eye(4)).linear
+    linear = fixture.render(scene, sensor, np.eye(4)).linear
     assert linear is not None
     return linear
 
@@ -136,7 +139,7 @@ def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArr
 
 
 def _bend(line: NDArray[np.float64]) -> float:
-    return largest(_residuals(line)) if len(line) > 50 else math.nan
+    return max_abs(_residuals(line)) if len(line) > 50 else math.nan
 
 
 def _residuals(line: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,19 +7,21 @@ reflected there by the gradient of Eq. 1.
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors import HyperbolicMirror
+from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, ORANGE, plot
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera
-from omnisim.validation.check import Bench, Findings, Measure, Picture, largest
+from omnisim.validation.fixture import Fixture, max_abs
 
 # The focus property is exact: what is left is float64's rounding, which grows with the path.
 BOUND_C = 1e-9
 
 
-def check(bench: Bench) -> Findings:
+def check(fixture: Fixture, title: str) -> Section:
     """Reflect rays over the whole mirror and measure by how much they miss the viewpoint."""
     camera = OmniCamera().model
     mirror, tangents = camera.mirror, _tangents(camera.mirror, 301)
@@ -29,17 +31,18 @@ def check(bench: Bench) -> Findings:
     pixels = camera.focal_length_px * tangents * (1.0, -1.0) + camera.principal_point_px
     rays = camera.ray_from_pixel(pixels).directions @ MIRROR_FROM_OPTICAL.T
     angles = 2.0 * np.arcsin(0.5 * np.linalg.norm(rays - reflected, axis=-1))
-    return Findings(
+    return Section(
+        title,
         "Rays from the pinhole are intersected with Eq. 1 and reflected by its gradient. All of "
         "them, prolonged backwards, pass through the effective viewpoint, so that one set of "
         "virtual cameras there sees what the mirror shows; and the camera model has the same rays.",
         (
-            Measure("largest miss of the effective viewpoint", largest(misses), BOUND_C, "c"),
-            Measure("largest angle to the camera model's rays", largest(angles), BOUND_C, "rad"),
+            Measure("largest miss of the effective viewpoint", max_abs(misses), "c", BOUND_C),
+            Measure("largest angle to the camera model's rays", max_abs(angles), "rad", BOUND_C),
+            Measure("rays", misses.size),
         ),
-        {"rays": float(misses.size)},
-        pictures=(
-            Picture(
+        figures=(
+            CaptionedFigure(
                 "single-viewpoint",
                 _figure(mirror),
                 "The mirror cut in half. Rays of the scene (orange) aim at the effective viewpoint "

@@ -1,4 +1,4 @@
-"""Other people's renderers and libraries, each behind one small function; all are optional."""
+"""Independent renderers and libraries, each behind one small function; all are optional."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 os.environ.setdefault("PYGLET_HEADLESS", "1")
 
 
-# What some of them need of the system, and pip does not bring.
-LIBRARIES = {"mitsuba": "libatomic1"}
+# System libraries that pip does not bring.
+SYSTEM_LIBRARIES = {"mitsuba": "libatomic1"}
 
 
-def why_missing(name: str) -> str:
-    """Why a "module" or "module.attribute" cannot be used, and what to do; empty: it can."""
+def import_failure(name: str) -> str:
+    """Reason why a "module" or "module.attribute" cannot be used, and what to do; empty: it can."""
     module, _, attribute = name.partition(".")
     try:
         found = import_module(module)
@@ -24,7 +24,7 @@ def why_missing(name: str) -> str:
         return f"{name} is not here: pip install omnisim[oracles]{hint}"
     except Exception as broken:  # whatever a broken installation comes up with
         words = " ".join(f"{type(broken).__name__}: {broken}".split())
-        library = LIBRARIES.get(module)
+        library = SYSTEM_LIBRARIES.get(module)
         hint = f"; sudo apt-get install {library} may help" if library else ""
         return f"{name} is here and cannot be imported{hint}: {words[:200]}"
     if attribute and not hasattr(found, attribute):

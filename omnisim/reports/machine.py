@@ -1,4 +1,4 @@
-"""What a result was measured on, for the result file."""
+"""Machine, driver, versions and commit that a report was measured on."""
 
 from __future__ import annotations
 
@@ -11,36 +11,49 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import moderngl
-
+from omnisim.gpu.context import GraphicsInfo, graphics_info, open_context
 from omnisim.version import __version__
 
-ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "embreex", "pyrender")
-# What draws without a GPU, as it calls itself.
-SOFTWARE = ("llvmpipe", "softpipe", "swrast", "lavapipe")
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = (
+    "moderngl", "numpy", "trimesh", "OpenImageIO", "embreex", "pyrender", "mitsuba",
+    "opencv-contrib-python-headless",
+)  # fmt: skip
+SOFTWARE = ("llvmpipe", "softpipe", "swrast", "lavapipe")  # in the names of software renderers
 
 
-def about(context: moderngl.Context, device: int | None = None) -> dict[str, Any]:
-    """Machine, driver, versions, commit and time.
+def machine_of_device(device: int | None = None) -> dict[str, Any]:
+    """Machine with a GPU that is not in use yet.
+
+    Raises:
+        GraphicsError: no OpenGL.
+    """
+    context = open_context(device)
+    try:
+        return describe_machine(graphics_info(context), device)
+    finally:
+        context.release()
+
+
+def describe_machine(graphics: GraphicsInfo, device: int | None = None) -> dict[str, Any]:
+    """Machine, driver, versions, commit and time, as JSON can hold them.
 
     Args:
-        context: what draws.
+        graphics: the renderer.
         device: its number, if it was chosen by one.
     """
-    renderer = context.info["GL_RENDERER"]
-    is_software = any(name in renderer.lower() for name in SOFTWARE)
+    is_software = any(name in graphics.renderer.lower() for name in SOFTWARE)
     return {
-        "name": _name(renderer, is_software),
+        "name": _name(graphics.renderer, is_software),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "processor": _processor(),
         "cores": _cores(),
         "load": os.getloadavg()[0],
         "system": platform.platform(),
         "device": device,
-        "renderer": renderer,
-        "vendor": context.info["GL_VENDOR"],
-        "opengl": context.info["GL_VERSION"],
+        "renderer": graphics.renderer,
+        "vendor": graphics.vendor,
+        "opengl": graphics.version,
         "is_software": is_software,
         "python": platform.python_version(),
         "omnisim": __version__,
@@ -49,8 +62,8 @@ def about(context: moderngl.Context, device: int | None = None) -> dict[str, Any
     }
 
 
-def in_words(machine: dict[str, Any]) -> str:
-    """A line that says what drew, and on what."""
+def machine_line(machine: dict[str, Any]) -> str:
+    """Renderer, processor, load and commit in one line."""
     kind = "software" if machine["is_software"] else "GPU"
     return (
         f"{machine['renderer']} ({kind}), {machine['processor']}, {machine['cores']} cores, "
@@ -59,13 +72,13 @@ def in_words(machine: dict[str, Any]) -> str:
 
 
 def _name(renderer: str, is_software: bool) -> str:
-    """A folder's name for results: what decides the numbers, and no host's name."""
+    """Folder name for results: the renderer, and the cores of a software renderer."""
     plain = re.sub(r"[^a-z0-9]+", "-", re.split(r"[/(]", renderer.lower())[0]).strip("-")
     return f"{plain}-{_cores()}-cores" if is_software else plain
 
 
 def _cores() -> int:
-    """Those that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
@@ -86,7 +99,9 @@ def _processor() -> str:
 
 
 def _commit() -> str | None:
-    """The commit, with + where files were changed since; None outside a checkout."""
+    """Commit, with + where files were changed since; None outside a checkout."""
+    if not (ROOT / ".git").exists():
+        return None
     try:
         done = subprocess.run(
             ["git", "describe", "--always", "--dirty=+", "--abbrev=12"],

@@ -1,4 +1,4 @@
-"""Each chapter of the proof holds; and does not when the geometry is bent on purpose."""
+"""Each check of the validation passes, and fails when the geometry is bent on purpose."""
 
 import dataclasses
 
@@ -9,50 +9,46 @@ from omnisim import frames
 from omnisim.cameras import HyperbolicCamera
 from omnisim.gpu import shader_files
 from omnisim.mirrors import HyperbolicMirror
-from omnisim.validation.chapters import CHAPTERS
-from omnisim.validation.check import Bench
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.suite import CHECKS
 
 pytestmark = [
     pytest.mark.usefixtures("needs_opengl"),
     # pyrender and its PyOpenGL date from 2021 and warn about today's NumPy and Python
     pytest.mark.filterwarnings("ignore"),
 ]
-BY_KEY = {chapter.key: chapter for chapter in CHAPTERS}
+BY_KEY = {check.key: check for check in CHECKS}
 
 
 @pytest.fixture(scope="module")
-def bench():
-    return Bench(is_quick=True)
+def fixture():
+    return Fixture(is_quick=True)
 
 
-def _missed(key, bench):
-    """Names of the bounds that a chapter misses."""
-    chapter = BY_KEY[key]
-    if chapter.missing():
-        pytest.skip(chapter.missing())
-    return [
-        f"{measure.name}: {measure.value:.4g}"
-        for measure in chapter.run(bench).measures
-        if not measure.passed
-    ]
+def _missed(key, fixture):
+    """Names of the bounds that a check misses."""
+    check = BY_KEY[key]
+    if check.skip_reason():
+        pytest.skip(check.skip_reason())
+    return [f"{measure.name}: {measure.value:.4g}" for measure in check.run(fixture).missed]
 
 
 @pytest.mark.parametrize("key", BY_KEY)
-def test_every_bound_holds(key, bench):
-    assert not _missed(key, bench)
+def test_every_bound_holds(key, fixture):
+    assert not _missed(key, fixture)
 
 
 @pytest.mark.parametrize("key", ["rings", "viewpoint", "omnidir", "path-tracer"])
-def test_a_wrong_mirror_is_found_out(key, bench, monkeypatch):
+def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     """The camera model believes in a mirror 2 % off: what is independent of it must say so."""
     true = HyperbolicMirror.half_angle_ratio.fget
     monkeypatch.setattr(
         HyperbolicMirror, "half_angle_ratio", property(lambda self: 1.02 * true(self))
     )
-    assert _missed(key, bench)
+    assert _missed(key, fixture)
 
 
-def test_a_wrong_calibration_file_is_found_out(bench, monkeypatch):
+def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the picture's."""
     from omnisim.calibration import calibration_of
     from omnisim.validation.checks import boards
@@ -62,19 +58,19 @@ def test_a_wrong_calibration_file_is_found_out(bench, monkeypatch):
     wrong = dataclasses.replace(pinhole.camera, focal_length_px=focal_px)
     monkeypatch.setattr(boards, "lenses", lambda: (pinhole,))
     monkeypatch.setattr(boards, "calibration_of", lambda camera: calibration_of(wrong))
-    assert _missed("boards", bench)
+    assert _missed("boards", fixture)
 
 
-def test_a_mirrored_picture_is_found_out(bench, monkeypatch):
+def test_a_mirrored_picture_is_found_out(fixture, monkeypatch):
     flipped = frames.RIG_FROM_OPTICAL_LOOKING_UP @ np.diag([-1.0, 1.0, 1.0])
     monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", flipped)
-    assert any("colour" in name for name in _missed("orientation", bench))
+    assert any("colour" in name for name in _missed("orientation", fixture))
 
 
-def test_a_turned_picture_is_found_out(bench, monkeypatch):
+def test_a_turned_picture_is_found_out(fixture, monkeypatch):
     turned = frames.RIG_FROM_OPTICAL_LOOKING_UP @ frames.rotation_from_roll_pitch_yaw(0, 0, 1e-3)
     monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", turned)
-    assert _missed("markers", bench)
+    assert _missed("markers", fixture)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +90,7 @@ def test_a_turned_picture_is_found_out(bench, monkeypatch):
         "swapped faces",
     ],
 )
-def test_a_wrong_shader_is_found_out(key, written, bent, bench, monkeypatch):
+def test_a_wrong_shader_is_found_out(key, written, bent, fixture, monkeypatch):
     expand, hits = shader_files._expand, []
 
     def expand_bent(*arguments):
@@ -103,5 +99,5 @@ def test_a_wrong_shader_is_found_out(key, written, bent, bench, monkeypatch):
         return source.replace(written, bent)
 
     monkeypatch.setattr(shader_files, "_expand", expand_bent)
-    assert _missed(key, bench)
+    assert _missed(key, fixture)
     assert any(hits)

@@ -3,19 +3,19 @@
 import pytest
 
 from omnisim.validation import oracles
-from omnisim.validation.oracles import why_missing
+from omnisim.validation.oracles import import_failure
 
 
 def test_what_is_there_is_not_missing():
-    assert why_missing("json") == ""
-    assert why_missing("json.loads") == ""
+    assert import_failure("json") == ""
+    assert import_failure("json.loads") == ""
 
 
 def test_what_is_not_there():
-    assert why_missing("no_such_module") == (
+    assert import_failure("no_such_module") == (
         "no_such_module is not here: pip install omnisim[oracles]"
     )
-    assert why_missing("json.omnidir") == (
+    assert import_failure("json.omnidir") == (
         "json.omnidir is not in this json: pip install omnisim[oracles]"
     )
 
@@ -26,7 +26,7 @@ def test_what_is_broken(monkeypatch, broken):
         raise broken
 
     monkeypatch.setattr(oracles, "import_module", import_module)
-    told = why_missing("mitsuba")
+    told = import_failure("mitsuba")
     assert told.startswith(
         "mitsuba is here and cannot be imported; sudo apt-get install libatomic1"
     )

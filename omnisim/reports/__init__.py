@@ -1,0 +1,1 @@
+"""Reports of measurements against their bounds: JSON, figures and one HTML page."""

@@ -1,0 +1,65 @@
+"""A measured number and the bound that it must satisfy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Sense = Literal["at least", "at most"]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measured number.
+
+    Attributes:
+        name: of the quantity.
+        value: NaN where it could not be measured.
+        unit: of value and bound; empty for none.
+        bound: the largest that is accepted, or None.
+        at_least: the bound is the smallest that is accepted.
+        paper: the paper's value, as text; empty for none.
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+    bound: float | None = None
+    at_least: bool = False
+    paper: str = ""
+
+    @property
+    def passed(self) -> bool | None:
+        """True if the bound holds, never for NaN; None without a bound."""
+        if self.bound is None:
+            return None
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+    @property
+    def value_text(self) -> str:
+        """Value with its unit, to four digits."""
+        return self._text(self.value) if math.isfinite(self.value) else "not a number"
+
+    @property
+    def bound_text(self) -> str:
+        """Bound with sign and unit; empty for none."""
+        if self.bound is None:
+            return ""
+        return f"{'≥' if self.at_least else '≤'} {self._text(self.bound)}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON object."""
+        sense: Sense = "at least" if self.at_least else "at most"
+        return {
+            "name": self.name,
+            "value": self.value if math.isfinite(self.value) else None,
+            "unit": self.unit,
+            "bound": self.bound,
+            "sense": sense,
+            "passed": self.passed,
+            "paper": self.paper,
+        }
+
+    def _text(self, number: float) -> str:
+        return f"{number:.4g} {self.unit}".rstrip()

@@ -1,0 +1,57 @@
+"""Scene, viewpoint and settings that the checks share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.frame import Frame
+from omnisim.scene import Scene, load_scene
+from omnisim.sensors import OmniCamera, Renderer, Stage
+
+TEXTURED_SCENE = "courtyard"
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """Settings and test scene of a run.
+
+    Attributes:
+        device: EGL's number of the GPU, or None.
+        is_quick: use the smaller of two sizes where there is a choice.
+    """
+
+    device: int | None = None
+    is_quick: bool = False
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Textured scene that pictures are compared in."""
+        return load_scene(TEXTURED_SCENE)
+
+    @property
+    def viewpoint_m(self) -> tuple[float, float, float]:
+        """Viewpoint in it, world."""
+        return self.scene.start.position_m
+
+    def render(
+        self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
+    ) -> Frame:
+        """One frame in plain base colours, with linear floats."""
+        device = None if isinstance(scene, Stage) else self.device
+        with Renderer(scene, camera, unlit=True, device=device) as renderer:
+            return renderer.render(world_from_base, linear=True)
+
+
+def max_abs(values: NDArray[np.float64]) -> float:
+    """Largest absolute value; NaN for none, which no bound lets pass."""
+    return float(np.abs(values).max()) if values.size else math.nan
+
+
+def mean_abs(values: NDArray[np.float64]) -> float:
+    """Mean absolute value; NaN for none, which no bound lets pass."""
+    return float(np.abs(values).mean()) if values.size else math.nan
