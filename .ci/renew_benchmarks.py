@@ -17,11 +17,10 @@ from readme import ROOT, renew_figures, renew_table
 
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.machine import in_words
-
 from benchmarks.__main__ import SUITES
 from benchmarks.report import read_report
 from omnisim.errors import OmnisimError
+from omnisim.reports.machine import machine_line
 
 RESULTS = ROOT / "benchmarks" / "results"
 USAGE = "usage: python .ci/renew_benchmarks.py DIR [--results-only]"
@@ -61,7 +60,7 @@ def main() -> None:
             report = reports[suite]
             figure = (kept / f"{suite}.jpg").relative_to(ROOT)
             lines = [
-                f"On {in_words(report['machine'])}:", "", f"![{suite}]({figure})", "",
+                f"On {machine_line(report['machine'])}:", "", f"![{suite}]({figure})", "",
                 *table(report), "", *_verdicts(report),
                 *(f"- {remark}" for remark in report.get("remarks", ())),
             ]  # fmt: skip

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.machine import in_words
 from benchmarks.options import Options
 from benchmarks.progress import show_turns
 from benchmarks.report import write_report
@@ -20,6 +19,7 @@ from benchmarks.timer import ROUNDS, WARM_UP
 from omnisim.atomic_file import check_target
 from omnisim.cli.consoles import err
 from omnisim.errors import OmnisimError, OutputError
+from omnisim.reports.machine import machine_line
 
 # In the order in which `all` runs them: a module each, imported when it is run.
 SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses")
@@ -116,7 +116,7 @@ def _passes(name: str, options: Options, folder: Path) -> bool:
     try:
         suite = import_module(f"benchmarks.suites.{name}")
         report = suite.run(options)
-        print(f"{name}, on {in_words(report['machine'])}")
+        print(f"{name}, on {machine_line(report['machine'])}")
         print("\n".join(suite.lines(report)), end="\n\n", flush=True)
         write_report(folder, suite, report)
     except OmnisimError as reason:

@@ -10,8 +10,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
-from benchmarks.machine import in_words
 from omnisim.plots import style
+from omnisim.reports.machine import machine_line
 
 PANEL_IN, HEIGHT_IN, NARROWEST_IN = 4.9, 5.6, 7.0
 SECOND_LINE_IN = 0.42  # from the figure's top
@@ -27,7 +27,7 @@ def panels(
     figure.suptitle(f"{title}\n", fontsize=style.TITLE_PT)  # the second line is the machine's
     second_line = 1.0 - SECOND_LINE_IN / HEIGHT_IN
     figure.text(
-        0.5, second_line, in_words(report["machine"]),
+        0.5, second_line, machine_line(report["machine"]),
         ha="center", va="center", fontsize=7.5, color=style.GREY,
     )  # fmt: skip
     return figure, axes

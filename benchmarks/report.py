@@ -1,16 +1,16 @@
-"""A report: what every suite writes down, in one form, which `check` holds it to.
+"""A suite's report: one schema for all suites, which `check` verifies.
 
-| key | what |
+| key | content |
 | --- | --- |
-| `suite` | its name |
+| `suite` | name of the suite |
 | `schema` | 1: this table |
 | `rows` | one for each measured variant: names and numbers, nothing nested |
-| `bounds` | one for each: `name`, `value`, `bound`, `sense`, `passed` |
-| `passed` | whether all bounds hold |
-| `rounds` | timed turns; where a row has its own, that one counts |
-| `machine` | what it was measured on, see `machine.py` |
+| `bounds` | measures with a bound: `name`, `value`, `bound`, `sense`, `passed` and more |
+| `passed` | true if all bounds hold |
+| `rounds` | timed rounds; where a row has its own, that one counts |
+| `machine` | machine and versions, see `omnisim.reports.machine` |
 
-Whatever else a suite has to say has keys of its own.
+Further results of a suite have keys of their own.
 """
 
 from __future__ import annotations
@@ -20,44 +20,28 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, get_args
 
 import moderngl
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.machine import about
 from benchmarks.options import Options
-from omnisim.atomic_file import atomic_write
 from omnisim.errors import OutputError
+from omnisim.gpu.context import graphics_info
+from omnisim.reports.machine import describe_machine
+from omnisim.reports.measure import Measure, Sense
+from omnisim.reports.report import write_json
 
 SCHEMA = 1
-AT_LEAST, AT_MOST = "at least", "at most"
 _KINDS = {
     "suite": str, "schema": int, "rows": list, "bounds": list, "passed": bool, "rounds": int,
     "machine": dict,
 }  # fmt: skip
-_ABOUT = ("name", "processor", "cores", "load", "renderer", "opengl", "is_software", "commit")
+_MACHINE_KEYS = (
+    "name", "processor", "cores", "load", "renderer", "opengl", "is_software", "commit",
+)  # fmt: skip
+_BOUND_KEYS = ("name", "value", "bound", "sense", "passed")  # of every version of the schema
 _PLAIN = (str, bool, int, float, type(None))
-
-
-class Bound(NamedTuple):
-    """A number that is held to another."""
-
-    name: str
-    value: float
-    bound: float
-    sense: str  # AT_LEAST or AT_MOST
-
-    @property
-    def passed(self) -> bool:
-        """Whether it holds; never, where the value is not a number."""
-        if self.sense == AT_LEAST:
-            return self.value >= self.bound
-        return self.value <= self.bound
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the report."""
-        return {**self._asdict(), "passed": self.passed}
 
 
 def make_report(
@@ -65,18 +49,18 @@ def make_report(
     options: Options,
     context: moderngl.Context,
     rows: Sequence[Mapping[str, Any]],
-    bounds: Sequence[Bound] = (),
+    bounds: Sequence[Measure] = (),
     **more: Any,
 ) -> dict[str, Any]:
-    """The report of a suite.
+    """Report of a suite, in the schema above.
 
     Args:
-        suite: its name.
-        options: what it was run with.
-        context: what it was run on.
-        rows: see above.
-        bounds: what it is held to.
-        more: what else it has to say.
+        suite: name of the suite.
+        options: that it was run with.
+        context: that it was run on.
+        rows: measured variants.
+        bounds: measures with a bound.
+        more: further results.
     """
     return {
         "suite": suite,
@@ -86,12 +70,12 @@ def make_report(
         "rows": [dict(row) for row in rows],
         "bounds": [bound.as_dict() for bound in bounds],
         "passed": all(bound.passed for bound in bounds),
-        "machine": about(context, options.device),
+        "machine": describe_machine(graphics_info(context), options.device),
     }
 
 
 def check(report: Mapping[str, Any]) -> None:
-    """Hold a report to the schema.
+    """Verify a report against the schema.
 
     Raises:
         BenchmarkError: naming suite, key and what was wanted.
@@ -110,7 +94,7 @@ def check(report: Mapping[str, Any]) -> None:
         _check_bound(bound, f"{name}: bounds[{at}]")
     if report["passed"] is not all(bound["passed"] for bound in report["bounds"]):
         raise BenchmarkError(f"{name}: passed = {report['passed']}: its bounds say otherwise")
-    for key in _ABOUT:
+    for key in _MACHINE_KEYS:
         if key not in report["machine"]:
             raise BenchmarkError(f"{name}: machine: {key} is missing")
     try:
@@ -120,7 +104,7 @@ def check(report: Mapping[str, Any]) -> None:
 
 
 def bound_lines(report: Mapping[str, Any]) -> list[str]:
-    """The bounds in words, a line each."""
+    """Bounds as text, a line each."""
     return [
         f"{'holds' if one['passed'] else 'FAILS'}: {one['name']}: {one['value']:.3g}, "
         f"want {one['sense']} {one['bound']:g}"
@@ -137,8 +121,7 @@ def write_report(folder: Path, suite: ModuleType, report: Mapping[str, Any]) -> 
     """
     check(report)
     path = folder / f"{report['suite']}.json"
-    with atomic_write(path) as partial:
-        partial.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    write_json(path, report)
     suite.plot(report, path.with_suffix(".png"))
 
 
@@ -170,12 +153,15 @@ def _check_row(row: Any, where: str) -> None:
 
 
 def _check_bound(bound: Any, where: str) -> None:
-    if not isinstance(bound, dict) or bound.keys() != {*Bound._fields, "passed"}:
-        raise BenchmarkError(f"{where}: want {', '.join(Bound._fields)} and passed")
-    if bound["sense"] not in (AT_LEAST, AT_MOST):
-        raise BenchmarkError(f"{where}: sense = {bound['sense']!r}: want {AT_LEAST} or {AT_MOST}")
+    if not isinstance(bound, dict) or not bound.keys() >= set(_BOUND_KEYS):
+        raise BenchmarkError(f"{where}: want {', '.join(_BOUND_KEYS)}")
+    if bound["sense"] not in get_args(Sense):
+        raise BenchmarkError(
+            f"{where}: sense = {bound['sense']!r}: want {' or '.join(get_args(Sense))}"
+        )
     for key in ("value", "bound"):
         if type(bound[key]) not in (int, float) or not math.isfinite(bound[key]):
             raise BenchmarkError(f"{where}: {key} = {bound[key]!r}: want a finite number")
-    if Bound(*(bound[key] for key in Bound._fields)).passed is not bound["passed"]:
+    at_least = bound["sense"] == "at least"
+    if Measure("", bound["value"], "", bound["bound"], at_least).passed is not bound["passed"]:
         raise BenchmarkError(f"{where}: passed = {bound['passed']}: its value says otherwise")

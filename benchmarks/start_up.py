@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.machine import ROOT
 from benchmarks.options import Options
 from benchmarks.start_up_phases import AFTER, PHASES
+from omnisim.reports.machine import ROOT
 
 # With what the driver compiled in runs before, and without.
 CACHED, ANEW = "to a picture and the end", "shaders compiled anew"

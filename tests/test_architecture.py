@@ -13,6 +13,7 @@ PACKAGE = Path(omnisim.__file__).parent
 LAYERS = (
     {"cli"},
     {"validation", "experiments"},
+    {"reports"},
     {"plots"},
     {"simulation"},
     {"sensors", "perception", "localization", "robot"},
@@ -43,8 +44,8 @@ HOMES = {
     "OpenImageIO": {"image_files"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "matplotlib": {"plots", "validation"},
-    "jinja2": {"validation", "experiments"},
+    "matplotlib": {"plots"},
+    "jinja2": {"reports"},
     "av": {"plots"},
     "cv2": {"validation"},
     "mitsuba": {"validation"},

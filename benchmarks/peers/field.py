@@ -15,7 +15,7 @@ from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.stage import Closing, Stage
-from omnisim.validation.oracles import why_missing
+from omnisim.validation.oracles import import_failure
 
 FAST, DEFAULT = "omnisim, fast", "omnisim, default"
 PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
@@ -53,13 +53,13 @@ class Field(Closing):
             GAZEBO: lambda: GazeboWay(context, scene),
         }
         self.missing: dict[str, str] = {}
-        faces_of_pyrender = why_missing("pyrender") or why_missing("cv2")
+        faces_of_pyrender = import_failure("pyrender") or import_failure("cv2")
         if faces_of_pyrender:
             self.missing |= dict.fromkeys((PYRENDER, PYRENDER_FLAT), faces_of_pyrender)
         else:
             make[PYRENDER] = lambda: PyrenderFaces(scene, lit=True, device=device)
             make[PYRENDER_FLAT] = lambda: PyrenderFaces(scene, lit=False, device=device)
-        if rays := why_missing("embreex"):
+        if rays := import_failure("embreex"):
             self.missing |= dict.fromkeys((EMBREE, EMBREE_COLOR), rays)
         else:
             make[EMBREE] = lambda: EmbreeGeometry(scene)

@@ -21,7 +21,7 @@ from benchmarks.collector_watch import CollectorWatch, watching_the_collector
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.probes import fill
-from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
+from benchmarks.report import bound_lines, make_report
 from benchmarks.resident_memory import resident_bytes
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
@@ -30,6 +30,7 @@ from benchmarks.suites.drive_figure import drive_figure
 from benchmarks.timer import Timings, take_turns
 from omnisim.gpu.context import open_context
 from omnisim.plots.plot_file import write_plot
+from omnisim.reports.measure import Measure
 from omnisim.scene import Scene
 from omnisim.sensors import Renderer, Stage
 from omnisim.simulation.route import Route, plan_route
@@ -251,18 +252,18 @@ def _memory_row(driven: _Driven) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _bounds(rows: list[dict[str, Any]]) -> list[Bound]:
+def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
     bounds = []
     for row in _of_kind(rows, "frames"):
         if row["setting"] == HELD:
             name = f"p99 to p50 of {row['rounds']} frames, {HELD}"
-            bounds.append(Bound(name, row["p99_to_p50"], MOST_UNEVEN, AT_MOST))
+            bounds.append(Measure(name, row["p99_to_p50"], bound=MOST_UNEVEN))
     for row in _of_kind(rows, "memory"):
         name = f"memory grown after frame {row['settled_frames']}, {row['setting']}, MiB"
-        bounds.append(Bound(name, row["growth_mib"], MOST_GROWTH_MIB, AT_MOST))
+        bounds.append(Measure(name, row["growth_mib"], bound=MOST_GROWTH_MIB))
     for row in _of_kind(rows, "start-up"):
         if row["what"] == CACHED:
-            bounds.append(Bound("start to first picture, s", row["seconds"], MOST_START_S, AT_MOST))
+            bounds.append(Measure("start to first picture, s", row["seconds"], bound=MOST_START_S))
     return bounds
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.options import Options
 from benchmarks.patrol import ROBOT, VIEWPORT_PX, patrol, viewport
-from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
+from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_plot import fps_figure
@@ -27,6 +27,7 @@ from benchmarks.timer import Timings, take_turns
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.mesh_error import mesh_error
 from omnisim.plots.plot_file import write_plot
+from omnisim.reports.measure import Measure
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.vehicle import Vehicle
@@ -60,7 +61,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
     vehicle = Vehicle.load(ROBOT)
     mesh_errors = _mesh_errors(vehicle)
     rows: list[dict[str, Any]] = []
-    bounds: list[Bound] = []
+    bounds: list[Measure] = []
     remarks: list[str] = []
     for name, scene in load_scenes(options, PAPERS_MAPS).items():
         poses = patrol(scene, vehicle, POSES)
@@ -86,7 +87,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
                 if size_px == sizes_px[0]:
                     share = timings.ratio(str(POLYGONS[0]), str(POLYGONS[-1])).median
                     told = f"FPS({POLYGONS[-1]})/FPS({POLYGONS[0]}), {name}, {size_px}² {setting}"
-                    bounds.append(Bound(told, share, LEAST, AT_LEAST))
+                    bounds.append(Measure(told, share, bound=LEAST, at_least=True))
                     remarks.append(_remark(name, setting, timings))
             with stage.current():
                 report = make_report(

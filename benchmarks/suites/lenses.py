@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.options import Options
-from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
+from benchmarks.report import bound_lines, make_report
 from benchmarks.timer import take_turns
 from omnisim import frames
 from omnisim.cameras import CentralCamera, EquidistantCamera
@@ -28,6 +28,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.plots import style
 from omnisim.plots.plot_file import write_plot
+from omnisim.reports.measure import Measure
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -75,7 +76,7 @@ def run(options: Options) -> dict[str, Any]:
     worst = rows[-1]
     report = make_report(
         "lenses", options, context, rows,
-        [Bound(f"{worst['lens']} to {cheapest}, the cheapest", worst["ratio"], MOST, AT_MOST)],
+        [Measure(f"{worst['lens']} to {cheapest}, the cheapest", worst["ratio"], bound=MOST)],
         scene=scene.name,
         picture_px=SIZE_PX,
         supersampling=SUPERSAMPLING,

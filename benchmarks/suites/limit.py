@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks.options import Options
 from benchmarks.probes import fill, readback, small_faces, submission, surfaces, triangles
 from benchmarks.probes.probe import Probe, side_px
-from benchmarks.report import AT_MOST, Bound, bound_lines, make_report
+from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.limit_figure import limit_figure
@@ -39,6 +39,7 @@ from benchmarks.suites.limit_frames import LimitedFrame
 from benchmarks.timer import Timings, take_turns
 from omnisim.gpu.context import open_context
 from omnisim.plots.plot_file import write_plot
+from omnisim.reports.measure import Measure
 from omnisim.sensors import OmniCamera, Stage
 
 HELD = "fast"  # the setting whose bounds count
@@ -162,10 +163,10 @@ def _probe_row(probe: Probe, timings: Timings) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _bounds(rows: Sequence[dict[str, Any]]) -> list[Bound]:
+def _bounds(rows: Sequence[dict[str, Any]]) -> list[Measure]:
     held = [row for row in rows if row["kind"] == "frame" and row["setting"] == HELD]
     return [
-        Bound(f"{what}: {row['scene']}, {HELD}", row[key], most, AT_MOST)
+        Measure(f"{what}: {row['scene']}, {HELD}", row[key], bound=most)
         for what, key, most in (
             ("mirror pass, capture and readback, of a frame",
              "after_faces_share", MOST_AFTER_FACES),

@@ -22,12 +22,13 @@ from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.path import race_poses
 from benchmarks.peers.peer import SENSOR
 from benchmarks.peers.quality import TRUTH, measured_db, references
-from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
+from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
 from benchmarks.suites.peers_plot import peers_figure
 from benchmarks.timer import Timings, take_turns
 from omnisim.plots.plot_file import write_plot
+from omnisim.reports.measure import Measure
 from omnisim.sensors import Stage
 
 POSES = 10
@@ -61,7 +62,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
         OmnisimError: no OpenGL, or a scene that cannot be loaded.
     """
     rows: list[dict[str, Any]] = []
-    bounds: list[Bound] = []
+    bounds: list[Measure] = []
     for name, scene in load_scenes(options).items():
         with Stage(scene, device=options.device) as stage:
             path = race_poses(stage, poses)
@@ -208,14 +209,14 @@ def _bounds(
     timings: dict[str, tuple[Timings, int]],
     quality: Quality,
     as_good: dict[str, str],
-) -> list[Bound]:
+) -> list[Measure]:
     """Those on time, and those that hold ours to be no worse than anybody by default."""
     found = [
-        Bound(
+        Measure(
             f"{scene}: {name} to {as_good[name]}, which is as good",
             timings[name][0].ratio(name, as_good[name]).median,
-            least,
-            AT_LEAST,
+            bound=least,
+            at_least=True,
         )
         for name, least in BOUNDS.items()
         if name in timings
@@ -231,7 +232,7 @@ def _bounds(
     if margins:
         nearest = min(margins, key=lambda name: margins[name])
         told = f"{scene}: PSNR of {field.DEFAULT} over that of {nearest}, its nearest, in dB"
-        found.append(Bound(told, margins[nearest], 0.0, AT_LEAST))
+        found.append(Measure(told, margins[nearest], bound=0.0, at_least=True))
     return found
 
 

@@ -26,7 +26,7 @@ from benchmarks.peers.field import LADDER, rung
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.quality import measured_db, references
 from benchmarks.pipeline_parts import RepeatedFrame
-from benchmarks.report import AT_LEAST, Bound, bound_lines, make_report
+from benchmarks.report import bound_lines, make_report
 from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.settings import at_setting
 from benchmarks.suites.scaling_plot import scaling_figure
@@ -34,6 +34,7 @@ from benchmarks.timer import Timings, take_turns
 from benchmarks.town import build_town
 from omnisim.frames import pose
 from omnisim.plots.plot_file import write_plot
+from omnisim.reports.measure import Measure
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.stage import Stage
@@ -73,9 +74,9 @@ def run(
     """  # fmt: skip
     rows = [_of_town(count, _turns_of_town(options, count)) for count in triangles]
     bounds = [
-        Bound(
-            f"Embree's rays to a frame, {row['triangles']} triangles", row["embree_ratio"], LEAST,
-            AT_LEAST,
+        Measure(
+            f"Embree's rays to a frame, {row['triangles']} triangles", row["embree_ratio"],
+            bound=LEAST, at_least=True,
         )
         for count, row in zip(triangles, rows, strict=True)
         if "embree_ratio" in row and count <= LARGE

@@ -44,7 +44,7 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
         landmark_sections.degradations(simulated, trained, parameters, progress),
     )
     report = Report(
-        "A robot finds itself",
+        "Self-localization",
         "The experiments of Schmits and Visser (2008), section 3.2, on omnisim, and what lies "
         "beyond them. The paper publishes neither its noise, nor its gate, nor its bins and "
         "thresholds: all parameters are ours. The paper's numbers stand beside ours where it has "

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 import benchmarks.__main__ as command
-from benchmarks.report import AT_MOST, Bound, make_report, read_report
+from benchmarks.report import make_report, read_report
 from omnisim.errors import SceneError
 from omnisim.gpu.context import open_context
+from omnisim.reports.measure import Measure
 
 
 def _suite(name, value):
@@ -19,7 +20,7 @@ def _suite(name, value):
             raise SceneError("there is no such scene")
         context = open_context(options.device)
         rows = [{"variant": "a", "rounds": options.rounds}]
-        report = make_report(name, options, context, rows, [Bound("cost", value, 1.0, AT_MOST)])
+        report = make_report(name, options, context, rows, [Measure("cost", value, bound=1.0)])
         context.release()
         return report
 

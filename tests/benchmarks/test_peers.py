@@ -14,7 +14,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors import Stage
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.validation.oracles import why_missing
+from omnisim.validation.oracles import import_failure
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 
 pytestmark = [
@@ -48,7 +48,7 @@ def _averaged_db(one, other):
 
 
 def _only_embree(name):
-    return why_missing(name) if name == "embreex" else "was looked at in the other scene"
+    return import_failure(name) if name == "embreex" else "was looked at in the other scene"
 
 
 @pytest.fixture(scope="module", params=RACERS)
@@ -57,7 +57,7 @@ def pictures(request):
     without = request.param == "soccer"
     with pytest.MonkeyPatch.context() as patch, Stage(load_scene(request.param)) as stage:
         if without:  # pyrender takes long
-            patch.setattr(field, "why_missing", _only_embree)
+            patch.setattr(field, "import_failure", _only_embree)
         pose = race_poses(stage, 3)[1]
         with Field(stage) as racers:
             taken = {name: peer.render(pose) for name, peer in racers.peers.items()}
@@ -89,7 +89,7 @@ def test_work_is_what_the_ways_say(pictures):
 
 
 def test_pyrenders_reference_is_its_own_picture(monkeypatch):
-    if why_missing("pyrender") or why_missing("cv2"):
+    if import_failure("pyrender") or import_failure("cv2"):
         pytest.skip("pyrender or OpenCV is missing")
     monkeypatch.setattr(face_maps, "CAPTURES", 2)
     monkeypatch.setattr(pyrender_faces, "REFERENCE_FACE_PX", 720)
@@ -150,7 +150,7 @@ def test_a_mirrored_instance_keeps_its_front():
     assert np.array_equal(np.sign(outwards), np.sign(outwards_before))
 
 
-@pytest.mark.skipif(bool(why_missing("embreex")), reason="embreex is missing")
+@pytest.mark.skipif(bool(import_failure("embreex")), reason="embreex is missing")
 class TestEmbree:
     def test_sees_what_the_room_is_painted_with(self):
         scene = scene_of([room()])

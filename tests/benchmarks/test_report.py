@@ -1,26 +1,26 @@
 """What a report must be, and that anything else is refused."""
 
 import copy
+import math
 
 import pytest
-from benchmarks.machine import about, in_words
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.report import (
-    AT_LEAST,
-    AT_MOST,
-    Bound,
     bound_lines,
     check,
     make_report,
     read_report,
 )
+from omnisim.gpu.context import graphics_info
+from omnisim.reports.machine import describe_machine, machine_line
+from omnisim.reports.measure import Measure
 
 
 @pytest.fixture
 def report(context):
-    bounds = [Bound("share", 0.9, 0.97, AT_LEAST), Bound("cost", 1.1, 1.15, AT_MOST)]
+    bounds = [Measure("share", 0.9, "", 0.97, at_least=True), Measure("cost", 1.1, "", 1.15)]
     rows = [{"camera": "a", "p50_ms": 2.0, "polygons": None}]
     return make_report("some", Options(rounds=3), context, rows, bounds, remark="why")
 
@@ -81,8 +81,8 @@ def test_what_is_no_report_is_refused(report, change, told):
 
 
 def test_a_value_that_is_no_number_holds_no_bound():
-    assert not Bound("x", float("nan"), 1.0, AT_LEAST).passed
-    assert not Bound("x", float("nan"), 1.0, AT_MOST).passed
+    assert not Measure("x", math.nan, "", 1.0, at_least=True).passed
+    assert not Measure("x", math.nan, "", 1.0).passed
 
 
 def test_a_file_that_is_no_report_is_refused(tmp_path):
@@ -96,12 +96,12 @@ def test_a_file_that_is_no_report_is_refused(tmp_path):
 
 
 def test_machine_says_what_draws(context):
-    machine = about(context)
+    machine = describe_machine(graphics_info(context))
     assert machine["renderer"] == context.info["GL_RENDERER"]
     assert machine["is_software"] is ("llvmpipe" in machine["renderer"])
     assert machine["name"]
     assert not set(machine["name"]) - set("abcdefghijklmnopqrstuvwxyz0123456789-")
-    assert machine["renderer"] in in_words(machine)
+    assert machine["renderer"] in machine_line(machine)
 
 
 def test_impossible_options_are_refused():

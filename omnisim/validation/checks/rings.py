@@ -78,7 +78,7 @@ def check(fixture: Fixture, title: str) -> Section:
                     other.sector_error_px(), "px", MESH_BOUND_PX),
             Measure("rim at 130°, exact capture, 1024 px: each ring's mean radius",
                     max_abs(wide.mean_error_px), "px", EXACT_BOUND_PX),
-            Measure("ξ", paper.camera.mirror.xi),
+            Measure("ξ", paper.model.mirror.xi),
         ),
         (_table(one, other),),
         (

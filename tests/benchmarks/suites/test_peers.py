@@ -8,7 +8,7 @@ from benchmarks.options import Options
 from benchmarks.peers import field, quality
 from benchmarks.report import check
 from benchmarks.suites import peers
-from omnisim.validation.oracles import why_missing
+from omnisim.validation.oracles import import_failure
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 TIMED = {name for name in peers.BOUNDS if name != field.PYRENDER}
@@ -17,16 +17,16 @@ TIMED = {name for name in peers.BOUNDS if name != field.PYRENDER}
 @pytest.fixture
 def report(monkeypatch):
     """Of a race in a small scene, where pyrender is missing, against a coarse reference."""
-    real = field.why_missing
+    real = field.import_failure
     monkeypatch.setattr(
-        field, "why_missing", lambda name: "is not here" if name == "pyrender" else real(name)
+        field, "import_failure", lambda name: "is not here" if name == "pyrender" else real(name)
     )
     coarse = dataclasses.replace(quality.REFERENCE, supersampling=4, texels_per_pixel=4.0)
     monkeypatch.setattr(quality, "REFERENCE", coarse)
     return peers.run(Options(rounds=1, warm_up=0, scenes=("rings",)), poses=2, looked_at=1)
 
 
-@pytest.mark.skipif(bool(why_missing("embreex")), reason="embreex is missing")
+@pytest.mark.skipif(bool(import_failure("embreex")), reason="embreex is missing")
 def test_everybody_has_a_row_and_who_is_missing_says_why(report, tmp_path):
     check(report)
     rows = {row["racer"]: row for row in report["rows"]}
