@@ -60,7 +60,7 @@ class ObjectDrawing:
         self._background = scene.background
         self._buffers = SceneBuffers(context, scene)
         surfaces = SurfacePrograms(self._buffers, scene.lighting)
-        self.draws = self._buffers.draws
+        self.draws = self._buffers.draw_items
         variants = [variant_of(draw.material, unlit=False) for draw in self.draws]
         self._used = [surfaces[variant] for variant in set(variants)]
         brushes = {one: _Brush(self._buffers, surfaces[one]) for one in set(variants)}
@@ -72,7 +72,7 @@ class ObjectDrawing:
 
     def move_to(self, viewpoint_m: NDArray[np.float64]) -> None:
         """Draw the next faces from (3,), world."""
-        placement = self._buffers.place(viewpoint_m)
+        placement = self._buffers.instance_transforms(viewpoint_m)
         self._viewpoint_from_mesh = placement.viewpoint_from_mesh
         self._here_matrices = columns_first(placement.viewpoint_from_mesh)
         self._normal_matrices = columns_first(placement.normal_from_mesh)
@@ -119,7 +119,7 @@ class ObjectDrawing:
         front, texture, culled, blended = None, None, True, False
         for index in order:
             draw = self.draws[index]
-            turns = "ccw" if draw.mirrored else "cw"  # y of the clip space runs down
+            turns = "ccw" if draw.flips_winding else "cw"  # y of the clip space runs down
             if turns != front:
                 context.front_face = front = turns
             if culled == draw.material.double_sided:

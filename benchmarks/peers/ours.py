@@ -17,8 +17,7 @@ class Omnisim(Peer):
         self._renderer = Renderer(stage, sensor, unlit=unlit)
         self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
         with self._renderer._current() as passes:
-            faces = passes.cube.plan.faces
-        self.texels = sum(face.tile_px[0] * face.tile_px[1] for face in faces)
+            self.texels = passes.cube.plan.texels
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         """RGBA."""

@@ -20,7 +20,7 @@ def faces_of(
     camera: CentralCamera,
     texels_per_pixel: float,
     face_size_px: int | None = None,
-    in_parts: bool = False,
+    subdivide: bool = False,
 ) -> TilePlan:
     """The faces that a sensor looks at, with so many texels to a side of its finest pixels.
 
@@ -29,7 +29,7 @@ def faces_of(
         camera: its camera, or that of a finer picture.
         texels_per_pixel: of that camera.
         face_size_px: texels across the 90° of every face; None: as the picture needs.
-        in_parts: see `plan_tiles`.
+        subdivide: see `plan_tiles`.
 
     Raises:
         GraphicsError: the camera sees nothing at all.
@@ -45,7 +45,7 @@ def faces_of(
         texels_per_pixel,
         face_size_px=face_size_px,
         also_seen=past_rim,
-        in_parts=in_parts,
+        subdivide=subdivide,
         level_bias=ONE_LOOK_BIAS if sensor.supersampling == 1 else MANY_LOOKS_BIAS,
     )
 

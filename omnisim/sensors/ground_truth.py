@@ -64,7 +64,7 @@ class GroundTruth:
                     object_names[0 if draw.object_index is None else draw.object_index + 1],
                     draw.name,
                 ]
-                for draw in stage.buffers.draws
+                for draw in stage.buffers.draw_items
             ],
             dtype=np.uint32,
         )

@@ -84,7 +84,7 @@ class OpticalFlow:
             else pixel_grid(camera.width_px, camera.height_px)[rays.valid]
         )
         paths = [
-            0 if draw.object_index is None else draw.object_index + 1 for draw in buffers.draws
+            0 if draw.object_index is None else draw.object_index + 1 for draw in buffers.draw_items
         ]
         self._path_of_draw = np.array([0, *paths], dtype=np.intp)  # from the draw −1 on
         self._period_px = _period_px(camera)

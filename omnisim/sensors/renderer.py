@@ -59,7 +59,7 @@ class CameraPasses:
         camera = sensor.captured_camera
         check_picture_size(stage.context, camera.width_px, camera.height_px)
         density = sensor.texels_per_pixel / sensor.supersampling
-        plan = faces_of(sensor, camera, density, sensor.face_size_px, in_parts=True)
+        plan = faces_of(sensor, camera, density, sensor.face_size_px, subdivide=True)
         self.cube = self._cube_pass(plan)
         self.pipeline = Pipeline(
             stage.context,
@@ -236,7 +236,7 @@ class Renderer(SensorRenderer[CameraPasses]):
                 raise GraphicsError("there are no faces yet: render a frame first")
             cube = passes.whole_cube()
             cube.render(self._last_view.world_from_rig, self._last_view.world_from_objects)
-            linear = {face.name: cube.read_face(face) for face in cube.plan.faces}
+            linear = {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
         return {
             name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
             for name, pixels in linear.items()

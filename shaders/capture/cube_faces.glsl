@@ -7,15 +7,15 @@
 // right and down are texture coordinates without any flip.
 
 const int FACES = 6;
-const int MOST_TILES = 64;  // as in omnisim/gpu/atlas/tile_plan.py
+const int MAX_TILES = 64;  // as in omnisim/gpu/atlas/tile_plan.py
 
 uniform mat3 u_rig_from_optical;
 uniform mat3 u_face_from_rig[FACES];
 uniform int u_first_tile[FACES + 1];      // of each face; the next one's is past its last
-uniform vec4 u_tile_core[MOST_TILES];     // tangents that are looked up: first two, last two
-uniform vec4 u_tile_window[MOST_TILES];   // tangents that are drawn, likewise
-uniform vec4 u_tile_place[MOST_TILES];    // atlas coordinates: of tangent 0, and length of a tangent of 1
-uniform float u_tile_texels[MOST_TILES];  // texels in a tangent of 1
+uniform vec4 u_tile_core[MAX_TILES];     // tangents that are looked up: first two, last two
+uniform vec4 u_tile_window[MAX_TILES];   // tangents that are drawn, likewise
+uniform vec4 u_tile_place[MAX_TILES];    // atlas coordinates: of tangent 0, and length of a tangent of 1
+uniform float u_tile_texels[MAX_TILES];  // texels in a tangent of 1
 
 int face_of(vec3 rig) {
     vec3 size = abs(rig);

@@ -25,7 +25,7 @@ examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMER
 def _render(context, camera):
     scene = scene_of([room()])
     buffers = SceneBuffers(context, scene)
-    plan = plan_tiles(camera, camera.rig_from_optical, in_parts=True)
+    plan = plan_tiles(camera, camera.rig_from_optical, subdivide=True)
     cube = CubePass(
         context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
         near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
@@ -67,9 +67,9 @@ def test_planned_faces_are_those_that_the_picture_sees(camera):
     plan = plan_tiles(camera, camera.rig_from_optical)
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     seen = np.unique(face_index(rays.directions[rays.valid] @ camera.rig_from_optical.T))
-    planned = {face.name for face in plan.faces}
+    planned = {tile.face_name for tile in plan.tiles}
     assert {FACE_NAMES[index] for index in seen} <= planned
     # as many texels as pixels, and no more than the picture could ever use
     longest = max(camera.width_px, camera.height_px)
-    assert max(face.size_px for face in plan.faces) < 8 * longest
+    assert max(tile.face_size_px for tile in plan.tiles) < 8 * longest
     assert plan.max_level <= 6

@@ -11,7 +11,7 @@ from omnisim.cameras import EquidistantCamera, EquirectangularCamera
 from omnisim.gpu.capture.remap_table import MOST_BYTES, RemapTable
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
-from tests.gpu.test_static_drawer import mixed_scene
+from tests.gpu.sheets import mixed_scene
 
 SIZE_PX = 120
 FISHEYE = EquidistantCamera(SIZE_PX, SIZE_PX, 36.0, (59.5, 59.5), theta_max_rad=math.radians(95.0))

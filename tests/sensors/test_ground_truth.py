@@ -18,7 +18,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
-from tests.gpu.test_static_drawer import sheet
+from tests.gpu.sheets import sheet
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 from tests.vehicles import body, box, checkered, surroundings
 

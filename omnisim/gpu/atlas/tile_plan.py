@@ -1,4 +1,4 @@
-"""Which faces of the cube a camera needs, which parts of each, and how many texels."""
+"""Tiles of the atlas: the parts of the cube's faces that a camera needs, and their texels."""
 
 from __future__ import annotations
 
@@ -9,78 +9,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.cube import (
-    FACE_FROM_RIG,
-    FACE_NAMES,
-    face_index,
-    face_tangents,
-)
+from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.errors import GraphicsError
-from omnisim.gpu.atlas.sampling_density import GRID, Need, SamplingDensity
+from omnisim.gpu.atlas.sampling_density import GRID, WHOLE_FACE, RegionDensity, SamplingDensity
 
-# The finest place lies between two samples at worst: 1 % to spare.
-SPARE = 1.01
+# The largest density lies between two samples at worst: 1 % to spare.
+DENSITY_MARGIN = 1.01
 MIN_FACE_PX = 16
-MOST_TILES = 64
-# What one more tile costs: triangles at its edge are drawn once more. In texels, and as a share of
+MAX_TILES = 64
+# Cost of one more tile: triangles at its edge are drawn once more. In texels, and as a share of
 # all texels, so that tiles stay few in a large picture.
 TILE_TEXELS = 8000.0
 TILE_SHARE = 0.005
-WHOLE = ((-1.0, -1.0), (1.0, 1.0))
 
 
 @dataclass(frozen=True)
-class Face:
-    """One virtual camera: what the picture needs of a face of the cube, and its tile in the atlas.
+class Tile:
+    """One virtual camera: a rectangle of a face of the cube, and its place in the atlas.
 
     Attributes:
-        index: into `omnisim.cube.FACE_NAMES`.
-        size_px: texels across the 90° of the whole face.
-        first_px: the tile's first texel (right, down), counted from the face's top left corner;
-            negative where it begins before the 90° do.
-        tile_px: width and height of the tile, margins included.
-        core: tangents that are looked up in this tile and in no other: the first two (right, down),
-            the last two.
-        left_px, top_px: the tile's place in the atlas.
+        face: index into `omnisim.cube.FACE_NAMES`.
+        face_size_px: texels across the 90° of the whole face.
+        origin_px: first texel (right, down), counted from the face's top left corner; negative
+            where the tile begins before the 90° do.
+        size_px: width and height, gutter included.
+        region: tangents (right, down) of the top left and of the bottom right corner of what is
+            looked up in this tile and in no other.
+        left_px, top_px: place in the atlas.
     """
 
-    index: int
-    size_px: int
-    first_px: tuple[int, int]
-    tile_px: tuple[int, int]
-    core: tuple[tuple[float, float], tuple[float, float]] = WHOLE
+    face: int
+    face_size_px: int
+    origin_px: tuple[int, int]
+    size_px: tuple[int, int]
+    region: tuple[tuple[float, float], tuple[float, float]]
     left_px: int = 0
     top_px: int = 0
 
     @property
-    def name(self) -> str:
+    def face_name(self) -> str:
         """Name of the face."""
-        return FACE_NAMES[self.index]
+        return FACE_NAMES[self.face]
 
     @property
-    def corner_px(self) -> tuple[int, int]:
-        """Where in the atlas the face's top left corner is, or would be: left, top."""
-        return self.left_px - self.first_px[0], self.top_px - self.first_px[1]
+    def face_corner_px(self) -> tuple[int, int]:
+        """Left and top of the whole face in the atlas, were all of it there."""
+        return self.left_px - self.origin_px[0], self.top_px - self.origin_px[1]
 
     @property
-    def tangents(self) -> NDArray[np.float64]:
-        """Tangents (2, 2) of the tile's left and top, and of its right and bottom edge."""
-        first = np.array(self.first_px, dtype=np.float64)
-        return -1.0 + 2.0 * np.stack((first, first + self.tile_px)) / self.size_px
+    def padded_region(self) -> NDArray[np.float64]:
+        """Tangents (2, 2) of the top left and of the bottom right corner, gutter included."""
+        origin = np.array(self.origin_px, dtype=np.float64)
+        return -1.0 + 2.0 * np.stack((origin, origin + self.size_px)) / self.face_size_px
 
 
 @dataclass(frozen=True)
 class TilePlan:
-    """All virtual cameras and the atlas that they are drawn into.
+    """All virtual cameras of a sensor, and the atlas that they are drawn into.
 
     Attributes:
-        faces: the faces that the camera needs, or the parts of them, by face.
+        tiles: by face.
         max_level: mip levels beyond the first that lookups reach.
         level_bias: added to the level at which a texel is as wide as what looks it up.
         width_px, height_px: size of the atlas.
     """
 
-    faces: tuple[Face, ...]
+    tiles: tuple[Tile, ...]
     max_level: int
     level_bias: float
     width_px: int
@@ -88,8 +82,8 @@ class TilePlan:
 
     @property
     def texels(self) -> int:
-        """How many texels are drawn: those of all tiles."""
-        return sum(face.tile_px[0] * face.tile_px[1] for face in self.faces)
+        """Texels of all tiles."""
+        return sum(tile.size_px[0] * tile.size_px[1] for tile in self.tiles)
 
 
 def plan_tiles(
@@ -99,22 +93,22 @@ def plan_tiles(
     *,
     face_size_px: int | None = None,
     also_seen: NDArray[np.float64] | None = None,
-    in_parts: bool = False,
+    subdivide: bool = False,
     level_bias: float = 0.0,
 ) -> TilePlan:
-    """Plan the faces that a camera sees, and of each the rectangle that it sees.
+    """Plan the rectangle of each face of the cube that a camera sees.
 
-    Without a size each face gets as many texels as the finest part of the picture that looks at
-    it needs, so that nothing is magnified, but for the poles of a picture (`face_need`).
+    Without a size each face gets as many texels as the densest part of the picture that sees it
+    needs, so that nothing is magnified, but for the poles of a picture (`sampling_density`).
 
     Args:
         camera: whose picture.
         rig_from_optical: (3, 3).
-        texels_per_pixel: to a side of the picture's finest pixels.
+        texels_per_pixel: to a side of the picture's smallest pixels.
         face_size_px: texels across the 90° of every face.
         also_seen: directions (n, 3), optical frame, that are looked up although the camera model
             does not see them: a mesh's rim has corners.
-        in_parts: cut faces into tiles of different fineness where that spares texels.
+        subdivide: cut faces into tiles of different density where that spares texels.
         level_bias: added to the mip level at which a texel is as wide as a pixel: negative is
             sharper. Lookups are bilinear, so that two texels apart, at −1, they leave nothing out.
 
@@ -126,111 +120,112 @@ def plan_tiles(
         seen = np.concatenate((seen, also_seen))
     directions_rig = seen @ rig_from_optical.T
     face_of_ray = face_index(directions_rig)
-    of_faces = [
+    densities = [
         SamplingDensity(
             camera,
-            FACE_FROM_RIG[index] @ rig_from_optical,
-            face_tangents(directions_rig[face_of_ray == index], index),
+            FACE_FROM_RIG[face] @ rig_from_optical,
+            face_tangents(directions_rig[face_of_ray == face], face),
         )
-        for index in range(len(FACE_NAMES))
+        for face in range(len(FACE_NAMES))
     ]
-    parts: list[tuple[int, Need]] = []
-    needs = [(i, whole) for i, face in enumerate(of_faces) if (whole := face.whole()) is not None]
-    if in_parts and face_size_px is None:
-        texels = sum(_texels(need, texels_per_pixel) for _, need in needs)
+    whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
+    if not whole:
+        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+    plan = _plan(whole, texels_per_pixel, face_size_px, level_bias)
+    if subdivide and face_size_px is None:
+        texels = sum(_texels(region, texels_per_pixel) for _, region in whole)
         tile_texels = max(TILE_TEXELS, TILE_SHARE * texels)
         parts = [
-            (index, part)
-            for index, face in enumerate(of_faces)
-            for part in face.parts(texels_per_pixel, tile_texels)
+            (face, part)
+            for face, density in enumerate(densities)
+            for part in density.subdivide(texels_per_pixel, tile_texels)
         ]
-    if not needs:
-        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
-    plan = _planned(needs, texels_per_pixel, face_size_px, level_bias)
-    if 0 < len(parts) <= MOST_TILES:
-        # a tile's margins are as wide as the coarsest mip texel: they may cost what cutting spares
-        cut = _planned(parts, texels_per_pixel, face_size_px, level_bias)
-        plan = min(cut, plan, key=lambda one: one.texels)
+        if 0 < len(parts) <= MAX_TILES:
+            # a tile's gutter is as wide as the largest mip texel: it may cost what cutting spares
+            subdivided = _plan(parts, texels_per_pixel, face_size_px, level_bias)
+            plan = min(subdivided, plan, key=lambda one: one.texels)
     return plan
 
 
-def _planned(
-    needs: list[tuple[int, Need]],
+def whole_faces(plan: TilePlan) -> TilePlan:
+    """Tiles of the same faces, each whole and padded all around, as dense as its densest tile."""
+    sizes: dict[int, int] = {}
+    for tile in plan.tiles:
+        sizes[tile.face] = max(tile.face_size_px, sizes.get(tile.face, 0))
+    tiles = [_tile(face, size_px, WHOLE_FACE, WHOLE_FACE, 1) for face, size_px in sizes.items()]
+    return _pack(tiles, 0, 0.0)
+
+
+def _plan(
+    regions: list[tuple[int, RegionDensity]],
     texels_per_pixel: float,
     face_size_px: int | None,
     level_bias: float,
 ) -> TilePlan:
-    """A tile for each need of a face, by the face's index."""
+    """One tile for each region of a face."""
     sizes = [
-        max(MIN_FACE_PX, math.ceil(2.0 * SPARE * texels_per_pixel * need.finest))
+        max(MIN_FACE_PX, math.ceil(2.0 * DENSITY_MARGIN * texels_per_pixel * one.max_px_per_tan))
         if face_size_px is None
         else face_size_px
-        for _, need in needs
+        for _, one in regions
     ]
-    coarsest = max(0.5 * size / need.coarsest for size, (_, need) in zip(sizes, needs, strict=True))
-    level = round(math.log2(coarsest) + level_bias)
+    minification = max(
+        0.5 * size / one.min_px_per_tan for size, (_, one) in zip(sizes, regions, strict=True)
+    )
+    level = round(math.log2(minification) + level_bias)
     level = max(0, min(level, int(math.log2(min(sizes)))))
     tiles = [
-        _tile(index, size, need.window, 1 << level, need.core)
-        for size, (index, need) in zip(sizes, needs, strict=True)
+        _tile(face, size, one.region, one.seen_region, 1 << level)
+        for size, (face, one) in zip(sizes, regions, strict=True)
     ]
-    return _placed(tiles, level, level_bias)
+    return _pack(tiles, level, level_bias)
 
 
-def whole_faces(plan: TilePlan) -> TilePlan:
-    """The same faces, each in one piece and drawn to its edges all around: what a person looks
-    at. Each is as fine as its finest part."""  # fmt: skip
-    sizes: dict[int, int] = {}
-    for face in plan.faces:
-        sizes[face.index] = max(face.size_px, sizes.get(face.index, 0))
-    everything = np.array(WHOLE)
-    return _placed([_tile(index, size, everything, 1) for index, size in sizes.items()], 0, 0.0)
-
-
-def _texels(need: Need, texels_per_pixel: float) -> float:
-    """About how many texels a tile takes."""
-    return float(np.prod((need.window[1] - need.window[0]) * texels_per_pixel * need.finest))
+def _texels(region: RegionDensity, texels_per_pixel: float) -> float:
+    """Approximate number of texels of a tile."""
+    extent = region.seen_region[1] - region.seen_region[0]
+    return float(np.prod(extent * texels_per_pixel * region.max_px_per_tan))
 
 
 def _tile(
-    index: int,
-    size_px: int,
-    window: NDArray[np.float64],
+    face: int,
+    face_size_px: int,
+    region: NDArray[np.float64],
+    seen_region: NDArray[np.float64],
     step: int,
-    core: NDArray[np.float64] | None = None,
-) -> Face:
-    """The tile around a window of tangents (2, 2), not yet placed.
+) -> Tile:
+    """Tile around tangents (2, 2) that are seen, not yet placed.
 
-    Tiles, and the faces in them, begin at multiples of `step`, and a whole one is spared around
-    the window: no mip texel mixes two tiles, and a lookup at the very edge of the window still
-    finds a whole texel of its own face.
+    Tiles, and the faces in them, begin at multiples of `step`, and a whole one is the gutter
+    around: no mip texel mixes two tiles, and a lookup at the very edge of what is seen still finds
+    a whole texel of its own face.
     """
-    texels = 0.5 * size_px * (np.clip(window, -1.0, 1.0) + 1.0) / step
+    texels = 0.5 * face_size_px * (np.clip(seen_region, -1.0, 1.0) + 1.0) / step
     first = step * (np.floor(texels[0]).astype(int) - 1)
     last = step * (np.ceil(texels[1]).astype(int) + 1)
     left, top = first.tolist()
     width, height = (last - first).tolist()
-    (first_right, first_down), (last_right, last_down) = WHOLE if core is None else core.tolist()
-    core_of_tile = ((first_right, first_down), (last_right, last_down))
-    return Face(index, size_px, (left, top), (width, height), core_of_tile)
+    (first_right, first_down), (last_right, last_down) = region.tolist()
+    corners = ((first_right, first_down), (last_right, last_down))
+    return Tile(face, face_size_px, (left, top), (width, height), corners)
 
 
-def _placed(tiles: list[Face], level: int, level_bias: float) -> TilePlan:
-    """Put the tiles into rows, the high ones first, in an atlas about as wide as high."""
-    widest = max(tile.tile_px[0] for tile in tiles)
-    texels = sum(tile.tile_px[0] * tile.tile_px[1] for tile in tiles)
+def _pack(tiles: list[Tile], level: int, level_bias: float) -> TilePlan:
+    """Pack tiles into rows, the high ones first, in an atlas about as wide as high."""
+    widest = max(tile.size_px[0] for tile in tiles)
+    texels = sum(tile.size_px[0] * tile.size_px[1] for tile in tiles)
     width_px = max(widest, 1 << math.ceil(math.log2(math.sqrt(texels))))
-    faces: list[Face] = []
+    packed: list[Tile] = []
     left_px = top_px = row_px = 0
-    for tile in sorted(tiles, key=lambda tile: -tile.tile_px[1]):
-        if left_px + tile.tile_px[0] > width_px:
+    for tile in sorted(tiles, key=lambda tile: -tile.size_px[1]):
+        if left_px + tile.size_px[0] > width_px:
             left_px, top_px, row_px = 0, top_px + row_px, 0
-        faces.append(replace(tile, left_px=left_px, top_px=top_px))
-        left_px += tile.tile_px[0]
-        row_px = max(row_px, tile.tile_px[1])
-    used_px = max(face.left_px + face.tile_px[0] for face in faces)
-    faces.sort(key=lambda face: (face.index, face.core))
-    return TilePlan(tuple(faces), level, level_bias, used_px, top_px + row_px)
+        packed.append(replace(tile, left_px=left_px, top_px=top_px))
+        left_px += tile.size_px[0]
+        row_px = max(row_px, tile.size_px[1])
+    used_px = max(tile.left_px + tile.size_px[0] for tile in packed)
+    packed.sort(key=lambda tile: (tile.face, tile.region))
+    return TilePlan(tuple(packed), level, level_bias, used_px, top_px + row_px)
 
 
 def _picture_rays(camera: CentralCamera) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.gpu.atlas.tile_plan import MOST_TILES, TilePlan
+from omnisim.gpu.atlas.tile_plan import MAX_TILES, TilePlan
 from omnisim.gpu.shader_files import build_program, included_files
 from omnisim.gpu.uniforms import columns_first
 from omnisim.mirrors import MirrorMesh
@@ -142,17 +142,17 @@ def connect_cube(
     program: moderngl.Program, plan: TilePlan, rig_from_optical: NDArray[np.float64]
 ) -> None:
     """Tell a capture's program where in the atlas each tile stands (`cube_faces.glsl`)."""
-    cores, windows, places = (np.zeros((MOST_TILES, 4), dtype=np.float32) for _ in range(3))
-    texels = np.zeros(MOST_TILES, dtype=np.float32)
+    cores, windows, places = (np.zeros((MAX_TILES, 4), dtype=np.float32) for _ in range(3))
+    texels = np.zeros(MAX_TILES, dtype=np.float32)
     atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
-    for tile, face in enumerate(plan.faces):
-        half_px = 0.5 * face.size_px
-        middle_px = np.array(face.corner_px) + half_px
-        places[tile] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
-        cores[tile] = np.ravel(face.core)
-        windows[tile] = face.tangents.ravel()
-        texels[tile] = half_px
-    face_of_tile = [face.index for face in plan.faces]
+    for number, tile in enumerate(plan.tiles):
+        half_px = 0.5 * tile.face_size_px
+        middle_px = np.array(tile.face_corner_px) + half_px
+        places[number] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
+        cores[number] = np.ravel(tile.region)
+        windows[number] = tile.padded_region.ravel()
+        texels[number] = half_px
+    face_of_tile = [tile.face for tile in plan.tiles]
     first_tiles = np.searchsorted(face_of_tile, np.arange(len(FACE_NAMES) + 1))
     if "u_atlas" in program:  # what only says where to look does not look itself
         program["u_atlas"] = 0

@@ -75,8 +75,8 @@ class ClusterCuller:
         )
         # of the largest groups, in all views
         number = np.arange(len(geometry.groups[-1].first))
-        view = np.repeat(np.arange(len(plan.faces)), len(number))
-        number, turn = np.tile(number, len(plan.faces)), np.zeros(len(view), dtype=np.int8)
+        view = np.repeat(np.arange(len(plan.tiles)), len(number))
+        number, turn = np.tile(number, len(plan.tiles)), np.zeros(len(view), dtype=np.int8)
         self._everything = view, number, turn
         self.has_more = False
 

@@ -70,8 +70,8 @@ class FrustumCuller:
         nears = clips[:, 2, 3] / (1.0 - across)
         fars = [-shift / one if one < 0.0 else np.inf
                 for one, shift in zip(across, clips[:, 2, 3], strict=True)]  # fmt: skip
-        faces = [view.face for view in views]
-        tiles = np.array([(face.left_px, face.top_px, *face.tile_px) for face in faces])
+        faces = [view.tile for view in views]
+        tiles = np.array([(tile.left_px, tile.top_px, *tile.size_px) for tile in faces])
         self._tiles = np.stack((across, clips[:, 2, 3], nears, *tiles.T)).astype(np.float32)
         self._fars = np.array(fars, dtype=np.float32)
         self._reach_px = reach_px

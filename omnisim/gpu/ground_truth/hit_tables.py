@@ -69,15 +69,15 @@ def connect_places(program: moderngl.Program, visibility: VisibilityPass) -> Non
 
 def use_tables(visibility: VisibilityPass, draws: DrawItemTable) -> None:
     """Bind the textures."""
-    visibility.surfaces.use(_ATLAS)
+    visibility.id_atlas.use(_ATLAS)
     visibility.buffers.triangles.corners.use(_CORNERS)
     draws.texture.use(_DRAWS)
-    visibility.numbers.texture.use(_NUMBERS)
+    visibility.triangle_ids.texture.use(_NUMBERS)
 
 
 def _kind(draw: DrawItem) -> int:
     return (
         _HOLED * (alpha_cutoff(draw.material) > 0.0)
         + _DOUBLE_SIDED * draw.material.double_sided
-        + _MIRRORED * draw.mirrored
+        + _MIRRORED * draw.flips_winding
     )

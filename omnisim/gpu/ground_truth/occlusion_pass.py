@@ -71,7 +71,7 @@ class OcclusionPass:
         # once: nothing is ever drawn where there is no ray
         self._target.use()
         clear_integers(0)
-        draws = visibility.buffers.draws
+        draws = visibility.buffers.draw_items
         self._draws = DrawItemTable(context, draws)
         self._object_plus_one = np.array(
             [0 if draw.object_index is None else draw.object_index + 1 for draw in draws],
@@ -93,7 +93,9 @@ class OcclusionPass:
                 axes of the world: of the static scene, then of each dynamic object.
         """
         visibility = self._visibility
-        placement = visibility.buffers.place(world_from_rig[:3, 3], world_from_objects)
+        placement = visibility.buffers.instance_transforms(
+            world_from_rig[:3, 3], world_from_objects
+        )
         visibility.render(world_from_rig, placement)
         self._draws.write(placement, next_from_current[self._object_plus_one, :3])
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))

@@ -96,7 +96,7 @@ class RayHitPass:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._find_places()
         self._lookups: dict[tuple[bool, bool], _Lookup] = {}
-        self._draws = DrawItemTable(context, visibility.buffers.draws)
+        self._draws = DrawItemTable(context, visibility.buffers.draw_items)
 
     def render(
         self,
@@ -111,7 +111,7 @@ class RayHitPass:
         have some.
         """
         visibility, buffers = self._visibility, self._visibility.buffers
-        placement = buffers.place(world_from_rig[:3, 3], world_from_objects)
+        placement = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         visibility.render(world_from_rig, placement, albedos)
         self._draws.write(placement, placement.normal_from_mesh)
         viewpoint_from_optical = world_from_rig[:3, :3] @ self._rig_from_optical
@@ -122,7 +122,7 @@ class RayHitPass:
         self._rays.rays.use(_RAYS)
         self._places.use(_PLACES)
         if albedos:
-            visibility.albedos.use(_ALBEDO_ATLAS)
+            visibility.albedo_atlas.use(_ALBEDO_ATLAS)
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.triangles.indices.bind_to_storage_buffer(_INDICES)
         if lookup.vertex_array is not None:

@@ -41,13 +41,13 @@ class TriangleTable:
         context = buffers.context
         count = buffers.indices.size // 4
         self.corners = table_texture(context, count, "the scene's triangles")
-        some_sorted = any(_is_sorted(draw.material) for draw in buffers.draws)
+        some_sorted = any(_is_sorted(draw.material) for draw in buffers.draw_items)
         self.indices = context.buffer(reserve=4 * count) if some_sorted else buffers.indices
         beside_of_mesh: dict[int, NDArray[np.uint32]] = {}
         # whole rows are written at once: those of the draws before that are not full wait
         waiting, first_row = [np.empty(0, dtype=_CORNER)], 0
         first = 0
-        for draw in sorted(buffers.draws, key=lambda draw: draw.first):
+        for draw in sorted(buffers.draw_items, key=lambda draw: draw.first):
             if draw.first < first:  # instances share the triangles of their mesh
                 continue
             first = draw.first + draw.count

@@ -43,9 +43,9 @@ class VisibilityPass:
 
     Attributes:
         plan, near_m, far_m, buffers: as given.
-        surfaces: texture of integers: 1 + number of the triangle; 0: nothing is seen.
-        numbers: what these numbers are.
-        albedos: texture of the square root of linear RGB, or None.
+        id_atlas: texture of integers: 1 + number of the triangle; 0: nothing is seen.
+        triangle_ids: what these numbers are.
+        albedo_atlas: texture of the square root of linear RGB, or None.
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
@@ -67,21 +67,21 @@ class VisibilityPass:
         self._drawing = TileDrawer(context, buffers, plan, near_m, far_m)
         size = (plan.width_px, plan.height_px)
         try:
-            self.surfaces = context.texture(size, 1, dtype="u4")
-            self.albedos = context.texture(size, 4) if albedo else None
+            self.id_atlas = context.texture(size, 1, dtype="u4")
+            self.albedo_atlas = context.texture(size, 4) if albedo else None
             depth = float_depth(context, size, 0)
-            self._targets = {False: context.framebuffer([self.surfaces], depth)}
-            if self.albedos is not None:
-                self._targets[True] = context.framebuffer([self.surfaces, self.albedos], depth)
+            self._targets = {False: context.framebuffer([self.id_atlas], depth)}
+            if self.albedo_atlas is not None:
+                self._targets[True] = context.framebuffer([self.id_atlas, self.albedo_atlas], depth)
         except moderngl.Error as reason:
             raise GraphicsError(
                 f"ground truth by an atlas of {size[0]} × {size[1]} px does not fit on this GPU "
                 f"({reason}): make the picture smaller"
             ) from None
-        self.surfaces.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        if self.albedos is not None:
-            self.albedos.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._holed = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draws]
+        self.id_atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        if self.albedo_atlas is not None:
+            self.albedo_atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._holed = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draw_items]
         self._programs = {
             variant: VisibilityProgram(context, variant)
             for variant in _variants(set(self._holed), albedo)
@@ -90,14 +90,14 @@ class VisibilityPass:
             variant: vertex_array(context, one.program, buffers.vertices, buffers.triangles.indices)
             for variant, one in self._programs.items()
         }
-        seen = [not _is_never_seen(draw.material) for draw in buffers.draws]
+        seen = [not _is_never_seen(draw.material) for draw in buffers.draw_items]
         alone = buffers.shown(hidden) & ~buffers.static_geometry.taken & np.array(seen)
         self._alone = np.flatnonzero(alone)
-        self.numbers = TriangleIds(context, buffers.draws, self._alone)
+        self.triangle_ids = TriangleIds(context, buffers.draw_items, self._alone)
         self._static = None
         if not buffers.static_geometry.is_empty:
-            surfaces = surfaces_of(buffers.static_geometry, buffers.draws)
-            geometry = TriangleIdGeometry(buffers.static_geometry, surfaces, self.numbers)
+            surfaces = surfaces_of(buffers.static_geometry, buffers.draw_items)
+            geometry = TriangleIdGeometry(buffers.static_geometry, surfaces, self.triangle_ids)
             self._numbered = NumberedPrograms(self._programs)
             self._static = StaticDrawer(context, geometry, self._numbered, plan, unlit=True)
 
@@ -113,10 +113,13 @@ class VisibilityPass:
         clear_integers(0)
 
         def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            draw, variant = self.buffers.draws[index], VisibilityVariant(self._holed[index], albedo)
+            draw, variant = (
+                self.buffers.draw_items[index],
+                VisibilityVariant(self._holed[index], albedo),
+            )
             program = self._programs[variant]
             program.set_matrix(clip_from_mesh)
-            program.set_first_number(self.numbers.first_of_draw[index])
+            program.set_first_number(self.triangle_ids.first_of_draw[index])
             program.bind_material(draw.material, draw.texture)
             self._vertex_arrays[variant].render(
                 moderngl.TRIANGLES, vertices=draw.count, first=draw.first
@@ -124,7 +127,7 @@ class VisibilityPass:
 
         order = self.buffers.front_to_back(self._alone, placement)
         views = self._drawing.views(world_from_rig)
-        self.numbers.begin()
+        self.triangle_ids.begin()
         if self._static is not None:
             self._numbered.albedo = albedo
             self._static.prepare(views, world_from_rig[:3, 3])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.atlas.tile_plan import Face, TilePlan
+from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.gl_functions import flush
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import InstanceTransforms, SceneBuffers, is_blended
@@ -60,10 +60,11 @@ class CubePass:
         self._background = background
         self._drawing = TileDrawer(context, buffers, plan, near_m, far_m)
         size = (plan.width_px, plan.height_px)
+        face_px = max(tile.face_size_px for tile in plan.tiles)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > limit:
             raise GraphicsError(
-                f"virtual cameras of {max(face.size_px for face in plan.faces)} px need an atlas "
+                f"virtual cameras of {face_px} px need an atlas "
                 f"of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
                 "make the picture, virtual_cameras.texels_per_pixel or size_px smaller"
             )
@@ -83,11 +84,11 @@ class CubePass:
             self._target = context.framebuffer([color], depth)
         except moderngl.Error as reason:
             raise GraphicsError(
-                f"virtual cameras of {max(face.size_px for face in plan.faces)} px with {samples} "
+                f"virtual cameras of {face_px} px with {samples} "
                 f"samples do not fit on this GPU ({reason}): make the picture, "
                 "virtual_cameras.size_px or virtual_cameras.samples smaller"
             ) from None
-        variants = [variant_of(draw.material, unlit) for draw in buffers.draws]
+        variants = [variant_of(draw.material, unlit) for draw in buffers.draw_items]
         self._programs = [surfaces[variant] for variant in variants]
         arrays = {one: buffers.vertex_array(surfaces[one].program) for one in set(variants)}
         self._vertex_arrays = [arrays[variant] for variant in variants]
@@ -103,7 +104,7 @@ class CubePass:
         alone = buffers.shown(hidden)
         if not plain:
             alone &= ~buffers.static_geometry.taken
-        blended = np.array([is_blended(draw.material) for draw in buffers.draws])
+        blended = np.array([is_blended(draw.material) for draw in buffers.draw_items])
         self._opaque = np.flatnonzero(alone & ~blended)
         self._blended = np.flatnonzero(alone & blended)
 
@@ -115,7 +116,7 @@ class CubePass:
         """Draw all faces from a pose (4, 4), objects at theirs, and return the atlas."""
         context, target = self._context, self._target
         viewpoint_m = world_from_rig[:3, 3]
-        placement = self._buffers.place(viewpoint_m, world_from_objects)
+        placement = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
         for program in self._all_programs:
             program.set_viewpoint(viewpoint_m)
         opaque = self._buffers.front_to_back(self._opaque, placement)
@@ -125,7 +126,7 @@ class CubePass:
         normal_matrices = columns_first(placement.normal_from_mesh)
 
         def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            draw, program = self._buffers.draws[index], self._programs[index]
+            draw, program = self._buffers.draw_items[index], self._programs[index]
             program.set_matrices(clip_from_mesh, here_matrices[index], normal_matrices[index])
             program.bind_material(draw.material, draw.texture)
             self._vertex_arrays[index].render(
@@ -165,14 +166,14 @@ class CubePass:
             self.atlas.build_mipmaps(0, self.plan.max_level)
         return self.atlas
 
-    def read_face(self, face: Face) -> NDArray[np.float32]:
+    def read_face(self, tile: Tile) -> NDArray[np.float32]:
         """The 90° of a face as last drawn, linear RGB (size, size, 3), first row at the top.
 
         The plan must have the whole face.
         """
         framebuffer = self._resolved or self._target
-        pixels = np.empty((face.size_px, face.size_px, 3), dtype=np.float32)
-        region = (*face.corner_px, face.size_px, face.size_px)
+        pixels = np.empty((tile.face_size_px, tile.face_size_px, 3), dtype=np.float32)
+        region = (*tile.face_corner_px, tile.face_size_px, tile.face_size_px)
         framebuffer.read_into(pixels, region, components=3, dtype="f4")
         return pixels
 
@@ -194,7 +195,7 @@ class CubePass:
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_blended(
-                self._buffers.draws[index], placement.viewpoint_from_mesh[index]
+                self._buffers.draw_items[index], placement.viewpoint_from_mesh[index]
             )
         return blended
 

@@ -73,7 +73,7 @@ class RangePass:
     ) -> NDArray[np.float64]:
         """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
         buffers = self._buffers
-        placement = buffers.place(world_from_scanner[:3, 3], world_from_objects)
+        placement = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
         scanner_from_viewpoint = np.eye(4)
         scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
         matrices = columns_first(scanner_from_viewpoint @ placement.viewpoint_from_mesh)
@@ -85,7 +85,7 @@ class RangePass:
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.indices.bind_to_storage_buffer(_INDICES)
         for index in np.flatnonzero(met):
-            self._cast_draw(buffers.draws[index], matrices[index])
+            self._cast_draw(buffers.draw_items[index], matrices[index])
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
         return np.frombuffer(self._ranges.read(), dtype="<f4").astype(np.float64)
 

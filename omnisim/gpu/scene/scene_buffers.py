@@ -38,7 +38,7 @@ class DrawItem:
         texture: bound for it.
         object_from_mesh: (4, 4) float64, into the world or the object's frame.
         normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
-        mirrored: its triangles turn the other way round in the world.
+        flips_winding: its triangles are wound the other way round in the world.
         centre_m, radius_m: its bounding sphere in the world or the object's frame.
     """
 
@@ -52,7 +52,7 @@ class DrawItem:
     texture: moderngl.Texture
     object_from_mesh: NDArray[np.float64]
     normal_from_mesh: NDArray[np.float64]
-    mirrored: bool
+    flips_winding: bool
     centre_m: NDArray[np.float64]
     radius_m: float
 
@@ -133,7 +133,7 @@ class SceneBuffers:
         materials = [material for part in parts for material in part.materials]
         rank = {id(material): rank for rank, material in enumerate(materials)}
         draws.sort(key=lambda draw: (is_blended(draw.material), rank[id(draw.material)]))
-        self.draws = tuple(draws)
+        self.draw_items = tuple(draws)
         self.radii_m = np.array([draw.radius_m for draw in draws])
         self._own = (
             np.array([draw.object_from_mesh for draw in draws]),
@@ -151,7 +151,7 @@ class SceneBuffers:
         """The OpenGL context that holds it."""
         return self._context
 
-    def place(
+    def instance_transforms(
         self,
         viewpoint_m: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
@@ -183,13 +183,13 @@ class SceneBuffers:
         Raises:
             SceneError: a name that no dynamic object has.
         """
-        names = {draw.name for draw in self.draws if draw.object_index is not None}
+        names = {draw.name for draw in self.draw_items if draw.object_index is not None}
         for name in sorted(hidden):
             if name not in names:
                 there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
                 raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
         return np.array(
-            [draw.object_index is None or draw.name not in hidden for draw in self.draws]
+            [draw.object_index is None or draw.name not in hidden for draw in self.draw_items]
         )
 
     @cached_property
@@ -200,7 +200,7 @@ class SceneBuffers:
     @cached_property
     def static_geometry(self) -> StaticGeometry:
         """What does not move, a second time: as one draws much of it quickly."""
-        return StaticGeometry(self._context, self.draws, self._lighting)
+        return StaticGeometry(self._context, self.draw_items, self._lighting)
 
     def check_readable(self, purpose: str) -> None:
         """Refuse a scene whose triangles shaders cannot read.
@@ -288,7 +288,7 @@ class SceneBuffers:
             texture=self._texture(material, mesh),
             object_from_mesh=instance.world_from_mesh,
             normal_from_mesh=shape.normal_from_mesh,
-            mirrored=shape.mirrored,
+            flips_winding=shape.mirrored,
             centre_m=instance.world_from_mesh[:3, :3] @ middle + instance.world_from_mesh[:3, 3],
             radius_m=float(reach) * shape.stretch,
         )

@@ -163,7 +163,7 @@ def _in_the_world(
         part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - anchor_m)
         if mesh.normals is not None:
             part["in_normal"] = mesh.normals @ draw.normal_from_mesh.T
-        own = mesh.triangles[:, (0, 2, 1)] if draw.mirrored else mesh.triangles
+        own = mesh.triangles[:, (0, 2, 1)] if draw.flips_winding else mesh.triangles
         triangles.append(own + np.uint32(base))
         base += len(part)
     return vertices, np.concatenate(triangles)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cube import FACE_FROM_RIG
-from omnisim.gpu.atlas.tile_plan import Face, TilePlan
+from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import InstanceTransforms, SceneBuffers
 from omnisim.gpu.uniforms import columns_first
@@ -33,7 +33,7 @@ class TileView(NamedTuple):
             and far. What is at (x, y, z) is on the inner side where n · (x, y, z) + d ≥ 0.
     """
 
-    face: Face
+    tile: Tile
     clip_from_viewpoint: NDArray[np.float64]
     planes: NDArray[np.float64]
 
@@ -60,9 +60,9 @@ class TileDrawer:
         far_m: float,
     ):
         self._context, self._buffers, self._plan = context, buffers, plan
-        self._faces_from_rig = FACE_FROM_RIG[[face.index for face in plan.faces]]
-        self._clips_from_face = np.stack([projection(face, near_m, far_m) for face in plan.faces])
-        self._planes_of_faces = np.stack([_planes(face, near_m, far_m) for face in plan.faces])
+        self._faces_from_rig = FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
+        self._clips_from_face = np.stack([projection(tile, near_m, far_m) for tile in plan.tiles])
+        self._planes_of_faces = np.stack([_planes(tile, near_m, far_m) for tile in plan.tiles])
 
     def begin(self, target: moderngl.Framebuffer, color: Iterable[float]) -> None:
         """Clear a target and use it, with depth."""
@@ -85,13 +85,13 @@ class TileDrawer:
         clips_from_viewpoint[..., :3] = self._clips_from_face[..., :3] @ faces_from_viewpoint
         planes = self._planes_of_faces.copy()
         planes[..., :3] = self._planes_of_faces[..., :3] @ faces_from_viewpoint
-        faces = self._plan.faces
+        faces = self._plan.tiles
         return [TileView(*one) for one in zip(faces, clips_from_viewpoint, planes, strict=True)]
 
     def aim(self, target: moderngl.Framebuffer, view: TileView) -> None:
         """DrawItem into a face's tile from now on."""
-        face = view.face
-        target.viewport = target.scissor = (face.left_px, face.top_px, *face.tile_px)
+        tile = view.tile
+        target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
 
     def draw(
         self, view: TileView, placement: InstanceTransforms, order: NDArray[np.intp], paint: Paint
@@ -104,8 +104,8 @@ class TileDrawer:
             view.clip_from_viewpoint @ placement.viewpoint_from_mesh[order]
         )
         for index, clip_from_mesh in zip(order, clip_matrices, strict=True):
-            draw = self._buffers.draws[index]
-            self._context.front_face = "ccw" if draw.mirrored else "cw"
+            draw = self._buffers.draw_items[index]
+            self._context.front_face = "ccw" if draw.flips_winding else "cw"
             self.cull(draw.material)
             paint(index, clip_from_mesh)
 
@@ -129,12 +129,12 @@ class TileDrawer:
         self._context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
 
 
-def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
+def projection(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
     """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
 
     Its depth runs from 1 at the near plane to 0 at the far one, which may be infinite.
     """
-    first, last = face.tangents
+    first, last = tile.padded_region
     (x_scale, y_scale), (x_shift, y_shift) = 2.0 / (last - first), -(last + first) / (last - first)
     if math.isinf(far_m):
         z_scale, z_shift = 0.0, near_m
@@ -151,9 +151,9 @@ def projection(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
     )
 
 
-def _planes(face: Face, near_m: float, far_m: float) -> NDArray[np.float64]:
+def _planes(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
     """The planes (6, 4) around what a tile shows, in the face's frame, see `TileView`."""
-    (left, top), (right, bottom) = face.tangents
+    (left, top), (right, bottom) = tile.padded_region
     planes = np.array(
         [
             [1.0, 0.0, -left, 0.0],

@@ -7,7 +7,7 @@ from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shad
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
-from tests.gpu.test_static_drawer import LAMP, SUN
+from tests.gpu.sheets import LAMP, SUN
 from tests.scenes import scene_of
 
 UP, LEANING, DOWN, NONE = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.0, -1.0), (0.0, 0.0, 0.0)

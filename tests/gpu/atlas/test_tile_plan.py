@@ -32,12 +32,12 @@ FIVE = {"front", "left", "back", "right", "down"}
     ],
 )
 def test_faces_that_the_rim_asks_for(theta_max_deg, names):
-    assert {face.name for face in _plan(theta_max_deg).faces} == names
+    assert {tile.face_name for tile in _plan(theta_max_deg).tiles} == names
 
 
 def test_auto_sizes_are_the_closed_form():
     """Side faces D, bottom face D/(2 tan(θ_max/2)) texels; ours may have 5 % to spare."""
-    sizes = {face.name: face.size_px for face in _plan().faces}
+    sizes = {tile.face_name: tile.face_size_px for tile in _plan().tiles}
     assert 0.95 * 360 <= sizes["front"] <= 1.05 * 360
     bottom = 360 / (2.0 * math.tan(math.radians(105.0) / 2.0))
     assert bottom <= sizes["down"] <= 1.05 * bottom
@@ -49,14 +49,14 @@ def test_tiles_do_not_overlap_and_keep_to_mip_texels(face_size_px):
     plan = _plan(150.0, face_size_px=face_size_px)
     step = 1 << plan.max_level
     used = np.zeros((plan.height_px, plan.width_px), dtype=int)
-    for face in plan.faces:
-        numbers = (face.left_px, face.top_px, *face.first_px, *face.tile_px)
+    for tile in plan.tiles:
+        numbers = (tile.left_px, tile.top_px, *tile.origin_px, *tile.size_px)
         assert all(number % step == 0 for number in numbers)
-        right, bottom = face.left_px + face.tile_px[0], face.top_px + face.tile_px[1]
-        used[face.top_px : bottom, face.left_px : right] += 1
+        right, bottom = tile.left_px + tile.size_px[0], tile.top_px + tile.size_px[1]
+        used[tile.top_px : bottom, tile.left_px : right] += 1
     assert used.max() == 1
     if face_size_px:
-        assert {face.size_px for face in plan.faces} == {face_size_px}
+        assert {tile.face_size_px for tile in plan.tiles} == {face_size_px}
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
         camera = HyperbolicCamera(mirror, width_px, height_px, focal_length_px, centre)
         rays = camera.ray_from_pixel(pixel_grid(width_px, height_px))
         seen = face_index(rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T)
-        planned = {face.index for face in plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP).faces}
+        planned = {tile.face for tile in plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP).tiles}
         assert set(seen.tolist()) <= planned
 
 
@@ -85,17 +85,17 @@ def test_every_ray_of_the_picture_is_inside_of_its_tile_with_a_mip_texel_to_spar
     rays = camera.ray_from_pixel(pixel_grid(200, 200))
     seen = rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T
     faces = face_index(seen)
-    for face in plan.faces:
-        spare = 2.0 * (1 << plan.max_level) / face.size_px
-        tangents = face_tangents(seen[faces == face.index], face.index)
-        first, last = face.tangents
+    for tile in plan.tiles:
+        spare = 2.0 * (1 << plan.max_level) / tile.face_size_px
+        tangents = face_tangents(seen[faces == tile.face], tile.face)
+        first, last = tile.padded_region
         assert np.all((tangents >= first + spare - 1e-9) & (tangents <= last - spare + 1e-9))
 
 
 def test_a_side_face_is_drawn_only_as_high_as_the_rim_reaches():
     """To √2 tan(θ_max − 90°) at the corners; one sample of the grid and the margin to spare."""
     plan = _plan(105.0)
-    front = next(face for face in plan.faces if face.name == "front")
+    front = next(tile for tile in plan.tiles if tile.face_name == "front")
     highest = math.sqrt(2.0) * math.tan(math.radians(15.0))
     margin = 2.0 * (1 << plan.max_level) * 2.0 / front.size_px
     top = -front.tangents[0, 1]
@@ -104,6 +104,6 @@ def test_a_side_face_is_drawn_only_as_high_as_the_rim_reaches():
 
 def test_whole_faces_are_drawn_to_their_edges():
     plan = whole_faces(_plan(105.0))
-    for face in plan.faces:
-        assert np.all(face.tangents[0] < -1.0)
-        assert np.all(face.tangents[1] > 1.0)
+    for tile in plan.tiles:
+        assert np.all(tile.padded_region[0] < -1.0)
+        assert np.all(tile.padded_region[1] > 1.0)

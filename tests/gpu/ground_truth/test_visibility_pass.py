@@ -12,8 +12,8 @@ from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
-from tests.gpu.test_static_drawer import sheet
-from tests.gpu.test_static_geometry import _corners_m
+from tests.gpu.scene.test_static_geometry import corners_m
+from tests.gpu.sheets import sheet
 from tests.scenes import room, scene_of
 from tests.vehicles import box, checkered
 
@@ -36,10 +36,10 @@ def _scene():
 
 def _surfaces(visibility, buffers, pose, albedo=False):
     """1 + number of the draw, and number of the triangle, of every texel (height, width, 2)."""
-    visibility.render(pose, buffers.place(pose[:3, 3]), albedo)
-    size = visibility.surfaces.height, visibility.surfaces.width
-    seen = np.frombuffer(visibility.surfaces.read(), dtype="<u4").reshape(size)
-    numbers = np.frombuffer(visibility.numbers.texture.read(), dtype="<u4").reshape(-1, 2)
+    visibility.render(pose, buffers.instance_transforms(pose[:3, 3]), albedo)
+    size = visibility.id_atlas.height, visibility.id_atlas.width
+    seen = np.frombuffer(visibility.id_atlas.read(), dtype="<u4").reshape(size)
+    numbers = np.frombuffer(visibility.triangle_ids.texture.read(), dtype="<u4").reshape(-1, 2)
     return np.where(seen[..., None] > 0, numbers[seen.astype(np.int64) - 1], 0)
 
 
@@ -72,25 +72,25 @@ def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
 def test_triangles_of_chunks_are_found_again_in_their_instances(context):
     """Though the geometry has copies of vertices, in places of their own."""
     buffers = SceneBuffers(context, _scene())
-    geometry, draws = buffers.static_geometry, buffers.draws
+    geometry, draws = buffers.static_geometry, buffers.draw_items
     found = surfaces_of(geometry, draws)
     taken = np.flatnonzero(geometry.taken).tolist()
     assert len(np.unique(found)) == len(found) == sum(draws[one].count // 3 for one in taken)
-    corners_m = _corners_m(geometry)
+    all_corners_m = corners_m(geometry)
     for index in taken:
         draw, mine = draws[index], found["draw_plus_one"] == index + 1
         own_m = draw.mesh.positions[draw.mesh.triangles[found["triangle"][mine]]]
         own_m = own_m @ draw.object_from_mesh[:3, :3].T + draw.object_from_mesh[:3, 3]
-        if draw.mirrored:  # turned back
+        if draw.flips_winding:  # turned back
             own_m = own_m[:, (0, 2, 1)]
-        np.testing.assert_allclose(corners_m[mine], own_m, atol=1e-6)
+        np.testing.assert_allclose(all_corners_m[mine], own_m, atol=1e-6)
 
 
 def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
     buffers = SceneBuffers(context, _scene())
     alone = np.flatnonzero(~buffers.static_geometry.taken)
-    numbers = TriangleIds(context, buffers.draws, alone)
-    some = surfaces_of(buffers.static_geometry, buffers.draws)
+    numbers = TriangleIds(context, buffers.draw_items, alone)
+    some = surfaces_of(buffers.static_geometry, buffers.draw_items)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):
         numbers.begin()
@@ -102,6 +102,6 @@ def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
         np.testing.assert_array_equal(held[firsts[0] : firsts[0] + 100], some[:100])
         np.testing.assert_array_equal(held[firsts[1] : firsts[1] + len(many)], many)
         for index in alone.tolist():
-            first, count = numbers.first_of_draw[index], buffers.draws[index].count // 3
+            first, count = numbers.first_of_draw[index], buffers.draw_items[index].count // 3
             assert held["draw_plus_one"][first : first + count].tolist() == [index + 1] * count
             assert held["triangle"][first : first + count].tolist() == list(range(count))

@@ -5,7 +5,7 @@ import numpy as np
 from omnisim.gpu.scene.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
-from tests.gpu.test_static_drawer import sheet
+from tests.gpu.sheets import sheet
 from tests.scenes import scene_of
 from tests.vehicles import box
 
@@ -21,7 +21,7 @@ def test_corners_are_those_of_the_index_buffer_and_what_is_beside_them(context):
     meshes = [sheet("large", 0, side=40), box("small", 0), box("glass", 1)]
     buffers = SceneBuffers(context, scene_of(meshes, MATERIALS))
     entries = _entries(buffers.triangles)
-    for draw in buffers.draws:
+    for draw in buffers.draw_items:
         part = entries[draw.first : draw.first + draw.count]
         mesh = draw.mesh
         np.testing.assert_array_equal(part["at"], mesh.positions[mesh.triangles.ravel()])
@@ -37,7 +37,7 @@ def test_indices_stay_in_order_where_pictures_sort_them(context):
     assert opaque.triangles.indices is opaque.indices
     buffers = SceneBuffers(context, scene_of([box("box", 0), box("glass", 1)], MATERIALS))
     before = buffers.indices.read()
-    (glass,) = (draw for draw in buffers.draws if draw.mesh.name == "glass")
+    (glass,) = (draw for draw in buffers.draw_items if draw.mesh.name == "glass")
     viewpoint_from_mesh = np.eye(4)
     viewpoint_from_mesh[:3, 3] = 0.3, 2.0, 5.0
     buffers.sort_blended(glass, viewpoint_from_mesh)

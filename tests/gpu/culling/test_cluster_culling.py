@@ -11,11 +11,11 @@ from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors import OmniCamera
-from tests.gpu.test_static_drawer import sheet
+from tests.gpu.sheets import sheet
 from tests.scenes import scene_of
 
 CAMERA = OmniCamera().resized(200).model
-PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, in_parts=True)
+PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, subdivide=True)
 NEAR_M = 0.05
 
 
@@ -26,10 +26,10 @@ def _views(far_m, world_from_rig):
 
 def _shown(view, points, far_m, world_from_rig):
     """Whether a tile shows points (..., 3), counted from the viewpoint: by its tangents."""
-    local = points @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.face.index].T
+    local = points @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
     depth = local[..., 2]
     tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]
-    first, last = view.face.tangents
+    first, last = view.tile.padded_region
     inside = np.all((tangents >= first) & (tangents <= last), axis=-1)
     return inside & (depth > NEAR_M) & (depth < far_m)
 

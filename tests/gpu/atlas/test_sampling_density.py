@@ -7,8 +7,8 @@ import pytest
 
 from omnisim import OmniCamera
 from omnisim.cube import face_index, face_tangents
-from omnisim.gpu.atlas.sampling_density import MOST_STRETCH
-from omnisim.gpu.atlas.tile_plan import MOST_TILES, plan_tiles
+from omnisim.gpu.atlas.sampling_density import MAX_ANISOTROPY
+from omnisim.gpu.atlas.tile_plan import MAX_TILES, plan_tiles
 from omnisim.sensors.capturing import faces_of
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -22,9 +22,9 @@ MOST_TEXELS = 3.7
 
 
 @cache
-def _plan(name, in_parts=True):
+def _plan(name, subdivide=True):
     camera = CAMERA_EXAMPLES[name]
-    return plan_tiles(camera, camera.rig_from_optical, in_parts=in_parts)
+    return plan_tiles(camera, camera.rig_from_optical, subdivide=subdivide)
 
 
 def _looks(camera, count=4000):
@@ -40,13 +40,13 @@ def _looks(camera, count=4000):
     tangents = face_tangents(rig, np.repeat(faces[:, None], 3, axis=1))
     by_pixel = np.moveaxis(tangents[:, 1:] - tangents[:, :1], 1, 2) / STEP_PX
     longest, shortest = np.linalg.svd(by_pixel, compute_uv=False).T
-    return faces, tangents[:, 0], np.minimum(1.0 / shortest, MOST_STRETCH / longest)
+    return faces, tangents[:, 0], np.minimum(1.0 / shortest, MAX_ANISOTROPY / longest)
 
 
 def _tiles_of(plan, faces, tangents):
     """Whether each look (n,) is in each tile's core: (n, tiles)."""
-    cores = np.array([face.core for face in plan.faces])
-    own = faces[:, None] == np.array([face.index for face in plan.faces])
+    cores = np.array([tile.region for tile in plan.tiles])
+    own = faces[:, None] == np.array([tile.face for tile in plan.tiles])
     at = tangents[:, None]
     return own & np.all((at >= cores[:, 0]) & (at <= cores[:, 1]), axis=-1)
 
@@ -56,23 +56,23 @@ def test_every_look_is_at_one_part_that_is_fine_enough_and_drawn_there(name):
     camera = CAMERA_EXAMPLES[name]
     faces, tangents, finest = _looks(camera)
     plan = _plan(name)
-    assert len(plan.faces) <= MOST_TILES
+    assert len(plan.tiles) <= MAX_TILES
     tiles = _tiles_of(plan, faces, tangents)
     assert np.all(tiles.sum(axis=1) == 1)
     tile = np.argmax(tiles, axis=1)
-    half_px = 0.5 * np.array([face.size_px for face in plan.faces])[tile]
+    half_px = 0.5 * np.array([one.face_size_px for one in plan.tiles])[tile]
     assert np.all(half_px >= LEAST_DENSITY * finest)
     # what a lookup mixes is drawn: a texel of the coarsest level around it, but for rounding
     spare = (1 << plan.max_level) / half_px[:, None] - 1e-9
-    windows = np.array([face.tangents for face in plan.faces])[tile]
+    windows = np.array([tile.padded_region for tile in plan.tiles])[tile]
     assert np.all((tangents - spare >= windows[:, 0]) & (tangents + spare <= windows[:, 1]))
 
 
 @examples
 def test_parts_take_no_more_texels_than_whole_faces(name):
-    whole, parts = _plan(name, in_parts=False), _plan(name)
+    whole, parts = _plan(name, subdivide=False), _plan(name)
     assert parts.texels <= whole.texels
-    assert {face.index for face in parts.faces} == {face.index for face in whole.faces}
+    assert {tile.face for tile in parts.tiles} == {tile.face for tile in whole.tiles}
 
 
 @pytest.mark.parametrize(
@@ -80,18 +80,18 @@ def test_parts_take_no_more_texels_than_whole_faces(name):
     [("hyperbolic-paper", 0.7), ("perspective-wide", 0.4), ("equirectangular", 0.6)],
 )
 def test_parts_spare_much_where_a_picture_is_fine_here_and_coarse_there(name, most):
-    whole, parts = _plan(name, in_parts=False), _plan(name)
+    whole, parts = _plan(name, subdivide=False), _plan(name)
     assert parts.texels < most * whole.texels
 
 
 def test_cores_do_not_overlap():
     """Two tiles of a face share an edge at most."""
     plan = _plan("equirectangular")
-    pairs = [(a, b) for i, a in enumerate(plan.faces) for b in plan.faces[:i] if a.index == b.index]
+    pairs = [(a, b) for i, a in enumerate(plan.tiles) for b in plan.tiles[:i] if a.face == b.face]
     assert pairs
     for one, other in pairs:
-        first = np.maximum(one.core[0], other.core[0])
-        last = np.minimum(one.core[1], other.core[1])
+        first = np.maximum(one.region[0], other.region[0])
+        last = np.minimum(one.region[1], other.region[1])
         assert np.any(last <= first)
 
 
@@ -99,6 +99,6 @@ def test_cores_do_not_overlap():
 def test_the_papers_camera_draws_few_texels_for_a_pixel(polygons):
     sensor = OmniCamera(polygons=polygons).with_quality("fast")
     density = sensor.texels_per_pixel / sensor.supersampling
-    plan = faces_of(sensor, sensor.captured_camera, density, in_parts=True)
+    plan = faces_of(sensor, sensor.captured_camera, density, subdivide=True)
     rim_px = 0.5 * sensor.model.width_px
     assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MOST_TEXELS

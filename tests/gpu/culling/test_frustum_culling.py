@@ -11,7 +11,7 @@ from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.sensors import OmniCamera
 
 CAMERA = OmniCamera().resized(200).model
-PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, in_parts=True)
+PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, subdivide=True)
 NEAR_M = 0.05
 POINTS = 300  # of each box
 POSE = frames.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
@@ -48,14 +48,14 @@ def _look(views, middles_m, halves_m, reach_px):
 
 def _texels(view, points):
     """Where in the atlas points (..., 3) are seen (..., 2), in texels, and whether, by tangents."""
-    local = points @ POSE[:3, :3] @ FACE_FROM_RIG[view.face.index].T
+    local = points @ POSE[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
     depth = local[..., 2]
     tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]
-    first, last = view.face.tangents
+    first, last = view.tile.padded_region
     shown = np.all((tangents >= first) & (tangents <= last), axis=-1) & (depth > NEAR_M)
     shares = (tangents - first) / (last - first)
-    corner = (view.face.left_px, view.face.top_px)
-    return corner + shares * view.face.tile_px, shown, depth
+    corner = (view.tile.left_px, view.tile.top_px)
+    return corner + shares * view.tile.size_px, shown, depth
 
 
 @any_far
@@ -96,10 +96,10 @@ def test_outlines_cover_all_texels_that_boxes_do(far_m, reach_px):
         ).reshape(4, -1)
         drawn = (z.reshape(distance_m.shape) / distance_m)[hit]
         assert np.all(drawn <= np.broadcast_to(depth[:, None], hit.shape)[hit] * (1.0 + 1e-6))
-        face = view.face
-        corner = np.array((face.left_px, face.top_px))
+        tile = view.tile
+        corner = np.array((tile.left_px, tile.top_px))
         assert np.all(start[here] >= corner)
-        assert np.all(end[here] < corner + face.tile_px)
+        assert np.all(end[here] < corner + tile.size_px)
         checked += np.count_nonzero(hit)
     assert checked > 1000
 
@@ -109,7 +109,7 @@ def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
     forward = views[0].clip_from_viewpoint[3, :3]  # a row of the matrix: w is the distance along it
     ahead_m = np.array([-1.0, 0.02, 0.08, 5.0, 29.0, 31.0, 40.0])[:, None] * forward
     sides = np.full((len(ahead_m), 3), 0.01)
-    face = [view for view in views if view.face.index == views[0].face.index]
+    face = [view for view in views if view.tile.face == views[0].tile.face]
     in_view, *_ = _look(face, ahead_m, sides, EDGE_PX)
     assert in_view[:, 2:5].any(axis=0).all()
     assert not in_view[:, [0, 1, 5, 6]].any()

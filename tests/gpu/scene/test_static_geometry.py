@@ -8,14 +8,14 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.static_geometry import FARTHEST_M
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.scene.model import AlphaMode, Material, Mesh
-from tests.gpu.test_static_drawer import sheet
+from tests.gpu.sheets import sheet
 from tests.scenes import scene_of
 
 MATERIALS = [Material(), Material(alpha_mode=AlphaMode.BLEND)]
 NOTHING = Mesh("nothing", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.uint32), 0)
 
 
-def _corners_m(geometry):
+def corners_m(geometry):
     """Corners (n, 3, 3) of all triangles, world."""
     vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
     triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
@@ -46,7 +46,7 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
         expected.append(positions[mesh.triangles[:, turn]])  # a mirrored one is turned back
     # half a float32's last digit of what is a few metres from the anchor, however far that is
     np.testing.assert_allclose(
-        _sorted(_corners_m(geometry)), _sorted(np.concatenate(expected)), atol=1e-6
+        _sorted(corners_m(geometry)), _sorted(np.concatenate(expected)), atol=1e-6
     )
 
 
@@ -57,18 +57,18 @@ def test_glass_what_is_far_away_and_what_has_no_triangles_is_left_to_others(cont
     buffers = SceneBuffers(context, scene_of(meshes, MATERIALS, poses))
     taken = {
         draw.mesh.name
-        for draw, taken in zip(buffers.draws, buffers.static_geometry.taken, strict=True)
+        for draw, taken in zip(buffers.draw_items, buffers.static_geometry.taken, strict=True)
         if taken
     }
     assert taken == {"near"}
-    assert len(_corners_m(buffers.static_geometry)) == len(meshes[0].triangles)
+    assert len(corners_m(buffers.static_geometry)) == len(meshes[0].triangles)
 
 
 def test_a_dynamic_object_is_not_static(context):
     scene = scene_of([sheet("still", 0)])
     buffers = SceneBuffers(context, scene, (scene_of([sheet("moving", 0)]),))
     assert [
-        draw.object_index is None for draw in buffers.draws
+        draw.object_index is None for draw in buffers.draw_items
     ] == buffers.static_geometry.taken.tolist()
     assert not SceneBuffers(
         context, scene_of([sheet("glass", 1)], MATERIALS)

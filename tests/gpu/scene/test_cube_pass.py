@@ -33,7 +33,7 @@ def test_the_picture_is_the_same_as_without_leaving_out_anything(context, sample
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
     buffers = SceneBuffers(context, scene)
     surfaces = SurfacePrograms(buffers, scene.lighting)
-    plan = faces_of(sensor, sensor.model, 1.0, None, in_parts=True)
+    plan = faces_of(sensor, sensor.model, 1.0, None, subdivide=True)
 
     def cube_pass(plain):
         return CubePass(
