@@ -97,8 +97,8 @@ def test_a_side_face_is_drawn_only_as_high_as_the_rim_reaches():
     plan = _plan(105.0)
     front = next(tile for tile in plan.tiles if tile.face_name == "front")
     highest = math.sqrt(2.0) * math.tan(math.radians(15.0))
-    margin = 2.0 * (1 << plan.max_level) * 2.0 / front.size_px
-    top = -front.tangents[0, 1]
+    margin = 2.0 * (1 << plan.max_level) * 2.0 / front.face_size_px
+    top = -front.padded_region[0, 1]
     assert highest <= top <= highest + 2.0 / 32.0 + margin
 
 
