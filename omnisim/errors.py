@@ -4,6 +4,10 @@ The command line prints the message of an `OmnisimError` and exits with status 1
 that escapes is a defect of omnisim and keeps its traceback.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 
 class OmnisimError(Exception):
     """Base of all errors with a message meant for the user."""
@@ -47,3 +51,21 @@ class LocalizationError(OmnisimError):
 
 class CalibrationError(OmnisimError):
     """A calibration file, or a model, that cannot say what is asked for."""
+
+
+def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one of") -> str:
+    """Suggests the nearest known word, or lists all of them.
+
+    Args:
+        word: what was given.
+        known: what there is.
+        otherwise: begins the list where nothing is near.
+    """
+    import difflib  # only a fault needs it
+
+    words = list(known)
+    near = difflib.get_close_matches(word, words, n=1)
+    near = [known for known in words if word and known.startswith(word)] or near
+    if near:
+        return f"did you mean {' or '.join(map(repr, near))}?"
+    return f"{otherwise} {', '.join(words) or 'none'}"

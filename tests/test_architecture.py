@@ -25,6 +25,7 @@ LAYERS = (
     {"ground_truth"},
     {"image_files"},
     {"atomic_file", "frames", "cube", "srgb", "resources", "toml_file"},
+    {"parameters"},
     {"errors", "version"},
 )
 GPU_LAYERS = (

@@ -111,7 +111,7 @@ class BrownLens(DistortedPinhole):
     """
 
     distortion: tuple[float, ...]
-    model = "rational_polynomial"
+    model_name = "rational_polynomial"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -142,7 +142,7 @@ class FovLens(DistortedPinhole):
     """The FOV model, by the field of view w of the ideal fisheye that it is."""
 
     w: float
-    model = "fov"
+    model_name = "fov"
 
     def __post_init__(self) -> None:
         super().__post_init__()

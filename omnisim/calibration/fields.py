@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, ConfigDict
 
 from omnisim import frames
 from omnisim.errors import CalibrationError, OmnisimError
-from omnisim.toml_file import Number, Table, parse_table
+from omnisim.parameters import Number, Table, parse_table
 
 LARGEST_SIZE_PX = 32768
 Model = TypeVar("Model", bound=pydantic.BaseModel)

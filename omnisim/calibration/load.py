@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from omnisim.calibration.formats import FORMATS, Format, Said
 from omnisim.calibration.formats.format import making
 from omnisim.calibration.remarks import Remark, read_remarks
 from omnisim.cameras import CentralCamera
-from omnisim.errors import CalibrationError
+from omnisim.errors import CalibrationError, did_you_mean
 
 CENTRE_WITHIN = 0.5  # of the picture's size beside it: further away, one of both is wrong
 
@@ -102,10 +101,7 @@ def format_named(name: str) -> Format:
         CalibrationError: there is none.
     """
     if name not in FORMATS:
-        near = difflib.get_close_matches(name.lower(), FORMATS, cutoff=0.55)
-        meant = " or ".join(map(repr, near))
-        hint = f"did you mean {meant}?" if near else "want one of " + ", ".join(FORMATS)
-        raise CalibrationError(f"format {name!r}: {hint}")
+        raise CalibrationError(f"format {name!r}: {did_you_mean(name.lower(), FORMATS)}")
     return FORMATS[name]
 
 

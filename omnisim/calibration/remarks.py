@@ -28,7 +28,7 @@ from omnisim.calibration.documents import parse_json
 from omnisim.calibration.fields import Foreign, parse
 from omnisim.calibration.formats import Format, Remarks
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.parameters import Number
 
 _LINES = {
     Remarks.LINES: re.compile(r"^# omnisim (\{.*)$", re.M),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from rich.console import Console
 
 from omnisim.cli.options import counted
 from omnisim.cli.progress import count_along
-from omnisim.errors import OutputError, RunError, SceneError
+from omnisim.errors import OutputError, RunError, SceneError, did_you_mean
 from omnisim.image_files import read_image
 from omnisim.plots.film import check_film_target, write_film
 from omnisim.plots.plot_file import check_plot_target, write_plot
@@ -72,8 +71,7 @@ def video(
         raise RunError(f"{folder}: this run has no camera")
     name = names[0] if camera is None else camera
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "it has " + ", ".join(names)
+        hint = did_you_mean(name, names, "it has")
         raise RunError(f"{folder}: camera {name!r}: not there; {hint}")
     done = run.steps_done()
     if done == 0:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from omnisim.errors import OmnisimError
+from omnisim.errors import OmnisimError, did_you_mean
 from omnisim.reports.machine import machine_of_device
 from omnisim.reports.report import HTML, Section, check_report_target
 from omnisim.validation.fixture import Fixture
@@ -58,8 +57,7 @@ def _chosen(only: list[str], is_quick: bool) -> list[Check]:
     known = {check.key: check for check in CHECKS}
     for key in only:
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else "known: " + ", ".join(known)
+            hint = did_you_mean(key, known, "known:")
             raise OmnisimError(f"--only {key}: no such check; {hint}")
     if only:
         return [check for check in CHECKS if check.key in only]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import camera_from_parameters
-from omnisim.errors import OmnisimError, RunError
+from omnisim.errors import OmnisimError, RunError, did_you_mean
 from omnisim.frames import check_pose
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
@@ -148,8 +147,7 @@ def _camera_name(run: RunFolder, wanted: str | None) -> str:
     if wanted is None:
         return names[0]
     if wanted not in names:
-        near = difflib.get_close_matches(wanted, names, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "it has " + ", ".join(names)
+        hint = did_you_mean(wanted, names, "it has")
         raise RunError(f"{run.path}: camera {wanted!r}: not there; {hint}")
     return wanted
 

@@ -9,11 +9,10 @@ behind clear glass the channels show what is behind it.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from omnisim.errors import OutputError
+from omnisim.errors import OutputError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -118,8 +117,7 @@ def check_channels(names: Iterable[str]) -> tuple[str, ...]:
         raise OutputError(f"channels {names!r}: want a list of names, such as ['range']")
     wanted = set(names)
     for name in sorted(wanted - CHANNELS.keys()):
-        near = [_SYNONYMS[name]] if name in _SYNONYMS else difflib.get_close_matches(name, CHANNELS)
-        hint = f"did you mean {near[0]!r}?" if near else "want one of " + ", ".join(CHANNELS)
+        hint = did_you_mean(_SYNONYMS.get(name, name), CHANNELS)
         raise OutputError(f"channel {name!r}: there is no such channel; {hint}")
     if wanted & {"flow", "occluded"}:
         wanted |= {"flow", "occluded"}

@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.errors import LocalizationError
-from omnisim.toml_file import Number, Table, read_toml
+from omnisim.parameters import Number, Table
+from omnisim.toml_file import read_toml
 
 DEFAULT = Path(__file__).with_name("default.toml")
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from omnisim.atomic_file import atomic_write, check_suffix
 from omnisim.errors import LocalizationError
+from omnisim.parameters import Table, parse_table
 from omnisim.perception.color_model import ColorModel
 from omnisim.scene.model import ColorBand, Landmark
 from omnisim.scene.scene_file import Level, LinearRgb, Name, Point, Positive
-from omnisim.toml_file import Table, parse_table
 
 FORMAT = 1
 SUFFIX = ".npz"

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
-from omnisim.errors import RobotFileError
+from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.resources import SCENES
 
 ROBOT_FILE = "robot.toml"
@@ -40,6 +39,5 @@ def _find(path: Path, name: str) -> Path:
         raise RobotFileError(f"{path}: is a folder without a {ROBOT_FILE}: want a robot file")
     if path.exists():
         raise RobotFileError(f"{path}: is not a regular file")
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else "built-in: " + ", ".join(names)
+    hint = did_you_mean(name, names, "built-in:")
     raise RobotFileError(f"{name}: no such robot file, and no built-in robot; {hint}")

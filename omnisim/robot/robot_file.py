@@ -13,11 +13,12 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from omnisim.errors import RobotFileError, TrajectoryError
+from omnisim.parameters import Number, Table, parse_table
 from omnisim.robot.kinematics import Drive, Kinematics
 from omnisim.robot.locate import find_robot
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.sensor_mounts import Name, SensorMount, parse_mounts
-from omnisim.toml_file import Number, Table, parse_table, read_toml
+from omnisim.toml_file import read_toml
 
 Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]

@@ -6,7 +6,6 @@ The tables of `[[sensors]]`, by `type`. What they describe is built where sensor
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import Annotated, Any, Literal
 
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from omnisim import frames
-from omnisim.errors import RobotFileError
-from omnisim.toml_file import Number, Table, parse_table
+from omnisim.errors import RobotFileError, did_you_mean
+from omnisim.parameters import Number, Table, parse_table
 
 # A sensor's name is that of its folder in a run. No dots: the run's own files have some.
 FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
@@ -127,8 +126,7 @@ def parse_mounts(tables: tuple[dict[str, Any], ...], source: str) -> tuple[Senso
         if "type" not in table:
             raise RobotFileError(f"{where}: type: missing; want one of {', '.join(_TYPES)}")
         if not isinstance(kind, str) or kind not in _TYPES:
-            near = difflib.get_close_matches(str(kind), _TYPES, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"want one of {', '.join(_TYPES)}"
+            hint = did_you_mean(str(kind), _TYPES)
             raise RobotFileError(f"{where}: type = {kind!r}: unknown sensor type; {hint}")
         mount = parse_table(table, _TYPES[kind], RobotFileError, where)
         if any(mount.name == other.name for other in mounts):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from omnisim.errors import SceneError
-from omnisim.toml_file import Number, Table, read_toml
+from omnisim.errors import SceneError, did_you_mean
+from omnisim.parameters import Number, Table
+from omnisim.toml_file import read_toml
 
 Level = Annotated[Number, Field(ge=0.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
@@ -148,11 +148,8 @@ class SceneFile(Table):
         for landmark in landmarks:
             for band in landmark.bands:
                 if band.color not in palette:
-                    near = difflib.get_close_matches(band.color, palette, n=1)
-                    hint = f"; did you mean {near[0]!r}?" if near else ""
-                    raise ValueError(
-                        f"{landmark.name}: color = {band.color!r}: want a name in [palette]{hint}"
-                    )
+                    hint = did_you_mean(band.color, palette, "[palette] has")
+                    raise ValueError(f"{landmark.name}: color = {band.color!r}: unknown; {hint}")
         return landmarks
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
-from omnisim.errors import SceneError
+from omnisim.errors import SceneError, did_you_mean
 from omnisim.resources import SCENES
 from omnisim.scene.scene_file import SceneFile, read_scene_file
 
@@ -36,8 +35,7 @@ def _resolve(path: Path, name: str) -> tuple[Path, SceneFile]:
         raise SceneError(f"{path}: expected a scene file, got a folder without a scene.toml")
     if not path.exists():
         names = builtin_scenes()
-        near = difflib.get_close_matches(name, names, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "built-in: " + ", ".join(names)
+        hint = did_you_mean(name, names, "built-in:")
         raise SceneError(f"{name}: no such scene file, and no built-in scene; {hint}")
     if not path.is_file():
         raise SceneError(f"{path}: is not a regular file")

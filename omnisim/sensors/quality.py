@@ -8,10 +8,9 @@ show.
 
 from __future__ import annotations
 
-import difflib
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
-from omnisim.errors import OpticsError
+from omnisim.errors import OpticsError, did_you_mean
 
 MAX_SUPERSAMPLING = 8
 MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
@@ -47,7 +46,4 @@ def quality_named(name: str) -> Quality:
     """
     if name in QUALITIES:
         return QUALITIES[name]
-    *others, last = get_args(QualityName)
-    near = difflib.get_close_matches(name, QUALITIES, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise OpticsError(f"quality {name!r}: {hint}want {', '.join(others)} or {last}")
+    raise OpticsError(f"quality {name!r}: {did_you_mean(name, QUALITIES)}")

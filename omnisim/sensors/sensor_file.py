@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
-from omnisim.errors import CalibrationError, OpticsError, SensorFileError
+from omnisim.errors import CalibrationError, OpticsError, SensorFileError, did_you_mean
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.hyperbolic import (
     DEFAULT_RIM_RAD,
@@ -23,6 +22,7 @@ from omnisim.mirrors.hyperbolic import (
     PAPER_METERS_PER_UNIT,
 )
 from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.parameters import Number, Table, keyword_or, parse_table
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.degradation_file import DegradationTable, from_table
 from omnisim.sensors.quality import (
@@ -34,7 +34,7 @@ from omnisim.sensors.quality import (
     QualityName,
     quality_named,
 )
-from omnisim.toml_file import Number, Table, parse_table, read_toml, word_or
+from omnisim.toml_file import read_toml
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
@@ -56,10 +56,10 @@ def _is_point(value: Any) -> bool:
     )
 
 
-PolygonCount = Annotated[Any, word_or("exact", "a whole number", lambda v: type(v) is int)]
-FaceSize = Annotated[Any, word_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
-FocalLength = Annotated[Any, word_or("fit", "a number > 0", _is_positive)]
-PrincipalPoint = Annotated[Any, word_or("centre", "[u, v] in pixels", _is_point)]
+PolygonCount = Annotated[Any, keyword_or("exact", "a whole number", lambda v: type(v) is int)]
+FaceSize = Annotated[Any, keyword_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
+FocalLength = Annotated[Any, keyword_or("fit", "a number > 0", _is_positive)]
+PrincipalPoint = Annotated[Any, keyword_or("centre", "[u, v] in pixels", _is_point)]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 
@@ -175,8 +175,7 @@ class Lens(Table):
         known = camera.parameters()
         for key in parameters:
             if key not in known:
-                near = difflib.get_close_matches(key, known, n=1)
-                hint = f"did you mean {near[0]!r}?" if near else "want " + ", ".join(known)
+                hint = did_you_mean(key, known)
                 raise OpticsError(f"camera: {key}: unknown key; {hint}")
         return camera
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import TrajectoryError
+from omnisim.errors import TrajectoryError, did_you_mean
 from omnisim.robot import (
     Kinematics,
     Trajectory,
@@ -95,8 +94,7 @@ def _check_numbers(route: Route) -> None:
 def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
     paths = {path.name: path for path in scene.paths}
     if route.path not in paths:
-        near = difflib.get_close_matches(route.path, paths, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(paths) or 'none'}"
+        hint = did_you_mean(route.path, paths, "it has")
         raise TrajectoryError(
             f"path {route.path!r}: no such file, and no such path in {scene.name}; {hint}"
         )

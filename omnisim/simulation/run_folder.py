@@ -32,8 +32,8 @@ from pydantic import ConfigDict, Field
 
 from omnisim.atomic_file import atomic_write
 from omnisim.errors import RunError
+from omnisim.parameters import Table, parse_table
 from omnisim.robot.sensor_mounts import SensorName
-from omnisim.toml_file import Table, parse_table
 
 MANIFEST = "manifest.json"
 MANIFEST_FORMAT = 1

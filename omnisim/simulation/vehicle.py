@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import OpticsError, RobotFileError, SceneError
+from omnisim.errors import OpticsError, RobotFileError, SceneError, did_you_mean
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_file import Footprint, Robot, load_robot
@@ -168,8 +167,7 @@ def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted
     names = [sensor.name for sensor in sensors]
     if name in names:
         return sensors[names.index(name)]
-    near = difflib.get_close_matches(name or "", names, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(names) or 'none'}"
+    hint = did_you_mean(name or "", names, "it has")
     raise RobotFileError(f"{what}{'' if name is None else f' {name!r}'}: not there; {hint}")
 
 
@@ -234,8 +232,7 @@ def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
     nodes = [] if body is None else list(dict.fromkeys(i.name for i in body.instances))
     for name in mount.hides:
         if name not in nodes:
-            near = difflib.get_close_matches(name, nodes, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(nodes) or 'none'}"
+            hint = did_you_mean(name, nodes, "it has")
             raise RobotFileError(f"{where}: hides {name!r}: no such node in the body; {hint}")
 
 

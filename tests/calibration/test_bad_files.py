@@ -19,14 +19,14 @@ BAD = [
     ("kalibr_tum_vi.yaml", "[190.97847715128717, ", "[",
      "cam0: intrinsics: 3 numbers, .*: want 4: fu, fv, pu, pv"),
     ("kalibr_tum_vi.yaml", "190.97847715128717,", "'190.97847715128717',",
-     r"cam0: intrinsics\.0 = '190.97847715128717': want a valid number"),
+     r"cam0: intrinsics\.0: expected a valid number.*, got '190.97847715128717'"),
     ("kalibr_tum_vi.yaml", "  resolution: [512, 512]\n", "", "cam0: resolution: missing"),
     ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [512, 512.5]",
-     "resolution.1 = 512.5: want a whole number from 1 to 32768"),
+     "resolution.1: expected a whole number from 1 to 32768.*, got 512.5"),
     ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [51, 51]",
      r"cam0: centre \(254\.932, 256\.897\) of a picture of 51 × 51 px: want it in the picture"),
     ("kalibr_tum_vi.yaml", "254.93170605935475", ".nan",
-     "intrinsics.2 = nan: want a finite number"),
+     "intrinsics.2: expected a finite number.*, got nan"),
     ("kalibr_tum_vi.yaml", "[0.0, 0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0, 2.0]",
      "cam0: T_cam_imu = .*: want a rotation and a translation"),
     ("kalibr_tum_vi.yaml", "cam1:", "cam0:", "not YAML in line 15: key 'cam0' is there twice"),
@@ -61,7 +61,7 @@ BAD = [
     ("basalt_tum_vi_ds.json", '"xi": -0.172131', '"k1": -0.172131',
      "intrinsics = fx, fy, cx, cy, k1, alpha: want fx, fy, cx, cy, xi, alpha"),
     ("basalt_tum_vi_ds.json", '"fx": 158.28600', '"fx": "158.28600"',
-     "intrinsics.fx = '158.28600': want a valid number"),
+     "intrinsics.fx: expected a valid number.*, got '158.28600'"),
     ("basalt_tum_vi_ds.json", '"value0": {', '"value0": {"intrinsics": [],',
      "not JSON: key 'intrinsics' is there twice"),
     ("colmap_cameras.txt", "SIMPLE_RADIAL 3072", "MODEL_T 3072",
@@ -138,7 +138,7 @@ def test_a_file_of_another_format_is_named():
         load_calibration(path, "kalibr")
     with pytest.raises(CalibrationError, match="format 'Kalbr': did you mean 'kalibr'"):
         load_calibration(path, "Kalbr")
-    with pytest.raises(CalibrationError, match=r"'opencv_pinhole' or 'opencv_.*' or 'opencv_"):
+    with pytest.raises(CalibrationError, match=r"'opencv_omnidir' or 'opencv_.*' or 'opencv_"):
         load_calibration(path, "opencv")
     with pytest.raises(CalibrationError, match="format 'word': want one of omnisim, kalibr"):
         load_calibration(path, "word")

@@ -64,7 +64,10 @@ def test_render_with_everything(omnisim, tmp_path):
         (["courtyard", "-o", "a.png", "--at", "nan", "0", "0"], "want three finite numbers"),
         (["courtyard", "-o", "a.png", "--yaw", "inf"], "want finite numbers in degrees"),
         (["courtyard", "-o", "a.png", "--up", "w"], "up axis 'w': want x, y or z"),
-        (["courtyard", "-o", "a.png", "--sensor", "bad.toml"], "bad.toml: mirror.k = 1: want"),
+        (
+            ["courtyard", "-o", "a.png", "--sensor", "bad.toml"],
+            "bad.toml: mirror.k: expected a number ≥ 2, got 1",
+        ),
         (["courtyard", "-o", "a.png", "--sensor", "none.toml"], "none.toml: cannot be read"),
     ],
 )

@@ -55,7 +55,7 @@ def test_check_of_little(omnisim, tmp_path):
     ("text", "words"),
     [
         (None, "a.toml: no such robot file, and no built-in robot"),
-        ("name = 1", "a.toml: name = 1: want a valid string"),
+        ("name = 1", "a.toml: name: expected a valid string, got 1"),
         ('name = "a"\nbody = "b.glb"', "a.toml: body = 'b.glb': no such file beside it"),
     ],
 )

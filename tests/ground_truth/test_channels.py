@@ -22,7 +22,7 @@ def test_flow_has_its_occlusion():
     [
         ("rnage", "'rnage': there is no such channel; did you mean 'range'?"),
         ("range,semantics", "'semantics': there is no such channel; did you mean 'semantic'?"),
-        ("xyzzy", "'xyzzy': there is no such channel; want one of range, z, position"),
+        ("xyzzy", "'xyzzy': there is no such channel; expected one of range, z, position"),
         (" , ", "want names with commas: range,z"),
     ],
 )

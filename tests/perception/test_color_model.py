@@ -143,7 +143,7 @@ def _flat_counts():
         ({"smoothing": np.nan}, "smoothing = nan: want"),
         ({"colors": ["red", "red"], "counts": np.ones((3, BINS**3)), "thresholds": [1, 1]},
          "want different names"),
-        ({"landmarks": "{}"}, "landmarks = {}: want"),
+        ({"landmarks": "{}"}, "landmarks: expected tables, [[landmarks]], got {}"),
         ({"colors": np.array([{}])}, "is no model"),  # would have to be unpickled
     ],
 )  # fmt: skip

@@ -185,7 +185,7 @@ KITTI = "1 0 0 0 0 1 0 0 0 0 1 0\n"
         ("a.csv", "t_s,x_m\n0,0\n", r"a\.csv:1: no column 'y_m': want x_m and y_m at least"),
         ("a.csv", "x_m,y_m,x_m\n0,0,0\n", r"a\.csv:1: column 'x_m' is there twice"),
         ("a.csv", "x_m,y_m,yaw\n0,0,0\n", r"a\.csv:1: column 'yaw': did you mean 'yaw_deg'\?"),
-        ("a.csv", "x_m,y_m,!\n0,0,0\n", r"a\.csv:1: column '!': want some of t_s, x_m, y_m"),
+        ("a.csv", "x_m,y_m,!\n0,0,0\n", r"a\.csv:1: column '!': expected one of t_s, x_m, y_m"),
         ("a.csv", "x_m,y_m\n0,\n", r"a\.csv:2: y_m = '': want a number"),
         ("a.csv", "a;b\n", r"a\.csv:1: 1 column between blanks, first 'a;b': want 8 .*TUM"),
         ("a.csv", GOOD, r"a\.csv:1: 8 columns between blanks, first '0': want 8"),

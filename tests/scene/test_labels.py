@@ -109,8 +109,14 @@ def test_soccers_landmarks_have_a_class_for_each_colour():
     [
         ('[[labels]]\nname = "a"\n', "labels.0.nodes: missing"),
         ('[[labels]]\nname = "a"\nnodes = []\n', "nodes"),
-        ('[[labels]]\nname = "a"\nnodes = ["x"]\nid = 0\n', "labels.0.id = 0: want"),
-        ('[[labels]]\nname = "a"\nnodes = ["x"]\ncolor = [0, 0, 256]\n', "color.2 = 256: want"),
+        (
+            '[[labels]]\nname = "a"\nnodes = ["x"]\nid = 0\n',
+            "labels.0.id: expected a number ≥ 1, got 0",
+        ),
+        (
+            '[[labels]]\nname = "a"\nnodes = ["x"]\ncolor = [0, 0, 256]\n',
+            "color.2: expected a number ≤ 255, got 256",
+        ),
         ('[[labels]]\nname = "a"\nnode = ["x"]\n', "did you mean 'nodes'?"),
         (
             '[[labels]]\nname = "a"\nnodes = ["x"]\n[[labels]]\nname = "a"\nnodes = ["y"]\n',

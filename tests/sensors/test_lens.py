@@ -52,7 +52,11 @@ def test_a_lens_of_a_sensor_file(tmp_path):
         ("focal_length_px = 90.0\n", "", r"lens\.focal_length_px: missing"),
         ("90.0", "'90'", r"lens\.focal_length_px = '90': want a number"),
         ("theta_max_deg", "theta_deg", r"lens\.theta_max_deg: missing"),
-        ("theta_max_deg = 100.0", "theta_max_deg = 100.0\nk5 = 1", r"lens\.k5: unknown key; want"),
+        (
+            "theta_max_deg = 100.0",
+            "theta_max_deg = 100.0\nk5 = 1",
+            r"lens\.k5: unknown key; expected one of model",
+        ),
         ("[camera]", "[mirror]\nk = 5.0\n[camera]", r"\[lens\] and \[mirror\] both say"),
         ("[camera]", "[camera]\nwidth_px = 9", r"camera\.width_px: is a key of \[lens\]"),
         ("theta_max_deg = 100.0", "theta_max_deg = 200.0", r"lens\.theta_max"),

@@ -37,7 +37,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.parameters import Number
 
 FOCAL = "fx fy cx cy"
 INTRINSICS = {

@@ -25,7 +25,7 @@ from omnisim.calibration.formats.numerals import yaml_float
 from omnisim.calibration.formats.pinholes import as_pinhole, pinhole, refuse_k3_and_skew
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number, Table
+from omnisim.parameters import Number, Table
 
 
 class _Mirror(Table):

@@ -36,7 +36,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.parameters import Number
 
 INTRINSICS = {
     "pinhole": "fu fv pu pv",

@@ -35,7 +35,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.parameters import Number
 
 CENTRE_PX = 0.5  # of the first pixel
 OPENGL_FROM_OPENCV = np.array([1.0, -1.0, -1.0, 1.0])

@@ -32,7 +32,7 @@ from omnisim.calibration.formats.numerals import yaml_float, yaml_floats
 from omnisim.calibration.formats.pinholes import as_pinhole, refuse_k3
 from omnisim.cameras import KannalaBrandtCamera, UnifiedCamera
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.parameters import Number
 
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K")
 DISTORTION_KEYS = (

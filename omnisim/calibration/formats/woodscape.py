@@ -24,7 +24,7 @@ from omnisim.calibration.formats.format import Format, Remarks, Said, making
 from omnisim.calibration.formats.quaternions import pose_of, position_and_quaternion
 from omnisim.cameras import CentralCamera, FThetaCamera, KannalaBrandtCamera
 from omnisim.errors import CalibrationError
-from omnisim.toml_file import Number
+from omnisim.parameters import Number
 
 
 class _Intrinsic(Foreign):

@@ -7,12 +7,12 @@ Without `t_s` the poses have no times.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.errors import did_you_mean
 from omnisim.frames import rotation_from_roll_pitch_yaw
 from omnisim.robot.formats.recording import Recording, read_times, recording
 from omnisim.robot.formats.table import Table, check_printed_times, quote
@@ -46,8 +46,7 @@ def _header(table: Table) -> list[str]:
     line = table.lines[0]
     for k, name in enumerate(line.cells):
         if name not in COLUMNS:
-            near = difflib.get_close_matches(name, COLUMNS, n=1, cutoff=0.4)
-            hint = f"did you mean {near[0]!r}?" if near else f"want some of {', '.join(COLUMNS)}"
+            hint = did_you_mean(name, COLUMNS)
             raise table.fault(line, f"column {quote(name)!r}: {hint}")
         if name in line.cells[:k]:
             raise table.fault(line, f"column {name!r} is there twice: want it once")

@@ -7,12 +7,11 @@ Laser scanners become `usarsim_range_scanner`, the parts of an omnidirectional c
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from omnisim.errors import RobotFileError
+from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.robot.sensor_mounts import folder_name
 from omnisim.robot.usarsim.camera_parts import find_cameras
 from omnisim.robot.usarsim.ini import Entry, Section, parse_struct, read_ini
@@ -96,8 +95,7 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
             if key in sections:
                 found = sections[key]
                 raise RobotFileError(f"{path}:{found.line}: [{found.name}] has no Sensors= line")
-        near = difflib.get_close_matches(wanted, short, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(short) or 'none'}"
+        hint = did_you_mean(wanted, short, "it has")
         raise RobotFileError(f"{path}:1: no robot of class {wanted!r}; {hint}")
     if not robots:
         first = next(iter(sections.values()))

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import Number
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
-from omnisim.toml_file import Number
 
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
 

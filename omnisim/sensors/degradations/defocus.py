@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import Number
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
-from omnisim.toml_file import Number
 
 LARGEST_PX = 32.0  # 4225 lookups a pixel
 SMALLEST_PX = 0.5  # such a disc lies within one pixel

@@ -20,9 +20,10 @@ from typing import Any, get_args, get_type_hints
 from pydantic import create_model
 
 from omnisim.errors import OpticsError, SensorFileError
+from omnisim.parameters import Table, parse_table
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.parameters import Parameters, table_of
-from omnisim.toml_file import Table, parse_table, read_toml
+from omnisim.toml_file import read_toml
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
 

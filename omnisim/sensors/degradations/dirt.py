@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import Number
 from omnisim.sensors.degradations.parameters import Count, NotNegative, Parameters, Seed, Share
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
-from omnisim.toml_file import Number
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
 RADIUS_SPREAD = 0.5  # standard deviation of the logarithm of the specks' radii

@@ -17,17 +17,17 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import keyword_or
 from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.srgb import srgb_from_linear
-from omnisim.toml_file import word_or
 
 
 def _is_gamma(value: Any) -> bool:
     return type(value) in (int, float) and 0.1 <= value <= 10.0
 
 
-Gamma = Annotated[Any, word_or("srgb", "a number from 0.1 to 10", _is_gamma)]
+Gamma = Annotated[Any, keyword_or("srgb", "a number from 0.1 to 10", _is_gamma)]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self, get_type_hints
 import pydantic
 
 from omnisim.errors import OpticsError
-from omnisim.toml_file import Number, Table, parse_table
+from omnisim.parameters import Number, Table, parse_table
 
 # Products and quotients of a few of these stay within float32, which the GPU counts in.
 SMALLEST, LARGEST = 1e-9, 1e9

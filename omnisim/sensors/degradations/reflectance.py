@@ -17,9 +17,9 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import Number
 from omnisim.sensors.degradations.parameters import Colour, Parameters
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
-from omnisim.toml_file import Number
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.errors import OpticsError
+from omnisim.parameters import keyword_or
 from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
-from omnisim.toml_file import word_or
 
 LARGEST_ERROR_PX = 0.05  # of where a row shows a moving edge
 LARGEST_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
@@ -42,7 +42,7 @@ def _is_count(value: Any) -> bool:
     return type(value) is int and 1 <= value <= 4096
 
 
-SubFrames = Annotated[Any, word_or("auto", "a whole number from 1 to 4096", _is_count)]
+SubFrames = Annotated[Any, keyword_or("auto", "a whole number from 1 to 4096", _is_count)]
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import keyword_or
 from omnisim.sensors.degradations.parameters import SMALLEST, Parameters, Positive
 from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied
-from omnisim.toml_file import word_or
 
 Factor = Annotated[Positive, Field(le=100.0)]
 
@@ -38,7 +38,7 @@ def _as_tuple(value: Any) -> Any:
 
 Gains = Annotated[
     Any,
-    word_or("grey", "three numbers above 0, at most 100,", _are_factors),
+    keyword_or("grey", "three numbers above 0, at most 100,", _are_factors),
     AfterValidator(_as_tuple),
 ]
 

@@ -89,19 +89,22 @@ def test_fingerprint_and_size_know_of_it():
         ("[degradation]\npreset = 'dragonfly'", r"preset = 'dragonfly': .* did you mean 'dragonf"),
         ("[degradation]\npreset = 'nikon'", r"unknown preset; want one of bad-day, dragonfly2, id"),
         ("[degradation]\npreset = 'no.toml'", r"no\.toml: cannot be read: No such file"),
-        ("[degradation]\npreset = 3", r"degradation\.preset = 3: want a valid string"),
-        ("[degradation]\nnoise = 3", r"degradation\.noise = 3: want a table"),
+        ("[degradation]\npreset = 3", r"degradation\.preset: expected a valid string.*, got 3"),
+        ("[degradation]\nnoise = 3", r"degradation\.noise: expected a table.*, got 3"),
         ("[degradation.nois]\n", r"degradation\.nois: unknown key; did you mean 'noise'"),
         (
             "[degradation.noise]\nread_noise_e = -1",
-            r"degradation\.noise\.read_noise_e = -1: want greater than or equal to 0",
+            r"degradation\.noise\.read_noise_e: expected a number ≥ 0.*, got -1",
         ),
-        ("[degradation.noise]\nread_noise_e = nan", r"read_noise_e = nan: want a finite number"),
+        (
+            "[degradation.noise]\nread_noise_e = nan",
+            "read_noise_e: expected a finite number.*, got nan",
+        ),
         (
             "[degradation.noise]\nread_noise = 3",
             r"read_noise: unknown key; did you mean 'read_nois",
         ),
-        ("[degradation.noise]\nbit_depth = 17", r"bit_depth = 17: want less than or equal to 16"),
+        ("[degradation.noise]\nbit_depth = 17", "bit_depth: expected a number ≤ 16.*, got 17"),
         (
             "[degradation.noise]\nbit_depth = 4\nblack_level_dn = 15",
             r"black_level_dn = 15: want less than 15, the largest number of 4 bits",
@@ -110,9 +113,15 @@ def test_fingerprint_and_size_know_of_it():
             "[degradation.noise]\ndark_current_e_per_s = 5",
             r"dark_current_e_per_s = 5: needs degradation\.shutter\.exposure_s",
         ),
-        ("[degradation.shutter]\nexposure_s = 0", r"exposure_s = 0: want greater than 0"),
-        ("[degradation.shutter]\nexposure_s = -0.1", r"exposure_s = -0\.1: want greater than 0"),
-        ("[degradation.shutter]\nexposure_s = '5 ms'", r"exposure_s = '5 ms': want a valid number"),
+        ("[degradation.shutter]\nexposure_s = 0", "exposure_s: expected a number > 0.*, got 0"),
+        (
+            "[degradation.shutter]\nexposure_s = -0.1",
+            r"exposure_s: expected a number > 0.*, got -0\.1",
+        ),
+        (
+            "[degradation.shutter]\nexposure_s = '5 ms'",
+            "exposure_s: expected a valid number.*, got '5 ms'",
+        ),
         (
             "[degradation.shutter]\nexposure_ms = 5",
             r"exposure_ms: unknown key; did you mean 'expos",
@@ -127,35 +136,44 @@ def test_fingerprint_and_size_know_of_it():
         ),
         (
             "[degradation.shutter]\nsub_frames = 0",
-            r"sub_frames = 0: want .* or 'auto'",
+            "sub_frames: expected .* or 'auto'.*, got 0",
         ),
         ("[degradation.exposure]\nmin_ev = 3\nmax_ev = 2", r"want min_ev ≤ max_ev"),
-        ("[degradation.exposure]\nev = 99", r"exposure\.ev = 99: want less than or equal to 30"),
-        ("[degradation.exposure]\nauto = true\nmax_ev = 3000", r"max_ev = 3000: want less than or"),
-        ("[degradation.noise]\nread_noise_e = 1e300", r"read_noise_e = 1e\+300: want less than or"),
-        ("[degradation.noise]\ngain_e_per_dn = 1e-300", r"per_dn = 1e-300: want at least 1e-09"),
-        ("[degradation.reflectance]\ntint = [1e300, 1, 1]", r"tint\.0 = 1e\+300: want less than"),
+        ("[degradation.exposure]\nev = 99", r"exposure\.ev: expected a number ≤ 30.*, got 99"),
+        ("[degradation.exposure]\nauto = true\nmax_ev = 3000", "max_ev: expected.*, got 3000"),
+        ("[degradation.noise]\nread_noise_e = 1e300", r"read_noise_e: expected.*, got 1e\+300"),
+        ("[degradation.noise]\ngain_e_per_dn = 1e-300", "per_dn: expected.*, got 1e-300"),
+        (
+            "[degradation.reflectance]\ntint = [1e300, 1, 1]",
+            r"tint\.0: expected a number.*, got 1e\+300",
+        ),
         (
             "[degradation.vignetting]\ncoefficients = [0, -1e300, 0]",
-            r"coefficients\.1 = -1e\+300: want greater than or equal to -1",
+            r"coefficients\.1: expected a number ≥ -1.*, got -1e\+300",
         ),
         (
             "[degradation.white_balance]\nresponse = [1, 1e-300, 1]",
-            r"response\.1 = 1e-300: want at least 1e-09",
+            r"response\.1: expected.*, got 1e-300",
         ),
-        ("[degradation.bayer]\npattern = 'RGBG'", r"pattern = 'RGBG': want 'RGGB', 'BGGR'"),
-        ("[degradation.jpeg]\nquality = 0", r"quality = 0: want greater than or equal to 1"),
+        ("[degradation.bayer]\npattern = 'RGBG'", "pattern: expected 'RGGB', 'BGGR'.*, got 'RGBG'"),
+        ("[degradation.jpeg]\nquality = 0", "quality: expected a number ≥ 1.*, got 0"),
         (
             "[degradation.defocus]\nrim_defocus_px = 50",
-            r"rim_defocus_px = 50: want less than or eq",
+            "rim_defocus_px: expected.*, got 50",
         ),
-        ("[degradation.reflectance]\nreflectance = 0", r"reflectance = 0: want greater than 0"),
-        ("[degradation.chromatic_aberration]\nred_scale = 2", r"red_scale = 2: want less than or"),
+        (
+            "[degradation.reflectance]\nreflectance = 0",
+            "reflectance: expected a number > 0.*, got 0",
+        ),
+        ("[degradation.chromatic_aberration]\nred_scale = 2", "red_scale: expected.*, got 2"),
         (
             "[degradation.encoding]\ngamma = 'log'",
-            r"gamma = 'log': want a number .* or 'srgb'",
+            "gamma: expected a number .* or 'srgb'.*, got 'log'",
         ),
-        ("[degradation.white_balance]\nresponse = [1, 0, 1]", r"response\.1 = 0: want greater"),
+        (
+            "[degradation.white_balance]\nresponse = [1, 0, 1]",
+            r"response\.1: expected a number.*, got 0",
+        ),
     ],
 )
 def test_every_fault_names_file_key_and_value(tmp_path, text, words):
@@ -172,7 +190,9 @@ def test_a_preset_file_with_a_wrong_unit_is_named(tmp_path):
 
 
 def test_python_is_checked_like_a_file():
-    with pytest.raises(OpticsError, match=r"degradation\.noise: read_noise_e = -1\.0: want"):
+    with pytest.raises(
+        OpticsError, match=r"degradation\.noise: read_noise_e: expected.*, got -1\.0"
+    ):
         Noise(read_noise_e=-1.0)
     with pytest.raises(OpticsError, match=r"exposure_s = 1: want at most 0\.1 s"):
         Shutter(exposure_s=1.0, frame_rate_hz=10.0)

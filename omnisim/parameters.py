@@ -1,0 +1,229 @@
+"""Parameters, checked alike in files and in Python; annotations say what fits.
+
+A `Table` is a table of a file, which `parse_table` checks. `Parameters` is the base of frozen
+dataclasses that check themselves when they are made:
+
+    @dataclass(frozen=True)
+    class LaserScanner(Parameters, name="scanner"):
+        range_min_m: NotNegative = 0.1
+        range_max_m: Positive = 8.19
+
+        def _check(self) -> None:  # what single annotations cannot say
+            if not self.range_min_m < self.range_max_m:
+                raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
+
+    LaserScanner(range_max_m=-1)  # OpticsError: scanner.range_max_m: expected a number > 0, got -1
+    parse_table(read, table_of(LaserScanner), SensorFileError, "my.toml")  # my.toml: range_max_m: …
+
+A subclass inherits the name that messages begin with, and extends `_check` by `super()._check()`.
+Numbers are stored as floats and lists as tuples.
+"""  # fmt: skip
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
+
+import pydantic
+from pydantic import AfterValidator, Field
+
+from omnisim.errors import OmnisimError, OpticsError, did_you_mean
+
+SMALLEST, LARGEST = 1e-9, 1e9  # products and quotients of a few stay within float32, as on the GPU
+
+
+def _is_not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise ValueError(f"expected a number ≥ {SMALLEST:g}")
+    return value
+
+
+Number = Annotated[float, Field(strict=True)]  # no "11", no true; whole numbers are fine
+NotNegative = Annotated[Number, Field(ge=0.0, le=LARGEST)]
+Positive = Annotated[Number, Field(gt=0.0, le=LARGEST), AfterValidator(_is_not_tiny)]
+Signed = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
+
+
+class Table(pydantic.BaseModel):
+    """A table of a file: takes its own keys only, and cannot be changed once read."""
+
+    model_config = pydantic.ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        str_strip_whitespace=True,
+        defer_build=True,  # until a file is read: of most kinds none ever is
+    )
+
+
+Model = TypeVar("Model", bound=pydantic.BaseModel)
+
+
+class Parameters:
+    """Base of frozen dataclasses whose annotations say what fits.
+
+    Raises:
+        OpticsError: one line for each fault, naming the key, what was expected and what was got.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+    _name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, name: str | None = None):
+        if name is not None:
+            cls._name = name
+
+    def __post_init__(self) -> None:
+        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        checked = check_table(given, table_of(type(self)), OpticsError, f"{self._name}.")
+        for key in given:
+            object.__setattr__(self, key, getattr(checked, key))
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse values that do not fit each other."""
+
+    def _error(self, key: str, expected: str) -> OpticsError:
+        value = getattr(self, key)
+        got = f"{value:g}" if isinstance(value, float) else repr(value)
+        return OpticsError(f"{self._name}.{key}: expected {expected}, got {got}")
+
+
+_TABLES: dict[type[Parameters], type[Table]] = {}
+
+
+def table_of(kind: type[Parameters]) -> type[Table]:
+    """The table of a file with the fields of a parameter class, without its `_check`."""
+    if kind not in _TABLES:
+        _TABLES[kind] = _make_table(kind)
+    return _TABLES[kind]
+
+
+def _make_table(kind: type[Parameters]) -> type[Table]:
+    hints = get_type_hints(kind, include_extras=True)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(kind):
+        default = ... if field.default is dataclasses.MISSING else field.default
+        fields[field.name] = (hints[field.name], default)
+    return pydantic.create_model(kind.__name__, __base__=Table, **fields)
+
+
+def keyword_or(word: str, expected: str, fits: Callable[[Any], bool]) -> pydantic.BeforeValidator:
+    """Accepts one keyword, or a value that fits; the message names both."""
+
+    def check(value: Any) -> Any:
+        if (isinstance(value, str) and value == word) or fits(value):
+            return value
+        raise ValueError(f"expected {expected} or {word!r}")
+
+    return pydantic.BeforeValidator(check)
+
+
+def parse_table(
+    data: Mapping[str, Any], model: type[Model], error: type[OmnisimError], source: str
+) -> Model:
+    """Check `data` against `model`; `source` names it in messages.
+
+    Raises:
+        error: one line for each fault.
+    """
+    return check_table(data, model, error, f"{source}: ")
+
+
+def check_table(
+    data: Mapping[str, Any], model: type[Model], error: type[OmnisimError], prefix: str
+) -> Model:
+    """Check `data` against `model`; each fault's key follows `prefix`.
+
+    Raises:
+        error: one line for each fault.
+    """
+    try:
+        return model.model_validate(data)
+    except pydantic.ValidationError as reason:
+        faults = reason.errors()
+    keys = [fault["loc"] for fault in faults]
+    raise error(
+        "\n".join(
+            prefix + _line(fault, model)
+            for fault in faults
+            # faulty items of a list do not count as items
+            if not (fault["type"] == "too_short" and _has_inner(keys, fault["loc"]))
+        )
+    )
+
+
+def _has_inner(keys: list[tuple[int | str, ...]], outer: tuple[int | str, ...]) -> bool:
+    return any(len(key) > len(outer) and key[: len(outer)] == outer for key in keys)
+
+
+_RELATIONS = {
+    "greater_than": ("a number >", "gt"),
+    "greater_than_equal": ("a number ≥", "ge"),
+    "less_than": ("a number <", "lt"),
+    "less_than_equal": ("a number ≤", "le"),
+}
+
+
+def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
+    names = [str(part) for part in fault["loc"]]
+    key = ".".join(names) or "file"
+    if fault["type"] == "extra_forbidden":
+        known = _keys(model, names[:-1])
+        return f"{key}: unknown key; {did_you_mean(names[-1], known, 'known keys:')}"
+    if fault["type"] == "missing":
+        return f"{key}: missing"
+    expected = _expected(fault, model, names, key)
+    return f"{key}: expected {expected}, got {fault['input']!r}" if expected else (
+        f"{key}: {fault['msg'].removeprefix('Value error, ')}"
+    )  # fmt: skip
+
+
+def _expected(fault: Any, model: type[pydantic.BaseModel], names: list[str], key: str) -> str:
+    """What a fault's value should have been; empty: the message says all."""
+    kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
+    if kind in ("model_type", "dict_type"):
+        header = f"[[{'.'.join(names[:-1])}]]" if names[-1].isdecimal() else f"[{key}]"
+        return f"a table, {header}"
+    if kind == "tuple_type" and _holds_tables(model, names):
+        return f"tables, [[{key}]]"
+    if kind == "tuple_type":
+        return "a list of numbers, [x, y, z]"
+    if kind in _RELATIONS:
+        words, limit = _RELATIONS[kind]
+        return f"{words} {fault['ctx'][limit]:g}"
+    begin = r"^(expected|want|Input should be|(String|Tuple) should have) "
+    expected = re.sub(begin, "", message)
+    return "" if expected == message else re.sub(r" after validation, not \d+$", "", expected)
+
+
+def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
+    """Keys of the table that `names` leads to, as far as it can be followed."""
+    for name in names:
+        if name.isdecimal():  # an index into a list of tables
+            continue
+        field = model.model_fields.get(name)
+        inner = _table_in(field.annotation) if field else None
+        if inner is None:
+            return []
+        model = inner
+    return list(model.model_fields)
+
+
+def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
+    """Whether the key that `names` leads to is a list of tables, whose own keys may be open."""
+    if _keys(model, names):
+        return True
+    field = model.model_fields.get(names[-1]) if len(names) == 1 else None
+    return field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
+
+
+def _table_in(annotation: Any) -> type[pydantic.BaseModel] | None:
+    """The table that a key holds: one, one or none, or a list of them."""
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        return annotation
+    inner = (_table_in(part) for part in get_args(annotation))
+    return next((table for table in inner if table), None)
