@@ -140,7 +140,7 @@ def test_a_file_of_another_format_is_named():
         load_calibration(path, "Kalbr")
     with pytest.raises(CalibrationError, match=r"'opencv_omnidir' or 'opencv_.*' or 'opencv_"):
         load_calibration(path, "opencv")
-    with pytest.raises(CalibrationError, match="format 'word': want one of omnisim, kalibr"):
+    with pytest.raises(CalibrationError, match="format 'word': expected one of omnisim, kalibr"):
         load_calibration(path, "word")
     with pytest.raises(CalibrationError, match="no camera 'cam0': want one of 1, 2, 3"):
         load_calibration(path, camera="cam0")
