@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera
 from omnisim.simulation.route import Route, plan_route

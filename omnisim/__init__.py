@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from omnisim.errors import OmnisimError
     from omnisim.frame import Frame
-    from omnisim.frames import pose
+    from omnisim.poses import pose
     from omnisim.scene import Scene, load_scene
     from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
     from omnisim.sensors.degradations import Degradation
@@ -36,7 +36,7 @@ _HOMES = {
     "Twist": "omnisim.sensors.motion",
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
-    "pose": "omnisim.frames",
+    "pose": "omnisim.poses",
     "LaserRenderer": "omnisim.sensors",
     "LaserScanner": "omnisim.sensors",
     "Scan": "omnisim.sensors",

@@ -11,7 +11,7 @@ import numpy as np
 
 from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.sensors.optical_flow import HIDDEN, OUTSIDE, VISIBLE
 from tests.ray_casting import RayCaster
 

@@ -24,6 +24,7 @@ LAYERS = (
     {"frame"},
     {"ground_truth"},
     {"image_files"},
+    {"poses"},
     {"atomic_file", "frames", "cube", "srgb", "resources", "toml_file"},
     {"parameters"},
     {"errors", "version"},

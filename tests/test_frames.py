@@ -3,7 +3,8 @@ import pytest
 
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.errors import OmnisimError
-from omnisim.frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP, check_pose, pose
+from omnisim.frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.poses import check_pose, pose
 
 
 def test_signs_of_roll_pitch_yaw_are_rep_103s():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim import LaserScanner, OmniCamera
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import (
     AlphaMode,

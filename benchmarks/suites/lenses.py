@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
 from benchmarks.timer import take_turns
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.capture.capture_pass import LensCapture
@@ -49,7 +49,7 @@ def run(options: Options) -> dict[str, Any]:
     scene = load_scene(options.scenes[0] if options.scenes else SCENE)  # one is enough
     context = open_context(options.device)
     pipelines = _pipelines(context, scene)
-    viewpoint = frames.pose(scene.start.position_m)
+    viewpoint = poses.pose(scene.start.position_m)
 
     def frame_of(pipeline: Pipeline) -> Any:
         def work() -> None:

@@ -32,8 +32,8 @@ from benchmarks.settings import at_setting
 from benchmarks.suites.scaling_plot import scaling_figure
 from benchmarks.timer import Timings, take_turns
 from benchmarks.town import build_town
-from omnisim.frames import pose
 from omnisim.plots.plot_file import write_plot
+from omnisim.poses import pose
 from omnisim.reports.measure import Measure
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer

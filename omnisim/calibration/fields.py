@@ -10,7 +10,7 @@ import pydantic
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.errors import CalibrationError, OmnisimError
 from omnisim.parameters import Number, Table, parse_table
 
@@ -80,7 +80,7 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
     try:
         if len(rows) != 4 or any(len(row) != 4 for row in rows):
             raise CalibrationError("want 4 × 4 numbers")
-        return frames.check_pose(rows)
+        return poses.check_pose(rows)
     except OmnisimError as reason:
         words = str(reason).removeprefix("pose: ")
         raise CalibrationError(f"{source} = {short(rows)}: {words}") from None

@@ -10,9 +10,9 @@ from rich.console import Console
 
 from omnisim.atomic_file import check_target
 from omnisim.errors import OutputError
-from omnisim.frames import pose
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.scan_plot import scan_figure
+from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.sensors import LaserRenderer, LaserScanner
 

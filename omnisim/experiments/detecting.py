@@ -15,6 +15,7 @@ from omnisim.experiments.run_data import read_run
 from omnisim.localization.sightings import LandmarkMap, expect
 from omnisim.perception.landmark_detector import Detection
 from omnisim.perception.panorama import CameraMount
+from omnisim.poses import wrap_angle
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.picture_file import read_picture
 
@@ -134,7 +135,7 @@ def compare(
             if detection is None:
                 told.append(Found(step, name, range_m, None))
                 continue
-            off = math.remainder(detection.bearing_rad - bearing_rad, 2.0 * math.pi)
+            off = wrap_angle(detection.bearing_rad - bearing_rad)
             told.append(Found(step, name, range_m, detection, detection.range_m - range_m, off))
     return told
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.perception.panorama import CameraMount
+from omnisim.poses import wrap_angle
 
 
 @dataclass(frozen=True)
@@ -64,13 +65,13 @@ def pick_landmarks(
         if picked is None:
             continue
         ranges, bearings = picked
-        middle = bearings[1] + 0.5 * math.remainder(bearings[-1] - bearings[1], 2.0 * math.pi)
+        middle = bearings[1] + 0.5 * wrap_angle(bearings[-1] - bearings[1])
         range_sigma_m, bearing_sigma_rad = _sigmas(mount, float(ranges[0]), hand.sigma_px)
         found.append(
             Observation(
                 (name,),
                 float(ranges[0]),
-                math.remainder(middle, 2.0 * math.pi),
+                wrap_angle(middle),
                 range_sigma_m,
                 bearing_sigma_rad / math.sqrt(len(outer)),
             )

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import camera_from_parameters
 from omnisim.errors import OmnisimError, RunError, did_you_mean
-from omnisim.frames import check_pose
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
+from omnisim.poses import check_pose
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene, load_scene

@@ -6,12 +6,13 @@ section 5.4.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2
+
+from omnisim.poses import wrap_angles
 
 
 class Band(NamedTuple):
@@ -31,7 +32,7 @@ def mean_band(degrees: int, count: int, share: float = 0.95) -> Band:
 def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
     """Estimated less true poses (..., 3): x, y, yaw; yaw within ±π."""
     errors = np.asarray(estimated, dtype=np.float64) - np.asarray(true, dtype=np.float64)
-    errors[..., 2] = np.remainder(errors[..., 2] + math.pi, 2.0 * math.pi) - math.pi
+    errors[..., 2] = wrap_angles(errors[..., 2])
     return errors
 
 

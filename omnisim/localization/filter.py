@@ -21,6 +21,7 @@ from omnisim.errors import LocalizationError
 from omnisim.localization.motion import move
 from omnisim.localization.parameters import FilterParameters
 from omnisim.localization.sightings import LandmarkMap, Observation, expect
+from omnisim.poses import wrap_angle
 
 Verdict = Literal["accepted", "gated", "superseded", "singular"]
 _EYE = np.eye(3)
@@ -127,7 +128,7 @@ class LocalizationFilter:
             or np.linalg.eigvalsh(doubt)[0] < 0.0
         ):
             raise LocalizationError("start: want a symmetric covariance (3, 3), not negative")
-        start = np.array([start[0], start[1], wrapped(start[2])])
+        start = np.array([start[0], start[1], wrap_angle(start[2])])
         self.estimate = Estimate(float(time_s), start, doubt)
 
     def step(
@@ -254,7 +255,7 @@ class LocalizationFilter:
         far += 2.0 * (p01 * a0 * a1 + p02 * a0 * a2 + p12 * a1 * a2)
         turn = noise_rad2 + b0 * q0 + b1 * q1 + b2 * q2
         off_m = sighting.range_m - range_m
-        off_rad = math.remainder(sighting.bearing_rad - bearing, 2.0 * math.pi)
+        off_rad = wrap_angle(sighting.bearing_rad - bearing)
         determinant = far * turn - cross * cross
         distance = math.inf
         if determinant > _SINGULAR * far * turn:
@@ -292,11 +293,6 @@ ACCEPTED: Verdict = "accepted"
 SINGULAR: Verdict = "singular"
 
 
-def wrapped(angle_rad: float) -> float:
-    """The same direction within ±π."""
-    return math.remainder(angle_rad, 2.0 * math.pi)
-
-
 def _check(sighting: Observation) -> None:
     if not (
         sighting.candidates
@@ -319,6 +315,6 @@ def _estimate(
     nis: float = math.nan,
     nis_degrees: int = 0,
 ) -> Estimate:
-    pose[2] = wrapped(pose[2])
+    pose[2] = wrap_angle(pose[2])
     symmetric = 0.5 * (covariance + covariance.T)
     return Estimate(time_s, pose, symmetric, judgements, nis, nis_degrees, steps_rejected)

@@ -20,6 +20,7 @@ from omnisim.perception.color_model import ColorModel
 from omnisim.perception.measuring import Finding, measure_pillar, measure_wide
 from omnisim.perception.panorama import CameraMount, Panorama
 from omnisim.perception.regions import Region, find_regions, wrapped_around
+from omnisim.poses import wrap_angle
 from omnisim.scene.model import Landmark
 
 SMALLEST_PX = 4  # of a region: less is a speck
@@ -129,7 +130,7 @@ class LandmarkDetector:
         bearing = float(self.panorama.bearings_rad(finding.column))
         return Detection(
             landmark.name,
-            float(np.remainder(bearing + np.pi, 2.0 * np.pi) - np.pi),
+            wrap_angle(bearing),
             finding.range_m,
             finding.range_eq2_m,
             finding.column_sigma_px / self.panorama.camera.focal_length_px,

@@ -14,11 +14,8 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, CylindricalCamera, PerspectiveCamera
 from omnisim.errors import OpticsError
-from omnisim.frames import (
-    BASE_FROM_OPTICAL_LOOKING_AHEAD,
-    BASE_FROM_OPTICAL_LOOKING_DOWN,
-    rotation_from_roll_pitch_yaw,
-)
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, BASE_FROM_OPTICAL_LOOKING_DOWN
+from omnisim.poses import rotation_from_roll_pitch_yaw
 
 STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infinitely far away
 

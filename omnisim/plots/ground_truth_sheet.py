@@ -13,7 +13,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import EquidistantCamera
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
@@ -23,8 +23,8 @@ from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.simulation.vehicle import Vehicle
 
 SIDE_PX, COLUMNS = 300, 4
-BASE = frames.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
-NEXT_BASE = frames.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
+BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
+NEXT_BASE = poses.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
 LENS_THETA_MAX_DEG = 95.0
 LENS_CHANNELS = ("range", "normals", "semantic")
 Tile = tuple[str, NDArray[np.uint8]]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
+from omnisim.poses import wrap_angle
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.trajectory import Trajectory
 from omnisim.robot.waypoints import check_waypoints
@@ -147,7 +148,7 @@ def _motions(
     driving = (kinematics.max_speed_mps, kinematics.max_acceleration_mps2)
     for point, leg, heading in zip(points, legs, headings.tolist(), strict=False):
         x, y = point.tolist()
-        turn = math.remainder(heading - yaw, 2.0 * math.pi)
+        turn = wrap_angle(heading - yaw)
         if turn < SMALLEST_TURN_RAD - math.pi:
             turn += 2.0 * math.pi
         if abs(turn) > SMALLEST_TURN_RAD:

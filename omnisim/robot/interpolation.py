@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.poses import interpolate
 from omnisim.robot.trajectory import Trajectory
 
 
@@ -21,12 +22,4 @@ def pose_at(trajectory: Trajectory, time_s: float) -> NDArray[np.float64]:
     share = (time_s - times[step]) / (times[step + 1] - times[step])
     if share == 0.0:
         return poses[step].copy()
-    # slow to import; a camera whose shutter takes no time asks for the poses themselves only
-    from scipy.spatial.transform import Rotation
-
-    first, second = poses[step], poses[step + 1]
-    turn = Rotation.from_matrix(first[:3, :3].T @ second[:3, :3]).as_rotvec()
-    pose = first.copy()
-    pose[:3, :3] = first[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
-    pose[:3, 3] += share * (second[:3, 3] - first[:3, 3])
-    return pose
+    return interpolate(poses[step], poses[step + 1], share)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot.rotations import turn_between
+from omnisim.poses import rotation_angles
 from omnisim.robot.trajectory import Trajectory, step_lengths_m
 
 Drive = Literal["differential", "skid_steer"]
@@ -74,7 +74,7 @@ def steps_between(world_from_base: NDArray[np.float64]) -> Steps:
     backwards = np.sum(moves * ahead, axis=1) < 0.0
     lengths = step_lengths_m(world_from_base)
     rotations = world_from_base[:, :3, :3]
-    turns = turn_between(rotations[:-1], rotations[1:])
+    turns = rotation_angles(rotations[:-1], rotations[1:])
     return Steps(np.where(backwards, -lengths, lengths), turns)
 
 

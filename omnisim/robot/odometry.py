@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
-from omnisim.frames import LARGEST_M
+from omnisim.poses import LARGEST_M, wrap_angles
 from omnisim.robot.trajectory import Trajectory
 
 
@@ -129,9 +129,7 @@ def wheel_readings(truth: Trajectory) -> Odometry:
         truth: of which x, y and yaw count.
     """
     yaw = truth.yaw_rad
-    turns = np.diff(yaw)
-    turns = np.where(turns > math.pi, turns - 2.0 * math.pi, turns)
-    turns = np.where(turns < -math.pi, turns + 2.0 * math.pi, turns)
+    turns = wrap_angles(np.diff(yaw))
     along = yaw[:-1] + 0.5 * turns
     moves = np.diff(truth.positions_m[:, :2], axis=0)
     chords = moves[:, 0] * np.cos(along) + moves[:, 1] * np.sin(along)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.frames import LARGEST_M
+from omnisim.poses import LARGEST_M, wrap_angle
 from omnisim.robot.formats.recording import read_times
 from omnisim.robot.formats.table import check_printed_times, read_table
 from omnisim.robot.odometry import Odometry
@@ -65,7 +65,7 @@ def read_odometry(path: Path) -> Odometry:
             times_s[k - 1 : k + 1], readings[k, :1], readings[k, 1:], tuple(poses[k - 1])
         )
         off = poses[k] - step.planar_poses[1]
-        off[2] = math.remainder(off[2], 2.0 * math.pi)
+        off[2] = wrap_angle(off[2])
         if np.max(np.abs(off)) > AGREEMENT * (1.0 + np.max(np.abs((*poses[k], *readings[k])))):
             raise table.fault(
                 table.lines[k],

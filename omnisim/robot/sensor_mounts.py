@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.parameters import Number, Table, parse_table
 
@@ -61,7 +61,7 @@ class SensorMount(Table):
     @property
     def base_from_mount(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the sensor in the base frame."""
-        return frames.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return poses.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
 
 
 class OmniCameraMount(SensorMount):

@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
-from omnisim.frames import LARGEST_M
-from omnisim.robot.rotations import is_rotation, rotation_from_yaw, yaw_from_rotation
+from omnisim.poses import (
+    LARGEST_M,
+    is_pose,
+    pose_from_rotation,
+    rotation_from_yaw,
+    yaw_from_rotation,
+)
 
 LARGEST_S = 1e12  # some 30 000 years: a stamp beyond is in another unit
-POSE_TOLERANCE = 1e-6  # that of omnisim.frames.check_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +145,8 @@ def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.fl
         )
     if not np.all(np.abs(yaw) < LARGEST_M):  # false for NaN, too
         raise TrajectoryError("trajectory: want headings that are finite numbers in radians")
-    poses = np.zeros((len(yaw), 4, 4))
-    poses[:, :3, :3] = rotation_from_yaw(yaw)
-    poses[:, :2, 3] = positions
-    poses[:, 3, 3] = 1.0
-    return poses
+    level = np.column_stack((positions, np.zeros(len(yaw))))
+    return pose_from_rotation(rotation_from_yaw(yaw), level)
 
 
 def step_lengths_m(world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -162,10 +163,7 @@ def check_poses(poses: NDArray[np.float64]) -> None:
     finite = np.all(np.abs(poses) < LARGEST_M, axis=(1, 2))  # false for NaN, too
     if not np.all(finite):
         raise TrajectoryError(f"trajectory: pose {np.argmin(finite)}: want finite numbers")
-    proper = np.all(poses[:, 3] == (0.0, 0.0, 0.0, 1.0), axis=1)
-    bounded = np.all(np.abs(poses[:, :3, :3]) < 2.0, axis=(1, 2))  # or their products overflow
-    proper &= bounded
-    proper[bounded] &= is_rotation(poses[bounded, :3, :3], POSE_TOLERANCE)
+    proper = is_pose(poses)
     if not np.all(proper):
         raise TrajectoryError(
             f"trajectory: pose {np.argmin(proper)}: "

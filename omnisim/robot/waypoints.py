@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
-from omnisim.frames import LARGEST_M
+from omnisim.poses import LARGEST_M
 
 
 def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import OpticsError
-from omnisim.frames import check_pose
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.pipeline import Picture, Pipeline, SubFrame
+from omnisim.poses import check_pose
 from omnisim.sensors.degradations.parameters import MOST_STOPS
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.errors import OmnisimError
-from omnisim.frames import check_pose
 from omnisim.gpu.scene.range_pass import RangePass
+from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
@@ -65,7 +65,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
         """Take one scan.
 
         Args:
-            world_from_scanner: (4, 4) pose of the scanner, see `omnisim.frames.pose`.
+            world_from_scanner: (4, 4) pose of the scanner, see `omnisim.poses.pose`.
             scan_number: of the drive; the noise depends on it and on the scanner's seed alone.
             world_from_base: (4, 4) pose of the body, if there is one: where the vehicle is. A
                 scanner that is mounted on it at `base_from_scanner` is at

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
@@ -100,7 +100,7 @@ class OmniCamera:
                 f"texels_per_pixel = {self.texels_per_pixel}: want {MIN_DENSITY:g} to "
                 f"{MAX_DENSITY:g}"
             )
-        frames.check_pose(self.base_from_rig)
+        poses.check_pose(self.base_from_rig)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:
@@ -130,7 +130,7 @@ class OmniCamera:
         return cls(
             model=settings.make_camera(),
             polygons=settings.polygon_count,
-            base_from_rig=frames.pose(
+            base_from_rig=poses.pose(
                 mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
             ),
             face_size_px=virtual.face_size_px,
@@ -206,6 +206,6 @@ class OmniCamera:
         Raises:
             OmnisimError: a position or angle that is not finite.
         """
-        world_from_base = frames.pose(viewpoint_m, yaw_deg=yaw_deg)
+        world_from_base = poses.pose(viewpoint_m, yaw_deg=yaw_deg)
         world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
         return world_from_base

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, camera_from_parameters
 from omnisim.errors import OmnisimError, OutputError
-from omnisim.frames import check_pose
 from omnisim.image_files import read_image
+from omnisim.poses import check_pose
 from omnisim.sensors.coverage import covered_pixels
 from omnisim.sensors.omnicamera import OmniCamera
 

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
-from omnisim.frames import check_pose
 from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.gpu.pipeline import Pipeline, check_picture_size
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.ground_truth import check_channels
+from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.sensors.capturing import capture_of, faces_of
 from omnisim.sensors.ground_truth import GroundTruth

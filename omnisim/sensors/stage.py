@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError, SceneError
-from omnisim.frames import check_pose
 from omnisim.gpu.context import open_context
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
+from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera
-from omnisim.robot.rotations import roll_pitch_yaw_from_rotation
+from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.sensors import OmniCamera
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.frames import rotation_from_roll_pitch_yaw
+from omnisim.poses import rotation_from_roll_pitch_yaw
 from omnisim.scene import Scene
 from omnisim.validation.plain_scenes import BLACK, WHITE, plain_scene, quads
 

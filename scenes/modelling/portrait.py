@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Instance, Material, Mesh, Texture, Wrap
 from omnisim.sensors import OmniCamera, Renderer

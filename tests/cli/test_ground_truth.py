@@ -56,7 +56,7 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
         (["--also", "range", "--labels", "x.toml"], "--labels: is for the channel semantic"),
         (["--also", "semantic", "--labels", "x.toml"], "x.toml: cannot be read: No such file"),
         (["--preview"], "--preview: shows channels: want --also"),
-        (["--also", "flow", "--next", "0", "0", "nan"], "want three finite numbers in metres"),
+        (["--also", "flow", "--next", "0", "0", "nan"], "expected three finite numbers in metres"),
     ],
 )
 def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, needs_opengl, arguments, words):

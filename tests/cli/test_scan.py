@@ -56,7 +56,7 @@ def test_a_seed_is_a_device(omnisim, tmp_path):
         (["courtyard", "-o", "a.csv", "--plot", "a.jpg"], "a.jpg: unknown plot format: want .png"),
         (["courtyard", "-o", "a.csv", "--resolution", "0.3"], "want 1, 0.5 or 0.25"),
         (["courtyard", "-o", "a.csv", "--seed", "-1"], "seed = -1: want a whole number"),
-        (["courtyard", "-o", "a.csv", "--at", "nan", "0", "0"], "want three finite numbers"),
+        (["courtyard", "-o", "a.csv", "--at", "nan", "0", "0"], "expected three finite numbers"),
     ],
 )
 def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, words):

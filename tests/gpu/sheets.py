@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from omnisim import frames
+from omnisim.poses import pose as make_pose
 from omnisim.scene.model import (
     AlphaMode,
     Light,
@@ -73,7 +73,7 @@ def mixed_scene(*lamps):
         at = generator.uniform((-2.6, -1.7, -1.3), (2.6, 1.7, 0.6))
         if np.linalg.norm(at) < 0.9:
             at *= 0.9 / np.linalg.norm(at)
-        pose = frames.pose(
+        pose = make_pose(
             at, roll_deg=generator.uniform(0, 360), pitch_deg=generator.uniform(0, 360)
         )
         if number % 4 == 1:
@@ -88,7 +88,7 @@ def mixed_scene(*lamps):
 def dynamic_object():
     """A body of opaque, masked and blended sheets beside the camera."""
     meshes = [sheet("deck", 1), sheet("fence", 3), sheet("window", 5)]
-    poses = [frames.pose((x, 0.6, 0.2), roll_deg=70.0) for x in (-0.6, 0.2, 0.9)]
+    poses = [make_pose((x, 0.6, 0.2), roll_deg=70.0) for x in (-0.6, 0.2, 0.9)]
     return scene_of(meshes, MATERIALS, poses)
 
 
@@ -104,7 +104,7 @@ def crowd(count=400):
             continue
         is_wall = number % 4 == 0
         roll_deg = 90.0 if is_wall else generator.uniform(0.0, 360.0)
-        pose = frames.pose(at, roll_deg=roll_deg, yaw_deg=generator.uniform(0.0, 360.0))
+        pose = make_pose(at, roll_deg=roll_deg, yaw_deg=generator.uniform(0.0, 360.0))
         kinds = (8, 8) if is_wall else (number % 8,)  # walls are there twice, to the last bit
         poses += [pose] * len(kinds)
         numbers += kinds

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index
 from omnisim.gpu.atlas.tile_plan import plan_tiles
@@ -18,7 +18,7 @@ from omnisim.srgb import srgb_from_linear
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 
-POSE = frames.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
+POSE = poses.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
 examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 
 

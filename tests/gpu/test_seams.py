@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cube import face_index
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
@@ -32,8 +32,8 @@ def _analytic(camera, world_from_base):
 @pytest.mark.parametrize(
     "pose",
     [
-        frames.pose((0.3, -0.4, 0.1)),
-        frames.pose((-1.0, 0.7, -0.5), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0),
+        poses.pose((0.3, -0.4, 0.1)),
+        poses.pose((-1.0, 0.7, -0.5), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0),
     ],
     ids=["level", "tilted"],
 )
@@ -67,7 +67,7 @@ def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, po
 
 def test_thousand_polygons_show_the_exact_picture():
     sensor = OmniCamera()
-    pose = frames.pose((0.3, -0.4, 0.1), yaw_deg=20.0)
+    pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=20.0)
     pictures = []
     for polygons in (None, 1024):
         with Renderer(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
@@ -80,9 +80,9 @@ def test_thousand_polygons_show_the_exact_picture():
 
 
 def test_tilted_mounting_is_a_tilted_vehicle():
-    tilt = frames.pose((0.2, 0.1, 0.3), roll_deg=10.0, pitch_deg=5.0, yaw_deg=90.0)
+    tilt = poses.pose((0.2, 0.1, 0.3), roll_deg=10.0, pitch_deg=5.0, yaw_deg=90.0)
     mounted = dataclasses.replace(OmniCamera(polygons=None), base_from_rig=tilt)
-    vehicle = frames.pose((0.4, -0.2, 0.0), yaw_deg=-40.0)
+    vehicle = poses.pose((0.4, -0.2, 0.0), yaw_deg=-40.0)
     with Renderer(scene_of([room()]), mounted) as renderer:
         one = renderer.render(vehicle)
     with Renderer(scene_of([room()]), OmniCamera(polygons=None)) as renderer:

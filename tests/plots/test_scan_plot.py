@@ -7,9 +7,9 @@ from matplotlib.patches import Polygon
 
 from omnisim import LaserScanner, Scan
 from omnisim.errors import OutputError
-from omnisim.frames import pose
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.scan_plot import scan_figure
+from omnisim.poses import pose
 
 
 def scan_with(ranges_m):

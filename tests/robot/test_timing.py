@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.frames import pose
+from omnisim.poses import pose, rotation_from_quaternion
 from omnisim.robot.drive_plan import drive_in_steps
 from omnisim.robot.kinematics import Kinematics, find_excess
-from omnisim.robot.rotations import rotation_from_quaternion
 from omnisim.robot.timing import time_poses
 from omnisim.robot.trajectory import poses_on_ground
 

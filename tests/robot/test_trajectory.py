@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.robot.trajectory import Trajectory, check_continuous
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim.errors import OutputError, TrajectoryError
-from omnisim.frames import pose
+from omnisim.poses import pose, rotation_from_quaternion
 from omnisim.robot.formats.pose_csv import heading_along
-from omnisim.robot.rotations import rotation_from_quaternion
 from omnisim.robot.trajectory import Trajectory
 from omnisim.robot.trajectory_files import (
     FORMATS,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
 from tests.scenes import room, scene_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import PerspectiveCamera
 from omnisim.errors import OmnisimError
 from omnisim.image_files import read_image
@@ -102,7 +102,7 @@ def test_the_pose_is_that_of_the_middle_of_the_frame():
 
 
 def test_twist_is_the_motion_that_it_says():
-    start = frames.pose((1.0, 2.0, 0.5), yaw_deg=90.0)
+    start = poses.pose((1.0, 2.0, 0.5), yaw_deg=90.0)
     motion = Twist((2.0, 0.0, 0.0), (0.0, 0.0, np.pi)).through(start)
     np.testing.assert_allclose(motion(0.0), start, atol=1e-15)
     # half a turn on a circle of radius 2/π to the left: ahead is +y, so the circle is at −x
@@ -117,7 +117,7 @@ def test_twist_is_the_motion_that_it_says():
 def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
     motion = Twist((speed_mps, 0.0, 0.0), (0.0, 0.0, turn_radps)).through(np.eye(4))
     for time_s in np.linspace(-3.0, 3.0, 13):
-        x, y = frames.check_pose(motion(float(time_s)))[:2, 3]
+        x, y = poses.check_pose(motion(float(time_s)))[:2, 3]
         chord_m = abs(speed_mps * time_s * np.sinc(0.5 * turn_radps * time_s / np.pi))
         # an arc's chord: float64 through thousands of radians
         np.testing.assert_allclose(np.hypot(x, y), chord_m, rtol=1e-9, atol=1e-9 * speed_mps)
@@ -263,7 +263,7 @@ def test_ground_truth_is_that_of_the_ideal_camera():
     """Whatever becomes of the picture, and whatever moves while it is taken."""
     ideal = OmniCamera().resized(60)
     also = ("range", "instance", "normals", "flow")
-    pose, after = np.eye(4), frames.pose((0.1, 0.0, 0.0), yaw_deg=3.0)
+    pose, after = np.eye(4), poses.pose((0.1, 0.0, 0.0), yaw_deg=3.0)
     with Stage(scene_of([room()])) as stage:
         with Renderer(stage, ideal) as renderer:
             truth = renderer.render(pose, also=also, next_base=after)

@@ -13,9 +13,9 @@ from omnisim.cameras import (
     pixel_grid,
 )
 from omnisim.errors import OutputError, SceneError
-from omnisim.frames import pose
 from omnisim.ground_truth import CHANNELS
 from omnisim.mirrors import HyperbolicMirror
+from omnisim.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
 from tests.gpu.sheets import sheet

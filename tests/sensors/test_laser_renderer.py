@@ -8,8 +8,8 @@ import pytest
 
 from omnisim import LaserRenderer, LaserScanner
 from omnisim.errors import GraphicsError, OmnisimError, OutputError
-from omnisim.frames import pose
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture
 from tests.ray_casting import RayCaster, opaque_part

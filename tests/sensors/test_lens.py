@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cameras import EquidistantCamera, HyperbolicCamera, pixel_grid
 from omnisim.errors import OpticsError, SensorFileError
 from omnisim.sensors import OmniCamera, Renderer
@@ -38,7 +38,7 @@ def test_a_lens_of_a_sensor_file(tmp_path):
     assert sensor.model == LENS
     assert sensor.polygons is None
     assert sensor.supersampling == 1
-    np.testing.assert_allclose(sensor.base_from_rig, frames.pose((0.1, 0.2, 0.3), pitch_deg=10.0))
+    np.testing.assert_allclose(sensor.base_from_rig, poses.pose((0.1, 0.2, 0.3), pitch_deg=10.0))
     # it looks the way the vehicle goes
     np.testing.assert_allclose(
         OmniCamera(LENS, polygons=None).base_from_optical[:3, 2], (1.0, 0.0, 0.0)
@@ -90,7 +90,7 @@ def test_twice_as_large_is_the_same_view(camera):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_lens_shows_the_room():
-    pose = frames.pose((0.3, -0.4, 0.1), yaw_deg=25.0)
+    pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=25.0)
     sensor = OmniCamera(LENS, polygons=None)
     with Renderer(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(pose)

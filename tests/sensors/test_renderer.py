@@ -3,9 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import frames
 from omnisim.errors import GraphicsError, OmnisimError, OpticsError
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.poses import pose as make_pose
 from omnisim.scene.model import (
     AlphaMode,
     Light,
@@ -192,7 +192,7 @@ def test_far_surfaces_do_not_shine_through_each_other(distance_m, gap_m):
     half_m = 2.0 * distance_m
     meshes = [quad(0.0, half_m), quad(-gap_m, half_m, material=1)]
     poses = [np.eye(4), np.eye(4)]
-    tilt = frames.pose((0.0, 0.0, -distance_m), roll_deg=7.0, pitch_deg=11.0)
+    tilt = make_pose((0.0, 0.0, -distance_m), roll_deg=7.0, pitch_deg=11.0)
     sensor = OmniCamera(polygons=None, samples=1)
     with Renderer(scene_of(meshes, materials, [tilt @ pose for pose in poses]), sensor) as renderer:
         rgb = renderer.render(np.eye(4)).rgb
@@ -274,7 +274,7 @@ def test_blended_surfaces_do_not_hide_what_is_drawn_after_them():
         ({"samples": 3}, "samples = 3: want 1, 2, 4 or 8"),
         ({"polygons": "exact"}, "polygons = 'exact': want a whole number, or None"),
         ({"base_from_rig": np.diag([2.0, 2, 2, 1])}, "no scale"),
-        ({"base_from_rig": np.eye(3)}, "want a finite 4 × 4 matrix"),
+        ({"base_from_rig": np.eye(3)}, "expected a finite 4 × 4 matrix"),
     ],
 )
 def test_impossible_sensors_are_refused(options, words):
@@ -375,7 +375,7 @@ def test_what_is_not_a_pose_is_refused(matrix):
 def test_metadata_describes_camera_and_pose():
     sensor = OmniCamera()
     with Renderer(scene_of([room()]), sensor) as renderer:
-        metadata = renderer.render(frames.pose((1.0, 0.5, 0.0), yaw_deg=30.0)).metadata
+        metadata = renderer.render(make_pose((1.0, 0.5, 0.0), yaw_deg=30.0)).metadata
     assert metadata["camera"]["k"] == 11.546
     assert metadata["camera"]["focal_length_px"] == sensor.model.focal_length_px
     assert metadata["polygons"] == 1024

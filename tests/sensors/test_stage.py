@@ -8,7 +8,7 @@ import pytest
 
 from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
 from omnisim.errors import GraphicsError, OmnisimError, SceneError
-from omnisim.frames import pose
+from omnisim.poses import pose
 from tests.scenes import room, scene_of
 from tests.vehicles import (
     BASE_FROM_SCANNER,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import RobotFileError, SensorFileError
-from omnisim.frames import pose
+from omnisim.poses import pose
 from omnisim.resources import SCENES
 from omnisim.robot import builtin_robots, parse_robot
 from omnisim.sensors import LaserScanner

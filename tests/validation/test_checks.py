@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import frames
+from omnisim import frames, poses
 from omnisim.cameras import HyperbolicCamera
 from omnisim.gpu import shader_files
 from omnisim.mirrors import HyperbolicMirror
@@ -68,7 +68,7 @@ def test_a_mirrored_picture_is_found_out(fixture, monkeypatch):
 
 
 def test_a_turned_picture_is_found_out(fixture, monkeypatch):
-    turned = frames.RIG_FROM_OPTICAL_LOOKING_UP @ frames.rotation_from_roll_pitch_yaw(0, 0, 1e-3)
+    turned = frames.RIG_FROM_OPTICAL_LOOKING_UP @ poses.rotation_from_roll_pitch_yaw(0, 0, 1e-3)
     monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", turned)
     assert _missed("markers", fixture)
 

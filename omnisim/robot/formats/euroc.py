@@ -12,9 +12,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from omnisim.poses import quaternion_from_rotation
 from omnisim.robot.formats.recording import Recording, read_quaternions, recording
 from omnisim.robot.formats.table import Line, Table, check_printed_times, is_number, quote
-from omnisim.robot.rotations import quaternion_from_rotation
 from omnisim.robot.trajectory import Trajectory
 
 STAMP = re.compile(r"\d{1,19}", re.ASCII)

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import did_you_mean
-from omnisim.frames import rotation_from_roll_pitch_yaw
+from omnisim.poses import roll_pitch_yaw_from_rotation, rotation_from_roll_pitch_yaw
 from omnisim.robot.formats.recording import Recording, read_times, recording
 from omnisim.robot.formats.table import Table, check_printed_times, quote
-from omnisim.robot.rotations import roll_pitch_yaw_from_rotation
 from omnisim.robot.trajectory import Trajectory
 
 COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]

@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
-from omnisim.frames import LARGEST_M
-from omnisim.robot.formats.table import Table
-from omnisim.robot.rotations import (
-    ROUNDING,
+from omnisim.poses import (
+    LARGEST_M,
     is_rotation,
     nearest_rotation,
+    pose_from_rotation,
     rotation_from_quaternion,
 )
+from omnisim.robot.formats.table import Table
 from omnisim.robot.trajectory import LARGEST_S, Trajectory
+
+# A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
+ROUNDING = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +82,7 @@ def recording(
         np.all(np.abs(positions_m) < LARGEST_M, axis=1),
         lambda k: f"position {positions_m[k].tolist()}: want less than {LARGEST_M:g} m",
     )
-    poses = np.zeros((len(positions_m), 4, 4))
-    poses[:, :3, :3] = rotations
-    poses[:, :3, 3] = positions_m
-    poses[:, 3, 3] = 1.0
+    poses = pose_from_rotation(rotations, positions_m)
     return Recording(table.source, np.array([line.number for line in table.lines]), times_s, poses)
 
 
@@ -120,12 +120,9 @@ def read_rotations(table: Table, matrices: NDArray[np.float64]) -> NDArray[np.fl
     Raises:
         TrajectoryError: one that is not a rotation but for rounding.
     """
-    small = np.all(np.abs(matrices) < 2.0, axis=(1, 2))
-    proper = small.copy()
-    proper[small] = is_rotation(matrices[small], ROUNDING)
     _refuse(
         table,
-        proper,
+        is_rotation(matrices, ROUNDING),
         lambda k: f"the matrix scales, shears or mirrors: want a rotation (within {ROUNDING:g})",
     )
     return nearest_rotation(matrices)

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from omnisim.poses import quaternion_from_rotation
 from omnisim.robot.formats.recording import Recording, read_quaternions, read_times, recording
 from omnisim.robot.formats.table import Table, check_printed_times
-from omnisim.robot.rotations import quaternion_from_rotation
 from omnisim.robot.trajectory import Trajectory
 
 COLUMNS = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.robot.formats.table import quote
 from omnisim.robot.usarsim.ini import Entry, Struct, Value, parse_struct
 
@@ -80,7 +80,7 @@ class Part:
     @property
     def forward(self) -> NDArray[np.float64]:
         """Where it looks (3,), unit."""
-        return frames.pose((0, 0, 0), self.roll_deg, self.pitch_deg, self.yaw_deg)[:3, 0]
+        return poses.pose((0, 0, 0), self.roll_deg, self.pitch_deg, self.yaw_deg)[:3, 0]
 
     def __str__(self) -> str:
         return f"{self.entry.key} {self.name!r} ({self.class_name})"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames
+from omnisim import frames, poses
 from omnisim.cameras import HyperbolicCamera
 from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, gallery, plot
@@ -112,7 +112,7 @@ def marker_picture(fixture: Fixture) -> MarkerPicture:
     """Render and measure markers all around."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     camera = sensor.model
-    world_from_base = frames.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
+    world_from_base = poses.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
     world_from_rig = world_from_base @ sensor.base_from_rig
     world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
     viewpoint_m = world_from_rig[:3, 3]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames
+from omnisim import frames, poses
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import View, perspective_view
@@ -76,7 +76,7 @@ def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
     """What a pinhole camera sees: the front face of another rig, turned to look that way."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
-    pose = frames.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
+    pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
     with Renderer(fixture.scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(pose)
         face = linear_from_srgb(renderer.faces()["front"] / 255.0)

@@ -27,8 +27,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import SceneError
-from omnisim.frames import MIRROR_FROM_OPTICAL, check_pose
+from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors import HyperbolicMirror
+from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.model import Texture, Wrap
 from omnisim.srgb import linear_from_srgb

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from omnisim import frames
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.gpu.scene.vertex_format import VERTEX
+from omnisim.poses import pose
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors import OmniCamera
 from tests.gpu.sheets import sheet
@@ -36,7 +36,7 @@ def _shown(view, points, far_m, world_from_rig):
 
 def test_matrices_show_what_planes_keep():
     generator = np.random.default_rng(2)
-    world_from_rig = frames.pose((0.0, 3.0, 1.0), roll_deg=-8.0, yaw_deg=200.0)
+    world_from_rig = pose((0.0, 3.0, 1.0), roll_deg=-8.0, yaw_deg=200.0)
     points = generator.uniform(-5.0, 5.0, (4000, 3))
     for view in _views(np.inf, world_from_rig):
         x, y, z, w = (points @ view.clip_from_viewpoint[:, :3].T + view.clip_from_viewpoint[:, 3]).T
@@ -69,8 +69,8 @@ def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
         sheet("both sides", 1, side=20, seed=2),
         _stack(),
     ]
-    poses = [np.eye(4), frames.pose((0.0, 0.0, 1.0), roll_deg=60.0), frames.pose((1.0, 0.0, 0.5))]
-    poses.append(frames.pose((-1.0, 1.0, 0.0), pitch_deg=20.0))
+    poses = [np.eye(4), pose((0.0, 0.0, 1.0), roll_deg=60.0), pose((1.0, 0.0, 0.5))]
+    poses.append(pose((-1.0, 1.0, 0.0), pitch_deg=20.0))
     poses[1][:3, :3] = poses[1][:3, :3] @ np.diag((1.0, -1.0, 1.0))
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim import frames
+from omnisim import poses
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.culling.frustum_culling import EDGE_PX, FrustumCuller
@@ -14,7 +14,7 @@ CAMERA = OmniCamera().resized(200).model
 PLAN = plan_tiles(CAMERA, CAMERA.rig_from_optical, subdivide=True)
 NEAR_M = 0.05
 POINTS = 300  # of each box
-POSE = frames.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
+POSE = poses.pose((5.0, -2.0, 1.0), roll_deg=14.0, pitch_deg=-30.0, yaw_deg=77.0)
 any_far = pytest.mark.parametrize("far_m", [np.inf, 30.0])
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from omnisim import frames
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.culling import cluster_culling
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, surfaces_of
 from omnisim.gpu.ground_truth.triangle_table import ROW_BITS
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
 from tests.gpu.scene.test_static_geometry import corners_m
@@ -28,7 +28,7 @@ def _scene():
     """Sheets of some hundred triangles, one of them mirrored, holes, glass, and a room."""
     meshes = [room(), sheet("a", 0, seed=1), sheet("b", 1, seed=2), sheet("a", 0, seed=1)]
     meshes.append(box("glass", 2, half_m=0.3))
-    poses = [frames.pose((0.1 * n, 0.9 * n - 1.3, -0.6), 8.0 * n, 5.0, 40.0 * n) for n in range(5)]
+    poses = [make_pose((0.1 * n, 0.9 * n - 1.3, -0.6), 8.0 * n, 5.0, 40.0 * n) for n in range(5)]
     poses[0] = np.eye(4)
     poses[3][:3, :3] = poses[3][:3, :3] @ np.diag((1.0, -1.0, 1.0))
     return scene_of(meshes, MATERIALS, poses)
@@ -62,7 +62,7 @@ def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
     monkeypatch.setattr("omnisim.gpu.scene.static_geometry.FARTHEST_M", -1.0)
     assert plain.static_geometry.is_empty
     passes = [(_pass(context, one, albedo), one) for one in (quick, plain)]
-    for pose in (frames.pose((0.0, 0.0, 0.4)), frames.pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
+    for pose in (make_pose((0.0, 0.0, 0.4)), make_pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
         ours, theirs = (_surfaces(one, buffers, pose, albedo) for one, buffers in passes)
         assert len(np.unique(theirs.reshape(-1, 2), axis=0)) > 200
         # matrices are multiplied in another order: an edge takes the texel beside it

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer
-from omnisim.frames import pose
 from omnisim.gpu.culling import cluster_culling
 from omnisim.gpu.culling.frustum_culling import FrustumCuller
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
+from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.sensors.capturing import faces_of
 from tests.scenes import room, scene_of

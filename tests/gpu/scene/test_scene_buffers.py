@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim.errors import SceneError
-from omnisim.frames import pose
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.poses import pose
 from tests.vehicles import body, merged, surroundings
 
 VIEWPOINT_M = np.array([0.3, -2.0, 1.0])

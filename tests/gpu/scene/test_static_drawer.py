@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from omnisim import frames
 from omnisim.gpu.culling import cluster_culling
 from omnisim.gpu.culling.hi_z import HiZ
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.poses import pose as make_pose
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from tests.gpu.sheets import LAMP, SUN, crowd, dynamic_object, mixed_scene
@@ -81,7 +81,7 @@ def test_materials_dynamic_objects_and_mirrored_instances_look_as_if_drawn_plain
     with Stage(mixed_scene(*lamps), dynamic_object()) as stage:
         pictures = Pictures(monkeypatch, stage, camera)
         for at in ((0.0, 0.0, 0.0), (0.4, -0.3, 0.2)):
-            pose = frames.pose(at, roll_deg=5.0, yaw_deg=40.0) @ np.linalg.inv(camera.base_from_rig)
+            pose = make_pose(at, roll_deg=5.0, yaw_deg=40.0) @ np.linalg.inv(camera.base_from_rig)
             plain = pictures.take(pose, plain=True)
             usual = pictures.take(pose, worth=NEVER)
             assert_same(usual, plain)
@@ -115,7 +115,7 @@ def test_what_is_left_out_was_hidden_to_the_last_bit(monkeypatch):
     with Stage(crowd()) as stage:
         pictures = Pictures(monkeypatch, stage, camera)
         for at in ((0.0, 0.0, 0.0), (-3.0, 2.0, 0.5), (0.4, 5.0, -0.5)):
-            pose = frames.pose(at, roll_deg=4.0, yaw_deg=70.0) @ np.linalg.inv(camera.base_from_rig)
+            pose = make_pose(at, roll_deg=4.0, yaw_deg=70.0) @ np.linalg.inv(camera.base_from_rig)
             some = pictures.take(pose, worth=ALWAYS)
             drawn = pictures.triangles
             everything = pictures.take(pose, worth=ALWAYS, shows_hidden=True)
@@ -128,7 +128,7 @@ def test_what_is_left_out_was_hidden_to_the_last_bit(monkeypatch):
 def test_a_picture_does_not_depend_on_the_one_before(monkeypatch):
     monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (0, 0))
     camera = FAST.resized(100)
-    poses = [frames.pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
+    poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:
         alone = []
         for pose in poses:

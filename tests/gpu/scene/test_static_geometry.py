@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from omnisim import frames
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.static_geometry import FARTHEST_M
 from omnisim.gpu.scene.vertex_format import VERTEX
+from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.gpu.sheets import sheet
 from tests.scenes import scene_of
@@ -34,7 +34,7 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
     scales = np.diag((1.5, -0.7, 2.0)), np.eye(3)
     poses = []
     for number, scale in enumerate(scales):
-        pose = frames.pose((far_m + number, -far_m, 2.0), roll_deg=30.0, yaw_deg=50.0 * number)
+        pose = make_pose((far_m + number, -far_m, 2.0), roll_deg=30.0, yaw_deg=50.0 * number)
         pose[:3, :3] = pose[:3, :3] @ scale
         poses.append(pose)
     geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).static_geometry

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import RobotFileError
-from omnisim.frames import rotation_from_roll_pitch_yaw
+from omnisim.poses import rotation_from_roll_pitch_yaw
 from omnisim.robot import parse_robot
 from omnisim.robot.usarsim import import_robot
 

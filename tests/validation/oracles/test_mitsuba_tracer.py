@@ -11,8 +11,9 @@ import pytest
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import SceneError
-from omnisim.frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP, pose
+from omnisim.frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.mirrors import HyperbolicMirror
+from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, Texture, Wrap
 from omnisim.sensors import OmniCamera, Renderer

@@ -3,15 +3,15 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.frames import rotation_from_roll_pitch_yaw
-from omnisim.robot.rotations import (
+from omnisim.poses import (
     is_rotation,
     nearest_rotation,
     quaternion_from_rotation,
     roll_pitch_yaw_from_rotation,
+    rotation_angles,
     rotation_from_quaternion,
+    rotation_from_roll_pitch_yaw,
     rotation_from_yaw,
-    turn_between,
     yaw_from_rotation,
 )
 
@@ -79,12 +79,12 @@ def test_yaw_only():
     np.testing.assert_allclose(rotation_from_yaw(yaw), expected, atol=1e-15)
 
 
-def test_turn_between():
+def test_rotation_angles():
     rng = np.random.default_rng(2)
     first = rotation_from_quaternion(rng.normal(size=(500, 4)))
     angles = np.concatenate((rng.uniform(-3.1, 3.1, 496), (1e-12, -1e-9, 0.0, 3.1415926)))
     second = first @ rotation_from_yaw(angles)
-    np.testing.assert_allclose(turn_between(first, second), angles, atol=1e-14, rtol=1e-14)
+    np.testing.assert_allclose(rotation_angles(first, second), angles, atol=1e-14, rtol=1e-14)
 
 
 def test_rounded_rotation_is_repaired():
