@@ -39,7 +39,7 @@ CAMERA_EXAMPLES = {
     "hyperbolic-nearly-plane": _framed(300, 200, k=2.02, theta_max_rad=math.radians(70.0)),
     "hyperbolic-plane": _framed(300, 200, k=2.0, theta_max_rad=math.radians(60.0)),
     "hyperbolic-off-centre": HyperbolicCamera(
-        HyperbolicMirror(), 480, 360, focal_length_px=1300.0, principal_point_px=(200.25, 150.75)
+        480, 360, 1300.0, (200.25, 150.75), HyperbolicMirror()
     ),
     "perspective": PerspectiveCamera.with_field_of_view(320, 240, math.radians(90.0)),
     "perspective-wide": PerspectiveCamera.with_field_of_view(300, 300, math.radians(150.0)),

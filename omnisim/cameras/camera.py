@@ -1,4 +1,4 @@
-"""What every central camera model offers: the contract between its NumPy and GLSL halves."""
+"""Contract of a central camera: between its NumPy and GLSL halves, and with all its users."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Uniforms = dict[str, float | tuple[float, ...]]
+Parameters = dict[str, float | int | str | list[float]]
 
 
 class Rays(NamedTuple):
@@ -23,13 +26,14 @@ class Pixels(NamedTuple):
 
 
 class CentralCamera(Protocol):
-    """A camera all of whose rays meet in one effective viewpoint.
+    """A camera all of whose rays meet in one effective viewpoint; immutable and hashable.
 
     Attributes:
         width_px, height_px: size of the picture.
-        model_name: stem of its files, `cameras/<model>.py` and `shaders/camera/<model>.glsl`.
-        rig_from_optical: (3, 3) how it sits in its rig when nobody turns it: looking ahead, or up
-            into its mirror.
+        principal_point_px: (u, v) of the optical frame's z axis, in the picture or beside it.
+        model_name: stem of the model's files, `cameras/<model>.py` and
+            `shaders/camera/<model>.glsl`.
+        rig_from_optical: (3, 3) orientation in a level rig: looking ahead, or up into its mirror.
     """
 
     @property
@@ -39,29 +43,34 @@ class CentralCamera(Protocol):
     def height_px(self) -> int: ...  # noqa: D102
 
     @property
+    def principal_point_px(self) -> tuple[float, float]: ...  # noqa: D102
+
+    @property
     def model_name(self) -> str: ...  # noqa: D102
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]: ...  # noqa: D102
+
+    def __hash__(self) -> int: ...
 
     def scaled(self, scale: float) -> Self:
         """The same view in a picture `scale` times as large; sizes are rounded."""
         ...
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
-        """Rays of pixels (..., 2)."""
+        """Rays of pixels (..., 2); valid in the domain."""
         ...
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
-        """Pixels of directions (..., 3), which need not be of unit length."""
+        """Pixels of directions (..., 3), which need not be of unit length; valid in the domain."""
         ...
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values of the uniforms that the model's GLSL file declares."""
         ...
 
-    def parameters(self) -> dict[str, float | int | str | list[float]]:
-        """The camera in words and numbers, as JSON can hold them, for the picture's metadata."""
+    def parameters(self) -> Parameters:
+        """Model and parameters by name, as JSON can hold them, for the picture's metadata."""
         ...
 
 

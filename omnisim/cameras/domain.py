@@ -66,8 +66,7 @@ def optical_axis(camera: CentralCamera) -> float:
 
 def middle_px(camera: CentralCamera) -> NDArray[np.float64]:
     """The pixel (2,) of the axis, in the picture or out of it."""
-    size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
-    return np.asarray(getattr(camera, "principal_point_px", 0.5 * (size - 1.0)), dtype=np.float64)
+    return np.asarray(camera.principal_point_px, dtype=np.float64)
 
 
 def covered_share(camera: CentralCamera) -> float:
@@ -125,7 +124,8 @@ def _last_seen(
         middle = 0.5 * (seen + unseen)
         inside = camera.ray_from_pixel(start + middle[:, None] * (ends - start)).valid
         seen, unseen = np.where(inside, middle, seen), np.where(inside, unseen, middle)
-    return start + seen[:, None] * (ends - start)
+    positions: NDArray[np.float64] = start + seen[:, None] * (ends - start)
+    return positions
 
 
 def _last(camera: CentralCamera) -> NDArray[np.float64]:

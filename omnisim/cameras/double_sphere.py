@@ -29,9 +29,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import Rays
+from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.parameters import check_finite, check_limits
+from omnisim.cameras.parameters import check_limits
 from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
 from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit
 from omnisim.errors import OpticsError
@@ -59,10 +59,9 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "xi", "alpha")
         check_limits(self, "alpha", 0.0, 1.0)
         if not -1.0 < self.xi < 1.0:
-            raise OpticsError(f"camera: xi = {self.xi:g}: want more than −1 and less than 1")
+            raise OpticsError(f"camera: xi: expected more than −1 and less than 1, got {self.xi:g}")
 
     @property
     def theta_edge_rad(self) -> float:
@@ -90,7 +89,7 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
         scale = np.where(valid, scale, 1.0)
         return PlanePoints(directions[..., :2] / scale[..., None], valid)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/double_sphere.glsl`."""
         return {
             **super().uniforms(),

@@ -35,7 +35,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import Rays
+from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.parameters import check_limits
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
@@ -65,11 +65,11 @@ class EllipticCamera(FocalCamera, RadialCamera):
     theta_max_rad: float = 0.5 * math.pi
     model_name = "elliptic"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
+    largest_theta_rad = 0.5 * math.pi
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_limits(self, "eccentricity", *ECCENTRICITIES)
-        check_limits(self, "theta_max_rad", 1e-6, 0.5 * math.pi, "more than 0 and at most π/2")
 
     @property
     def half_angle_ratio(self) -> float:
@@ -96,7 +96,7 @@ class EllipticCamera(FocalCamera, RadialCamera):
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
         return super()._plane_from_rays(-directions)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/elliptic.glsl`."""
         return {
             **super().uniforms(),

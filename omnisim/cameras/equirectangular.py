@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.camera import Pixels, Rays, Uniforms
 from omnisim.cameras.parametric_camera import ParametricCamera
 
 
@@ -40,6 +40,11 @@ class EquirectangularCamera(ParametricCamera):
     model_name = "equirectangular"
 
     @property
+    def principal_point_px(self) -> tuple[float, float]:
+        """Middle of the picture."""
+        return 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
+
+    @property
     def radians_per_pixel(self) -> tuple[float, float]:
         """Longitude of a column and latitude of a row."""
         return 2.0 * math.pi / self.width_px, math.pi / self.height_px
@@ -48,9 +53,9 @@ class EquirectangularCamera(ParametricCamera):
         """Rays of pixels (..., 2); valid inside the picture."""
         pixels = np.asarray(pixels_px, dtype=np.float64)
         size = np.array([self.width_px, self.height_px], dtype=np.float64)
-        middle = 0.5 * (size - 1.0)
-        valid = np.all(np.abs(pixels - middle) <= 0.5 * size, axis=-1)
-        angles = (pixels - middle) * self.radians_per_pixel
+        offset = pixels - self.principal_point_px
+        valid = np.all(np.abs(offset) <= 0.5 * size, axis=-1)
+        angles = offset * self.radians_per_pixel
         # rounding must not carry the last column's edge over to the first's
         limits = (math.pi, 0.5 * math.pi)
         longitude, down = np.moveaxis(np.clip(angles, np.negative(limits), limits), -1, 0)
@@ -62,9 +67,9 @@ class EquirectangularCamera(ParametricCamera):
         """Pixels of directions (..., 3) in the optical frame; all are valid."""
         x, y, z = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)
         angles = np.stack((np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))), axis=-1)
-        middle = np.array([0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)])
-        return Pixels(angles / self.radians_per_pixel + middle, np.ones(x.shape, dtype=bool))
+        positions = angles / self.radians_per_pixel + self.principal_point_px
+        return Pixels(positions, np.ones(x.shape, dtype=bool))
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/equirectangular.glsl`."""
         return {"u_picture_size_px": (float(self.width_px), float(self.height_px))}

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import Rays
+from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.parameters import check_finite, check_limits
+from omnisim.cameras.parameters import check_limits
 from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
 from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit
 from omnisim.errors import OpticsError
@@ -55,10 +55,9 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "alpha", "beta")
         check_limits(self, "alpha", 0.0, 1.0)
         if self.beta <= 0.0:
-            raise OpticsError(f"camera: beta = {self.beta:g}: want > 0")
+            raise OpticsError(f"camera: beta: expected more than 0, got {self.beta:g}")
 
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
         lifted = lift_alpha(plane * np.sqrt(self.beta), self.alpha)
@@ -75,7 +74,7 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
         scale = np.where(valid, scale, 1.0)
         return PlanePoints(directions[..., :2] / scale[..., None], valid)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/eucm.glsl`."""
         return {
             **super().uniforms(),

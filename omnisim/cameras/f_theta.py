@@ -20,16 +20,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from omnisim.cameras.parameters import check_finite, check_limits
-from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.polynomial_lens import PolynomialLens
 from omnisim.errors import OpticsError
 
-MOST_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
+MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 
 
 @dataclass(frozen=True)
-class FThetaCamera(ParametricCamera, PolynomialLens):
+class FThetaCamera(PolynomialLens):
     """A fisheye lens with a polynomial from angle to radius.
 
     Attributes:
@@ -51,13 +50,11 @@ class FThetaCamera(ParametricCamera, PolynomialLens):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "principal_point_px", "coefficients_px")
-        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
         count = len(self.coefficients_px)
-        if not 1 <= count <= MOST_COEFFICIENTS or self.coefficients_px[0] <= 0.0:
+        if not 1 <= count <= MAX_COEFFICIENTS or self.coefficients_px[0] <= 0.0:
             raise OpticsError(
-                f"camera: coefficients_px = {self.coefficients_px}: "
-                f"want 1 to {MOST_COEFFICIENTS}, the first > 0"
+                f"camera: coefficients_px: expected 1 to {MAX_COEFFICIENTS} numbers, the first "
+                f"more than 0, got {self.coefficients_px}"
             )
 
     @property
@@ -65,9 +62,9 @@ class FThetaCamera(ParametricCamera, PolynomialLens):
         """Coefficients of r(θ), θ⁰ first."""
         return (0.0, *self.coefficients_px)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/f_theta.glsl`."""
-        missing = MOST_COEFFICIENTS - len(self.coefficients_px)
+        missing = MAX_COEFFICIENTS - len(self.coefficients_px)
         return {
             "u_principal_point_px": self.principal_point_px,
             "u_coefficients_px": self.coefficients_px + (0.0,) * missing,

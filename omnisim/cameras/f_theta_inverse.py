@@ -27,18 +27,17 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from omnisim.cameras.monotone import first_root, solve_increasing
-from omnisim.cameras.parameters import check_finite, check_limits
-from omnisim.cameras.parametric_camera import ParametricCamera, scaled_lengths
+from omnisim.cameras.camera import Uniforms
+from omnisim.cameras.monotone import first_root, polyval, solve_polynomial
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
-MOST_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
+MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 LEAST_SLOPE = 1e-3  # of the slope at the axis
 
 
 @dataclass(frozen=True)
-class FThetaInverseCamera(ParametricCamera, RadialCamera):
+class FThetaInverseCamera(RadialCamera):
     """A fisheye lens with a polynomial from radius to angle.
 
     Attributes:
@@ -62,17 +61,15 @@ class FThetaInverseCamera(ParametricCamera, RadialCamera):
         """The same view in a picture `scale` times as large; sizes are rounded."""
         powers = range(1, 1 + len(self.coefficients))
         shrunk = tuple(k / scale**n for k, n in zip(self.coefficients, powers, strict=True))
-        return dataclasses.replace(scaled_lengths(self, scale), coefficients=shrunk)
+        return dataclasses.replace(super().scaled(scale), coefficients=shrunk)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "principal_point_px", "coefficients")
-        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
         count = len(self.coefficients)
-        if not 1 <= count <= MOST_COEFFICIENTS or self.coefficients[0] <= 0.0:
+        if not 1 <= count <= MAX_COEFFICIENTS or self.coefficients[0] <= 0.0:
             raise OpticsError(
-                f"camera: coefficients = {self.coefficients}: "
-                f"want 1 to {MOST_COEFFICIENTS}, the first > 0"
+                f"camera: coefficients: expected 1 to {MAX_COEFFICIENTS} numbers, the first "
+                f"more than 0, got {self.coefficients}"
             )
 
     @cached_property
@@ -86,29 +83,22 @@ class FThetaInverseCamera(ParametricCamera, RadialCamera):
 
     @property
     def theta_edge_rad(self) -> float:
-        """Where the domain ends."""
-        return min(self.theta_max_rad, self._theta(self.radius_max_px))
+        """Angle from the axis where the domain ends."""
+        return min(self.theta_max_rad, float(self._theta(np.array(self.radius_max_px))))
 
-    def _theta(self, radius: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
-        return polynomial.polyval(radius, (0.0, *self.coefficients))
+    def _theta(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return polyval((0.0, *self.coefficients), radius)
 
     def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.minimum(self._theta(radius), self.theta_edge_rad)
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        slopes = polynomial.polyder((0.0, *self.coefficients))
-        return solve_increasing(
-            self._theta,
-            lambda radius: polynomial.polyval(radius, slopes),
-            theta,
-            0.0,
-            self.radius_max_px,
-        )
+        return solve_polynomial((0.0, *self.coefficients), theta, 0.0, self.radius_max_px)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/f_theta_inverse.glsl`, per r/r_max to keep floats small."""
-        powers = range(1, MOST_COEFFICIENTS + 1)
-        coefficients = self.coefficients + (0.0,) * (MOST_COEFFICIENTS - len(self.coefficients))
+        powers = range(1, MAX_COEFFICIENTS + 1)
+        coefficients = self.coefficients + (0.0,) * (MAX_COEFFICIENTS - len(self.coefficients))
         return {
             "u_principal_point_px": self.principal_point_px,
             "u_coefficients": tuple(

@@ -1,12 +1,17 @@
-"""What models with a focal length, or one for each axis, and a principal point have in common."""
+"""Bases of models with a principal point and a focal length, or one for each axis."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omnisim.cameras.parameters import check_finite, check_picture
+from omnisim.cameras.camera import Uniforms
+from omnisim.cameras.parameters import check_limits
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import OpticsError
+
+# Far past any camera; squares of what follows from them still fit into a float.
+FOCAL_LENGTHS_PX = (1e-30, 1e30)
+LARGEST_PX = 1e15
 
 
 @dataclass(frozen=True)
@@ -26,14 +31,20 @@ class FocalCamera(ParametricCamera):
     principal_point_px: tuple[float, float]
 
     def __post_init__(self) -> None:
-        check_picture(self)
+        super().__post_init__()
+        check_limits(self, "focal_length_px", *FOCAL_LENGTHS_PX)
+        if not all(abs(value) <= LARGEST_PX for value in self.principal_point_px):
+            raise OpticsError(
+                f"camera: principal_point_px: expected numbers within ±{LARGEST_PX:g}, "
+                f"got {self.principal_point_px}"
+            )
 
     @property
     def pixels_per_plane(self) -> float:
         """Pixels to a unit of the normalised plane."""
         return self.focal_length_px
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values of the uniforms of `shaders/camera/<model>.glsl`."""
         return {
             "u_focal_length_px": self.focal_length_px,
@@ -43,7 +54,7 @@ class FocalCamera(ParametricCamera):
 
 @dataclass(frozen=True)
 class TwoFocalCamera(ParametricCamera):
-    """The same with a focal length along each axis of the picture, as calibrations give them.
+    """A `FocalCamera` with a focal length along each axis of the picture, as calibrations have.
 
     Attributes:
         width_px, height_px: size of the picture.
@@ -59,16 +70,17 @@ class TwoFocalCamera(ParametricCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "focal_lengths_px", "principal_point_px")
         if min(self.focal_lengths_px) <= 0.0:
-            raise OpticsError(f"camera: focal_lengths_px = {self.focal_lengths_px}: want > 0")
+            raise OpticsError(
+                f"camera: focal_lengths_px: expected more than 0, got {self.focal_lengths_px}"
+            )
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:
         """Pixels to a unit of the normalised plane, along u and along v."""
         return self.focal_lengths_px
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values of the uniforms of `shaders/camera/<model>.glsl`."""
         return {
             "u_focal_lengths_px": self.focal_lengths_px,

@@ -27,8 +27,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.parameters import check_finite, check_limits
+from omnisim.cameras.parameters import check_limits
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
@@ -63,15 +64,13 @@ class GazeboCamera(FocalCamera, RadialCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "c1", "c2", "c3")
-        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
         for name in ("c1", "c2"):
-            check_limits(self, name, 1e-9, math.inf, "> 0")
-        check_limits(self, "c3", -math.inf, 0.0, "≤ 0: above, the picture has a hole in its middle")
+            check_limits(self, name, 1e-9, math.inf, "more than 0")
+        check_limits(self, "c3", -math.inf, 0.0, "at most 0, as above the picture has a hole")
         if self.function not in _FUNCTIONS:
-            raise OpticsError(f"camera: function = {self.function!r}: want sin, tan or id")
+            raise OpticsError(f"camera: function: expected sin, tan or id, got {self.function!r}")
         if not self.theta_min_rad < self.theta_edge_rad:
-            raise OpticsError(f"camera: c3 = {self.c3:g}: want one that leaves some angle to see")
+            raise OpticsError(f"camera: c3: expected a domain that is not empty, got {self.c3:g}")
 
     @property
     def theta_min_rad(self) -> float:
@@ -92,7 +91,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
         theta = self.c2 * (_INVERSES[self.function](value) - self.c3)
         return np.clip(theta, self.theta_min_rad, self.theta_edge_rad)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/gazebo.glsl`."""
         return {
             **super().uniforms(),

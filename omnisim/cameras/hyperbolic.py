@@ -32,9 +32,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import Pixels, Rays
-from omnisim.cameras.parameters import check_picture, number, point, whole_number
-from omnisim.cameras.parametric_camera import scaled_lengths
+from omnisim.cameras.camera import Parameters, Pixels, Rays, Uniforms
+from omnisim.cameras.focal_camera import FocalCamera
+from omnisim.cameras.parameters import number, point, whole_number
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.mirrors import HyperbolicMirror
 
@@ -54,29 +54,22 @@ class Incidences(NamedTuple):
 
 
 @dataclass(frozen=True)
-class HyperbolicCamera:
+class HyperbolicCamera(FocalCamera):
     """A picture of a hyperbolic mirror: pixels to rays of the scene and back.
 
     Attributes:
-        mirror: the mirror, which also bounds the domain: θ ≤ θ_max.
         width_px, height_px: size of the picture.
         focal_length_px: focal length of the pinhole camera.
         principal_point_px: (u, v) of the mirror's axis in the picture.
+        mirror: the mirror, which also bounds the domain: θ ≤ θ_max.
 
     Raises:
         OpticsError: a size or focal length that is not positive, or a centre that is not finite.
     """
 
     mirror: HyperbolicMirror
-    width_px: int
-    height_px: int
-    focal_length_px: float
-    principal_point_px: tuple[float, float]
     model_name = "hyperbolic"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
-
-    def __post_init__(self) -> None:
-        check_picture(self)
 
     @classmethod
     def framed_on_rim(
@@ -88,17 +81,9 @@ class HyperbolicCamera:
             OpticsError: a size below 1.
         """
         rim_tangent = float(mirror.tangent_from_theta(mirror.theta_max_rad))
-        return cls(
-            mirror,
-            width_px,
-            height_px,
-            focal_length_px=0.5 * min(width_px, height_px) / rim_tangent,
-            principal_point_px=(0.5 * (width_px - 1), 0.5 * (height_px - 1)),
-        )
-
-    def scaled(self, scale: float) -> HyperbolicCamera:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
-        return scaled_lengths(self, scale)
+        focal_length_px = 0.5 * min(width_px, height_px) / rim_tangent
+        middle = (0.5 * (width_px - 1), 0.5 * (height_px - 1))
+        return cls(width_px, height_px, focal_length_px, middle, mirror)
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> HyperbolicCamera:
@@ -114,12 +99,17 @@ class HyperbolicCamera:
             math.radians(number(parameters, "theta_max_deg")),
         )
         return cls(
-            mirror,
             whole_number(parameters, "width_px"),
             whole_number(parameters, "height_px"),
             number(parameters, "focal_length_px"),
             point(parameters, "principal_point_px"),
+            mirror,
         )
+
+    @property
+    def domain_limit_rad(self) -> float:
+        """Angle of incidence of the rim."""
+        return self.mirror.theta_max_rad
 
     @property
     def unified_focal_length_px(self) -> float:
@@ -181,17 +171,16 @@ class HyperbolicCamera:
         positions = rays[..., :2] * scale[..., None] + self.principal_point_px
         return Pixels(positions, valid)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/hyperbolic.glsl`."""
         return {
-            "u_focal_length_px": self.focal_length_px,
-            "u_principal_point_px": self.principal_point_px,
+            **super().uniforms(),
             "u_half_angle_ratio": self.mirror.half_angle_ratio,
             "u_rim_half_tangent": math.tan(0.5 * self.mirror.theta_max_rad),
         }
 
-    def parameters(self) -> dict[str, float | int | str | list[float]]:
-        """The camera for the picture's metadata; angles in degrees, lengths as named."""
+    def parameters(self) -> Parameters:
+        """Model and parameters by name, and ξ and γ of the unified model."""
         return {
             "model": self.model_name,
             "width_px": self.width_px,

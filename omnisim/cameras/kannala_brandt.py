@@ -24,8 +24,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.parameters import check_finite, check_limits
 from omnisim.cameras.polynomial_lens import PolynomialLens
 from omnisim.errors import OpticsError
 
@@ -52,10 +52,10 @@ class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "coefficients")
-        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
         if len(self.coefficients) != 4:
-            raise OpticsError(f"camera: coefficients = {self.coefficients}: want k1, k2, k3, k4")
+            raise OpticsError(
+                f"camera: coefficients: expected k1, k2, k3, k4, got {self.coefficients}"
+            )
 
     @property
     def theta_polynomial(self) -> tuple[float, ...]:
@@ -63,7 +63,7 @@ class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
         k1, k2, k3, k4 = self.coefficients
         return (0.0, 1.0, 0.0, k1, 0.0, k2, 0.0, k3, 0.0, k4)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/kannala_brandt.glsl`."""
         return {
             **super().uniforms(),

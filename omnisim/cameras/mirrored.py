@@ -1,4 +1,4 @@
-"""A mirror that somebody calibrated as if it were a lens: its rays with the depth turned round.
+"""Catadioptric camera that was calibrated as if it were a lens: its rays with z reflected.
 
 Calibration tools want z > 0 in front of the camera, also where a camera looks up into a mirror and
 sees what is behind it. They are given (x, y, −z) then, a mirrored frame; this camera turns it back.
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, Pixels, Rays
+from omnisim.cameras.camera import CentralCamera, Parameters, Pixels, Rays, Uniforms
 from omnisim.errors import OpticsError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
@@ -37,7 +37,7 @@ class MirroredCamera:
     def __post_init__(self) -> None:
         if not np.array_equal(self.lens.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD):
             raise OpticsError(
-                f"camera: mirrored = true: model {self.lens.model_name!r} is a mirror already"
+                f"camera: mirrored: expected a lens, got the mirror {self.lens.model_name!r}"
             )
 
     @classmethod
@@ -49,7 +49,7 @@ class MirroredCamera:
         """
         mirrored = parameters.get("mirrored", False)
         if type(mirrored) is not bool:
-            raise OpticsError(f"camera: mirrored = {mirrored!r}: want true or false")
+            raise OpticsError(f"camera: mirrored: expected true or false, got {mirrored!r}")
         return cls(lens) if mirrored else lens
 
     @property
@@ -69,9 +69,8 @@ class MirroredCamera:
 
     @property
     def principal_point_px(self) -> tuple[float, float]:
-        """(u, v) of the axis in the picture; its middle where the lens names none."""
-        middle = 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
-        return getattr(self.lens, "principal_point_px", middle)
+        """(u, v) of the axis in the picture."""
+        return self.lens.principal_point_px
 
     def scaled(self, scale: float) -> MirroredCamera:
         """The same view in a picture `scale` times as large; sizes are rounded."""
@@ -86,10 +85,10 @@ class MirroredCamera:
         """Pixels of directions (..., 3) in the optical frame; valid where the lens's are."""
         return self.lens.pixel_from_ray(np.asarray(directions, dtype=np.float64) * FLIP_Z)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for the lens's GLSL file."""
         return self.lens.uniforms()
 
-    def parameters(self) -> dict[str, float | int | str | list[float]]:
-        """The camera for the picture's metadata: the lens's, and `mirrored`."""
+    def parameters(self) -> Parameters:
+        """Parameters of the lens, and `mirrored`."""
         return {**self.lens.parameters(), "mirrored": True}

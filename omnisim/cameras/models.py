@@ -1,4 +1,4 @@
-"""All camera models, and the way back from a picture's metadata to its camera."""
+"""Registry of the camera models, by name, and cameras from their parameters."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.planar import PlanarCamera
 from omnisim.cameras.radial_table import RadialTableCamera
@@ -29,7 +30,7 @@ from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
 from omnisim.errors import OpticsError
 
-CAMERA_MODELS: dict[str, type[CentralCamera]] = {
+CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
     kind.model_name: kind
     for kind in (
         HyperbolicCamera,
@@ -57,12 +58,13 @@ CAMERA_MODELS: dict[str, type[CentralCamera]] = {
 
 
 def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
-    """Make the camera that a camera's `parameters()` describes.
+    """Camera that a camera's `parameters()` describes.
 
     Raises:
         OpticsError: an unknown model, or naming the key and what was wanted.
     """
     model = parameters.get("model")
     if not isinstance(model, str) or model not in CAMERA_MODELS:
-        raise OpticsError(f"camera: model = {model!r}: want one of " + ", ".join(CAMERA_MODELS))
+        names = ", ".join(CAMERA_MODELS)
+        raise OpticsError(f"camera: model: expected one of {names}, got {model!r}")
     return MirroredCamera.of(CAMERA_MODELS[model].from_parameters(parameters), parameters)

@@ -1,16 +1,20 @@
-"""Inverse of an increasing function of one variable: Newton's steps between two bounds."""
+"""Inverse of an increasing function of one variable by bracketed Newton's method."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Coefficients = Sequence[float] | NDArray[np.floating[Any]]
 
-MOST_STEPS = 100  # bisection alone needs some sixty
+MAX_STEPS = 100  # bisection alone needs some sixty
 
 
 def solve_increasing(
@@ -23,29 +27,43 @@ def solve_increasing(
     makes it slower.
     """
     found = np.clip(values, low, high).ravel()
-    enough = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
-    at = np.arange(found.size)  # those still searched for: each stops by itself
-    wanted, argument = values.ravel(), found.copy()
+    tolerance = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    active = np.arange(found.size)  # each search stops by itself
+    target, argument = values.ravel(), found.copy()
     lower, upper = np.full(found.shape, low), np.full(found.shape, high)
-    for _ in range(MOST_STEPS):
-        error = function(argument) - wanted
+    for _ in range(MAX_STEPS):
+        error = function(argument) - target
         lower = np.where(error <= 0.0, argument, lower)
         upper = np.where(error >= 0.0, argument, upper)
         rise = slope(argument)
         newton = argument - error / np.where(rise > 1e-12, rise, 1.0)
         inside = (rise > 1e-12) & (newton >= lower) & (newton <= upper)
         following = np.where(inside, newton, 0.5 * (lower + upper))
-        found[at] = following
-        on = np.abs(following - argument) > enough
-        if not on.any():
+        found[active] = following
+        moves = np.abs(following - argument) > tolerance
+        if not moves.any():
             break
-        at, wanted, argument, lower, upper = (
-            one[on] for one in (at, wanted, following, lower, upper)
-        )
+        active, target, argument = active[moves], target[moves], following[moves]
+        lower, upper = lower[moves], upper[moves]
     return found.reshape(values.shape)
 
 
-def first_root(coefficients: NDArray[np.float64], highest: float = math.inf) -> float:
+def solve_polynomial(
+    coefficients: Coefficients, values: NDArray[np.float64], low: float, high: float
+) -> NDArray[np.float64]:
+    """`solve_increasing` of a polynomial, constant term first."""
+    slopes = polynomial.polyder(coefficients)
+    return solve_increasing(
+        partial(polyval, coefficients), partial(polyval, slopes), values, low, high
+    )
+
+
+def polyval(coefficients: Coefficients, arguments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (...,) of a polynomial, constant term first, at arguments (...,)."""
+    return np.asarray(polynomial.polyval(arguments, coefficients), dtype=np.float64)
+
+
+def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
     """Smallest positive real root of a polynomial, constant term first; `highest` if none is less.
 
     Of roots that rounding parts into a complex pair the real part counts.

@@ -34,18 +34,17 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from omnisim.cameras.monotone import first_root, solve_increasing
-from omnisim.cameras.parameters import check_finite, check_limits
-from omnisim.cameras.parametric_camera import ParametricCamera, scaled_lengths
+from omnisim.cameras.camera import Uniforms
+from omnisim.cameras.monotone import first_root, polyval, solve_increasing
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
-MOST_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
+MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
 LEAST_SLOPE = 1e-3  # of the slope at the axis
 
 
 @dataclass(frozen=True)
-class OcamcalibCamera(ParametricCamera, RadialCamera):
+class OcamcalibCamera(RadialCamera):
     """A mirror or fisheye lens with a polynomial along the axis.
 
     Attributes:
@@ -71,19 +70,17 @@ class OcamcalibCamera(ParametricCamera, RadialCamera):
         """The same view in a picture `scale` times as large; sizes are rounded."""
         # z and ρ are both in pixels
         grown = tuple(a * scale ** (1 - n) for n, a in enumerate(self.polynomial))
-        return dataclasses.replace(scaled_lengths(self, scale), polynomial=grown)
+        return dataclasses.replace(super().scaled(scale), polynomial=grown)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "principal_point_px", "polynomial", "affine")
-        check_limits(self, "theta_max_rad", 1e-6, math.pi, "more than 0 and at most π")
-        if not 1 <= len(self.polynomial) <= MOST_COEFFICIENTS or self.polynomial[0] >= 0.0:
+        if not 1 <= len(self.polynomial) <= MAX_COEFFICIENTS or self.polynomial[0] >= 0.0:
             raise OpticsError(
-                f"camera: polynomial = {self.polynomial}: "
-                f"want 1 to {MOST_COEFFICIENTS} coefficients, a0 < 0"
+                f"camera: polynomial: expected 1 to {MAX_COEFFICIENTS} coefficients with a0 < 0, "
+                f"got {self.polynomial}"
             )
         if len(self.affine) != 3 or self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
-            raise OpticsError(f"camera: affine = {self.affine}: want c, d, e with c > d e")
+            raise OpticsError(f"camera: affine: expected c, d, e with c > d e, got {self.affine}")
 
     @cached_property
     def radius_max_px(self) -> float:
@@ -104,11 +101,11 @@ class OcamcalibCamera(ParametricCamera, RadialCamera):
         return min(self.theta_max_rad, float(self._theta(np.array(self.radius_max_px))))
 
     def _theta(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.arctan2(radius, -polynomial.polyval(radius, self.polynomial))
+        return np.arctan2(radius, -polyval(self.polynomial, radius))
 
     def _slope(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        height = polynomial.polyval(radius, self.polynomial)
-        rise = polynomial.polyval(radius, polynomial.polyder(self.polynomial))
+        height = polyval(self.polynomial, radius)
+        rise = polyval(polynomial.polyder(self.polynomial), radius)
         return (radius * rise - height) / (radius * radius + height * height)
 
     def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -129,10 +126,10 @@ class OcamcalibCamera(ParametricCamera, RadialCamera):
     def _pixels_from_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
         return plane @ self._pixels_from_axes.T + self.principal_point_px
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/ocamcalib.glsl`, per ρ_max to keep floats small."""
         scale = self.radius_max_px
-        coefficients = self.polynomial + (0.0,) * (MOST_COEFFICIENTS - len(self.polynomial))
+        coefficients = self.polynomial + (0.0,) * (MAX_COEFFICIENTS - len(self.polynomial))
         axes_from_pixels = np.linalg.inv(self._pixels_from_axes)
         return {
             "u_principal_point_px": self.principal_point_px,

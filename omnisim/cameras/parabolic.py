@@ -28,17 +28,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import Rays
-from omnisim.cameras.parameters import check_finite, check_limits
-from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.parameters import check_limits
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
 from omnisim.frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
-LARGEST_THETA_RAD = math.radians(179.0)
-
 
 @dataclass(frozen=True)
-class ParabolicCamera(ParametricCamera, RadialCamera):
+class ParabolicCamera(RadialCamera):
     """A picture of a parabolic mirror.
 
     Attributes:
@@ -57,12 +54,11 @@ class ParabolicCamera(ParametricCamera, RadialCamera):
     theta_max_rad: float = math.radians(105.0)
     model_name = "parabolic"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    largest_theta_rad = math.radians(179.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "horizon_radius_px", "principal_point_px")
-        check_limits(self, "horizon_radius_px", 1e-6, math.inf, "> 0")
-        check_limits(self, "theta_max_rad", 1e-6, LARGEST_THETA_RAD)
+        check_limits(self, "horizon_radius_px", 1e-6, math.inf, "more than 0")
 
     @property
     def pixels_per_plane(self) -> float:
@@ -87,7 +83,7 @@ class ParabolicCamera(ParametricCamera, RadialCamera):
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
         return super()._plane_from_rays(directions * FLIP_Z)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/parabolic.glsl`."""
         return {
             "u_horizon_radius_px": self.horizon_radius_px,

@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.parameters import check_size, number, numbers, point, whole_number, word
+from omnisim.cameras.camera import Parameters, Pixels, Rays, Uniforms
+from omnisim.cameras.parameters import (
+    check_finite,
+    check_limits,
+    number,
+    numbers,
+    point,
+    whole_number,
+    word,
+)
+from omnisim.errors import OpticsError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 
-Camera = TypeVar("Camera")
-_READERS = {
+_READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
     "int": whole_number,
     "float": number,
     "str": word,
@@ -25,69 +35,109 @@ _READERS = {
 
 
 @dataclass(frozen=True)
-class ParametricCamera:
-    """Size of a picture, and parameters from and to JSON for all fields of the subclass.
+class ParametricCamera(ABC):
+    """A camera model: all of it but the projection, from the fields of the subclass.
 
     Fields are of the types that `_READERS` lists. A field whose name ends in `_rad` is given in
-    degrees, under a key that ends in `_deg`.
+    degrees, under a key that ends in `_deg`; one that ends in `_px` is a length in the picture.
 
     Attributes:
         width_px, height_px: size of the picture.
+        model_name: stem of the model's files.
+        rig_from_optical: (3, 3) orientation in a level rig.
+        largest_theta_rad: upper limit of the parameter θ_max, where the model has one.
 
     Raises:
-        OpticsError: a size that is not positive.
+        OpticsError: a size that is not positive, a number that is not finite, or θ_max outside its
+            limits.
     """
 
     width_px: int
     height_px: int
     model_name: ClassVar[str]
     rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
+    largest_theta_rad: ClassVar[float] = math.pi
+
+    if TYPE_CHECKING:  # a field of nearly all models; at run time it would be that field's default
+
+        @property
+        def principal_point_px(self) -> tuple[float, float]: ...  # noqa: D102
 
     def __post_init__(self) -> None:
-        check_size(self)
+        if self.width_px < 1 or self.height_px < 1:
+            raise OpticsError(
+                f"camera: size: expected at least 1, got {self.width_px} × {self.height_px}"
+            )
+        for field in dataclasses.fields(self):
+            check_finite(self, field.name)
+            if field.name == "theta_max_rad":
+                largest = self.largest_theta_rad
+                wanted = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
+                check_limits(self, field.name, 1e-6, largest, wanted)
+
+    @abstractmethod
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""
+
+    @abstractmethod
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid in the domain."""
+
+    @abstractmethod
+    def uniforms(self) -> Uniforms:
+        """Values of the uniforms of `shaders/camera/<model>.glsl`."""
 
     def scaled(self, scale: float) -> Self:
-        """The same view in a picture `scale` times as large; sizes are rounded.
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        changes: dict[str, Any] = {}
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if field.name in ("width_px", "height_px"):
+                changes[field.name] = round(value * scale)
+            elif field.name == "principal_point_px":  # from the first pixel's centre
+                changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
+            elif field.name.endswith("_px"):
+                changes[field.name] = _map(lambda one: one * scale, value)
+        return dataclasses.replace(self, **changes)
 
-        Fields whose name ends in `_px` are lengths in the picture, or its principal point.
+    def ending_at(self, theta_max_rad: float) -> Self | None:
+        """The same camera with another θ_max, or None where that is no parameter of the model.
+
+        Raises:
+            OpticsError: θ_max outside its limits.
         """
-        return scaled_lengths(self, scale)
+        if "theta_max_rad" not in {field.name for field in dataclasses.fields(self)}:
+            return None
+        changes: dict[str, Any] = {"theta_max_rad": theta_max_rad}
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def domain_limit_rad(self) -> float | None:
+        """Angle from the axis where the domain ends by a parameter; None without a limit."""
+        limit = float(getattr(self, "theta_max_rad", math.pi))
+        return None if limit == math.pi else limit
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> Self:
         """Make the camera that `parameters()` describes.
 
         Raises:
-            OpticsError: naming the key and what was wanted.
+            OpticsError: naming the key, its value and the expected one.
         """
-        values = {}
+        values: dict[str, Any] = {}
         for field in dataclasses.fields(cls):
             value = _READERS[str(field.type)](parameters, _key(field.name))
             values[field.name] = _map(math.radians, value) if _is_angle(field.name) else value
         return cls(**values)
 
-    def parameters(self) -> dict[str, float | int | str | list[float]]:
-        """The camera for the picture's metadata."""
-        told = {"model": self.model_name}
+    def parameters(self) -> Parameters:
+        """Model and parameters by name, for the picture's metadata."""
+        named: Parameters = {"model": self.model_name}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             value = _map(math.degrees, value) if _is_angle(field.name) else value
-            told[_key(field.name)] = list(value) if isinstance(value, tuple) else value
-        return told
-
-
-def scaled_lengths(camera: Camera, scale: float) -> Camera:
-    """A dataclass with all lengths in pixels `scale` times as long, sizes rounded."""
-    changes: dict[str, Any] = {}
-    for field in dataclasses.fields(camera):
-        value = getattr(camera, field.name)
-        if field.name in ("width_px", "height_px"):
-            changes[field.name] = round(value * scale)
-        elif field.name == "principal_point_px":  # pixels count from the middle of the first one
-            changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
-        elif field.name.endswith("_px"):
-            changes[field.name] = _map(lambda one: one * scale, value)
-    return dataclasses.replace(camera, **changes)
+            named[_key(field.name)] = list(value) if isinstance(value, tuple) else value
+        return named
 
 
 def _is_angle(name: str) -> bool:
@@ -98,5 +148,5 @@ def _key(name: str) -> str:
     return name.removesuffix("_rad") + "_deg" if _is_angle(name) else name
 
 
-def _map(convert: Any, value: Any) -> Any:
+def _map(convert: Callable[[float], float], value: Any) -> Any:
     return tuple(map(convert, value)) if isinstance(value, tuple) else convert(value)

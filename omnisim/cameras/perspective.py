@@ -52,8 +52,8 @@ class PerspectiveCamera(FocalCamera):
         """
         if not 0.0 < field_of_view_rad < math.pi:
             raise OpticsError(
-                f"camera: field of view {math.degrees(field_of_view_rad):g}°: "
-                "want more than 0° and less than 180°"
+                "camera: field of view: expected more than 0° and less than 180°, "
+                f"got {math.degrees(field_of_view_rad):g}°"
             )
         focal_length_px = 0.5 * width_px / math.tan(0.5 * field_of_view_rad)
         middle = (0.5 * (width_px - 1), 0.5 * (height_px - 1))

@@ -6,7 +6,7 @@ subclass for lenses that are alike all around their axis: it needs only r(θ) an
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.parametric_camera import ParametricCamera
 
 # The ray of a pixel at the very edge of the domain is rounded; projected again it must be valid.
 EDGE_RAD = 1e-12
@@ -26,10 +27,8 @@ class PlanePoints(NamedTuple):
     valid: NDArray[np.bool_]  # (...,)
 
 
-class PlaneCamera(ABC):
+class PlaneCamera(ParametricCamera):
     """Pixels to rays and back, by way of the normalised plane; a mixin beside the parameters."""
-
-    principal_point_px: tuple[float, float]
 
     @property
     @abstractmethod
@@ -66,7 +65,10 @@ class RadialCamera(PlaneCamera):
     Domain: θ_min ≤ θ ≤ θ_edge, where r(θ) increases; on the plane r(θ_min) ≤ r ≤ r(θ_edge).
     """
 
-    theta_min_rad = 0.0
+    @property
+    def theta_min_rad(self) -> float:
+        """Angle from +z where the domain begins."""
+        return 0.0
 
     @property
     @abstractmethod

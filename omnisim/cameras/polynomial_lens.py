@@ -1,4 +1,4 @@
-"""Lenses whose radius is a polynomial of θ: the numerical half, common to several models."""
+"""Base of models whose radius is a polynomial of θ."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.monotone import first_root, polyval, solve_polynomial
 from omnisim.cameras.plane_camera import RadialCamera
 
 
@@ -37,14 +37,7 @@ class PolynomialLens(RadialCamera):
         return min(self.theta_max_rad, self.fold_rad)
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        return polynomial.polyval(theta, self.theta_polynomial)
+        return polyval(self.theta_polynomial, theta)
 
     def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        slopes = polynomial.polyder(self.theta_polynomial)
-        return solve_increasing(
-            self._radius_from_theta,
-            lambda theta: polynomial.polyval(theta, slopes),
-            radius,
-            0.0,
-            self.theta_edge_rad,
-        )
+        return solve_polynomial(self.theta_polynomial, radius, 0.0, self.theta_edge_rad)

@@ -24,17 +24,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import solve_increasing
-from omnisim.cameras.parameters import check_finite
-from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
-MOST_NODES = 64  # arrays of the GLSL twin
+MAX_NODES = 64  # arrays of the GLSL twin
 
 
 @dataclass(frozen=True)
-class RadialTableCamera(ParametricCamera, RadialCamera):
+class RadialTableCamera(RadialCamera):
     """A lens as a table of angles and radii.
 
     Attributes:
@@ -56,17 +55,18 @@ class RadialTableCamera(ParametricCamera, RadialCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "principal_point_px", "thetas_rad", "radii_px")
+        if len(self.thetas_rad) != len(self.radii_px):
+            raise OpticsError("camera: radii_px: expected as many as thetas_rad")
+        if not 2 <= len(self.radii_px) <= MAX_NODES:
+            count = len(self.radii_px)
+            raise OpticsError(f"camera: radii_px: expected 2 to {MAX_NODES} values, got {count}")
         for name in ("thetas_rad", "radii_px"):
             values = getattr(self, name)
-            if not 2 <= len(values) <= MOST_NODES:
-                raise OpticsError(f"camera: {name}: {len(values)} values: want 2 to {MOST_NODES}")
             if values[0] != 0.0 or min(np.diff(values)) <= 0.0:
-                raise OpticsError(f"camera: {name} = {values}: want them to rise from 0")
-        if len(self.thetas_rad) != len(self.radii_px):
-            raise OpticsError("camera: radii_px: want as many as thetas_rad")
-        if self.thetas_rad[-1] > math.pi:
-            raise OpticsError(f"camera: thetas_rad ends at {self.thetas_rad[-1]:g}: want at most π")
+                raise OpticsError(f"camera: {name}: expected values that rise from 0, got {values}")
+        end = self.thetas_rad[-1]
+        if end > math.pi:
+            raise OpticsError(f"camera: thetas_rad: expected at most π, got {end:g}")
 
     @property
     def theta_edge_rad(self) -> float:
@@ -118,9 +118,9 @@ class RadialTableCamera(ParametricCamera, RadialCamera):
             self._radius_from_theta, self._slope, radius, 0.0, self.theta_edge_rad
         )
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/radial_table.glsl`; the last entry fills the arrays."""
-        fill = MOST_NODES - len(self.thetas_rad)
+        fill = MAX_NODES - len(self.thetas_rad)
         slopes = tuple(self.slopes_px.tolist())
         return {
             "u_principal_point_px": self.principal_point_px,

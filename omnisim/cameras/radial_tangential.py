@@ -19,13 +19,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.monotone import first_root, solve_polynomial
 from omnisim.cameras.plane_camera import PlanePoints, unit_vectors
 
-MOST_STEPS = 60
+MAX_STEPS = 60
 ROUNDING = 1e-14  # of the distance between a point and the distorted inverse of it
 
 
@@ -52,7 +51,8 @@ class RadialTangential(NamedTuple):
         tangential = np.array([self.p2, self.p1])
         growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
         slant = np.sum(tangential * plane, axis=-1, keepdims=True)
-        return plane * (growth + 2.0 * slant) + squared * tangential
+        distorted: NDArray[np.float64] = plane * (growth + 2.0 * slant) + squared * tangential
+        return distorted
 
     def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
         """Points (..., 2) within `limit` that `distort` takes to `distorted` (..., 2).
@@ -61,14 +61,7 @@ class RadialTangential(NamedTuple):
         """
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
         radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2, 0.0, self.k3])
-        slopes = polynomial.polyder(radial)
-        start = solve_increasing(
-            lambda r: polynomial.polyval(r, radial),
-            lambda r: polynomial.polyval(r, slopes),
-            radius,
-            0.0,
-            limit,
-        )
+        start = solve_polynomial(radial, radius, 0.0, limit)
         plane = unit_vectors(distorted, radius) * start[..., None]
         if self.p1 or self.p2:
             searched = self._descend(plane.reshape(-1, 2), distorted.reshape(-1, 2), limit)
@@ -82,7 +75,7 @@ class RadialTangential(NamedTuple):
         """Newton's steps (n, 2) that stay within `limit`, each point until it stands."""
         found = plane.copy()
         at = np.arange(len(plane))
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             following = plane - self._newton_step(plane, self.distort(plane) - distorted)
             length = np.hypot(following[:, 0], following[:, 1])
             following *= (limit / np.maximum(length, limit))[:, None]

@@ -29,9 +29,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import Rays
+from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.parameters import check_finite
 from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
 from omnisim.cameras.radial_tangential import RadialTangential
 from omnisim.errors import OpticsError
@@ -63,12 +62,12 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_finite(self, "xi", "distortion", "skew_px")
         if self.xi < 0.0:
-            raise OpticsError(f"camera: xi = {self.xi:g}: want ≥ 0")
+            raise OpticsError(f"camera: xi: expected at least 0, got {self.xi:g}")
         if len(self.distortion) not in (4, 5):
             raise OpticsError(
-                f"camera: distortion = {self.distortion}: want k1, k2, p1, p2, and perhaps k3"
+                "camera: distortion: expected k1, k2, p1, p2 and optionally k3, "
+                f"got {self.distortion}"
             )
 
     @property
@@ -113,7 +112,7 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         plane = np.where(valid[..., None], plane, 0.0)
         return PlanePoints(RadialTangential(*self.distortion).distort(plane), valid)
 
-    def uniforms(self) -> dict[str, float | tuple[float, ...]]:
+    def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/unified.glsl`."""
         return {
             **super().uniforms(),

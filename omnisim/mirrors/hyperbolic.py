@@ -23,8 +23,6 @@ PAPER_K = 11.546
 PAPER_C = 2.321
 PAPER_METERS_PER_UNIT = 0.04  # an assumption: the paper names no unit
 DEFAULT_RIM_RAD = math.radians(105.0)  # an assumption: the paper names no rim
-
-
 LARGEST_K = 1e6  # from there on a paraboloid, to a millionth, and rounding begins to show
 SMALLEST_C_M, LARGEST_C_M = 1e-6, 1e6
 
@@ -61,23 +59,24 @@ class HyperbolicMirror:
     def __post_init__(self) -> None:
         for name in ("k", "c", "meters_per_unit", "theta_max_rad"):
             if not math.isfinite(getattr(self, name)):
-                raise OpticsError(f"mirror: {name} = {getattr(self, name)}: want a finite number")
+                value = getattr(self, name)
+                raise OpticsError(f"mirror: {name}: expected a finite number, got {value}")
         if not 2.0 <= self.k <= LARGEST_K:
-            raise OpticsError(f"mirror: k = {self.k:g}: want k ≥ 2 (Eq. 1), at most {LARGEST_K:g}")
-        if self.c <= 0.0:
-            raise OpticsError(f"mirror: c = {self.c:g}: want c > 0, the pinhole's distance")
-        if self.meters_per_unit <= 0.0:
-            raise OpticsError(f"mirror: meters_per_unit = {self.meters_per_unit:g}: want > 0")
+            raise OpticsError(f"mirror: k: expected 2 (Eq. 1) to {LARGEST_K:g}, got {self.k:g}")
+        for name in ("c", "meters_per_unit"):
+            value = getattr(self, name)
+            if value <= 0.0:
+                raise OpticsError(f"mirror: {name}: expected more than 0, got {value:g}")
         if not SMALLEST_C_M <= self.c_m <= LARGEST_C_M:
             raise OpticsError(
-                f"mirror: c · meters_per_unit = {self.c_m:g} m: "
-                f"want {SMALLEST_C_M:g} to {LARGEST_C_M:g} m"
+                f"mirror: c · meters_per_unit: expected {SMALLEST_C_M:g} to {LARGEST_C_M:g} m, "
+                f"got {self.c_m:g} m"
             )
         if not 0.0 < self.theta_max_rad < self.theta_limit_rad:
             raise OpticsError(
-                f"mirror: rim at {math.degrees(self.theta_max_rad):.6g}°: want more than 0° and "
-                f"less than the asymptote of k = {self.k:g}, "
-                f"{math.degrees(self.theta_limit_rad):.3f}°"
+                "mirror: rim: expected more than 0° and less than the asymptote of "
+                f"k = {self.k:g}, {math.degrees(self.theta_limit_rad):.3f}°, "
+                f"got {math.degrees(self.theta_max_rad):.6g}°"
             )
 
     @classmethod
@@ -95,7 +94,8 @@ class HyperbolicMirror:
         """
         if not 0.0 < rim_radius_m <= LARGEST_C_M:
             raise OpticsError(
-                f"mirror: rim_radius_m = {rim_radius_m:g}: want > 0, at most {LARGEST_C_M:g}"
+                f"mirror: rim_radius_m: expected more than 0 and at most {LARGEST_C_M:g}, "
+                f"got {rim_radius_m:g}"
             )
         unbounded = cls(k, c, meters_per_unit, 1e-3)  # checks k, c and the scale first
         height_m = float(unbounded.height_from_radius_m(rim_radius_m))
@@ -103,7 +103,7 @@ class HyperbolicMirror:
 
     @property
     def c_m(self) -> float:
-        """Distance from the effective viewpoint to the pinhole in metres."""
+        """Distance from the effective viewpoint to the pinhole."""
         return self.c * self.meters_per_unit
 
     @property
@@ -232,7 +232,8 @@ class HyperbolicMirror:
         gradient[..., 2] = 0.5 - positions[..., 2]
         if self.k == 2.0:
             gradient[..., 2] = 1.0
-        return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
+        gradient /= np.linalg.norm(gradient, axis=-1, keepdims=True)
+        return gradient
 
     @property
     def _s(self) -> float:

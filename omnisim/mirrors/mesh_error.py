@@ -1,4 +1,4 @@
-"""How far a mirror's mesh shifts what it shows, computed without rendering anything."""
+"""Distortion of the picture by a mirror's mesh, computed without rendering."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ class MirrorMesh:
         vertices_m: (n, 3) float64, metres.
         normals: (n, 3) float64, unit, on the reflecting side.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
-        polygons: how many polygons the mirror has in the paper's sense: the triangles next to
-            the vertex count one each, two triangles in one cell of the other rings count as one.
+        polygons: polygons in the paper's sense: a triangle next to the vertex counts as one, so
+            do the two triangles of a cell in the other rings.
         sectors: polygons around the axis.
         rings: polygons from the vertex to the rim.
     """
@@ -38,7 +38,7 @@ class MirrorMesh:
 
 @dataclass(frozen=True)
 class UnfoldedMirrorMesh:
-    """A mirror mesh cut along the edges of the cube, one copy of each vertex for each face.
+    """A mirror mesh clipped along the edges of the cube, one copy of each vertex for each face.
 
     Attributes:
         vertices_m: (n, 3) float64, mirror frame, metres.

@@ -1,4 +1,4 @@
-"""From a mirror's shape to polygons, as in the paper's Fig. 3."""
+"""Tessellation of a mirror into polygons, as in the paper's Fig. 3."""
 
 from __future__ import annotations
 
@@ -32,20 +32,21 @@ def sectors_and_rings(polygons: int) -> tuple[int, int]:
         OpticsError: a count that has no such split; the message names the nearest that have.
     """
     if not MIN_POLYGONS <= polygons <= MAX_POLYGONS:
-        raise OpticsError(f"mirror: {polygons} polygons: want {MIN_POLYGONS} to {MAX_POLYGONS}")
+        limits = f"{MIN_POLYGONS} to {MAX_POLYGONS}"
+        raise OpticsError(f"mirror: expected {limits} polygons, got {polygons}")
     split = _best_split(polygons)
     if split is None:
         below = next(n for n in range(polygons - 1, 0, -1) if _best_split(n))
         above = next(n for n in range(polygons + 1, 2 * polygons) if _best_split(n))
         raise OpticsError(
-            f"mirror: {polygons} polygons do not make rings of equal sectors in four like "
-            f"quadrants: the nearest that do are {below} and {above}"
+            "mirror: expected polygons that make rings of equal sectors in four like quadrants, "
+            f"the nearest {below} and {above}, got {polygons}"
         )
     return split
 
 
 def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
-    """Make the mesh of a mirror, every vertex on the surface, the last ring on the rim.
+    """Mesh of a mirror: every vertex on the surface, the last ring on the rim.
 
     Raises:
         OpticsError: see `sectors_and_rings`.

@@ -1,9 +1,9 @@
-"""Cutting a mirror's mesh along the edges of the cube, for texture coordinates (Fig. 6).
+"""Clipping of a mirror's mesh along the edges of the cube, for texture coordinates (Fig. 6).
 
 Inside one face of the cube, point projection gives a polygon its texture coordinates. A polygon
-that an edge of the cube crosses belongs to two faces; it is cut there, and the new vertices are
-put on the mirror, where the same direction meets it. Both neighbours of a cut edge get the same
-new vertex, so the mesh has no cracks.
+that an edge of the cube crosses belongs to two faces; it is clipped there, and the new vertices
+are put on the mirror, where the same direction meets it. Both neighbours of a clipped edge share
+the new vertex, so the mesh has no cracks.
 """
 
 from __future__ import annotations
@@ -31,21 +31,17 @@ _ON_EDGE = 1e-12
 
 
 def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
-    """Cut a mesh along the cube's edges and give it texture coordinates.
+    """Clip a mesh along the cube's edges and give it texture coordinates.
 
     Args:
         mirror: the mirror that `mesh` is of.
         mesh: its mesh.
     """
-    cutter = _Cutter(mirror, mesh.vertices_m)
-    parts = []
-    for face in range(len(FACE_NAMES)):
-        triangles = cutter.triangles_on(face, mesh.triangles)
-        if len(triangles):
-            parts.append((face, triangles))
-    positions = np.array(cutter.positions)
+    clipper = _Clipper(mirror, mesh.vertices_m)
+    parts = [clipper.clip_to_face(face, mesh.triangles) for face in range(len(FACE_NAMES))]
+    positions = np.array(clipper.positions)
     vertices, coordinates, triangles, base = [], [], [], 0
-    for face, corners in parts:
+    for face, corners in enumerate(parts):
         used, local = np.unique(corners, return_inverse=True)
         vertices.append(positions[used])
         coordinates.append(_texture_coordinates(positions[used], face))
@@ -67,8 +63,8 @@ def _texture_coordinates(positions: NDArray[np.float64], face: int) -> NDArray[n
     return (inside + LAYOUT_CELLS[face]) / (LAYOUT_COLUMNS, LAYOUT_ROWS)
 
 
-class _Cutter:
-    """Clips triangles to the cells of the cube's faces and shares the vertices it makes.
+class _Clipper:
+    """Clips triangles to the cells of the cube's faces, and shares the new vertices.
 
     Attributes:
         positions: (3,) of all vertices, mirror frame, the new ones after the old.
@@ -77,11 +73,11 @@ class _Cutter:
     def __init__(self, mirror: HyperbolicMirror, positions: NDArray[np.float64]):
         self._mirror = mirror
         self.positions = list(positions)
-        self._made: dict[tuple[int, int, tuple[float, ...]], int] = {}
+        self._crossings: dict[tuple[int, int, tuple[float, ...]], int] = {}
         self._fixed = _edge_distances(positions)
 
-    def triangles_on(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The parts (m, 3) of triangles that one face sees."""
+    def clip_to_face(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Parts (m, 3) of triangles in the cell of one face."""
         limits = _edge_planes(face)
         distances = self._fixed[face][triangles]  # (n, 3 corners, 4 planes)
         outside = np.any(np.all(distances <= 0.0, axis=1), axis=1)
@@ -95,13 +91,16 @@ class _Cutter:
         return np.array(result, dtype=np.int64).reshape(-1, 3)
 
     def _clip(self, polygon: list[int], plane: NDArray[np.float64]) -> list[int]:
-        """The part of a polygon in front of a plane through the effective viewpoint."""
+        """Part of a polygon in front of a plane through the effective viewpoint.
+
+        Source: Sutherland & Hodgman 1974.
+        """
         kept: list[int] = []
         sides = [self._side(vertex, plane) for vertex in polygon]
         for i, vertex in enumerate(polygon):
             last, side_last, side = polygon[i - 1], sides[i - 1], sides[i]
             if side * side_last < 0.0:
-                kept.append(self._cut(last, vertex, plane))
+                kept.append(self._crossing(last, vertex, plane))
             if side >= 0.0:
                 kept.append(vertex)
         return kept
@@ -111,20 +110,21 @@ class _Cutter:
         distance = float(plane @ position)
         return 0.0 if abs(distance) <= _ON_EDGE * float(np.linalg.norm(position)) else distance
 
-    def _cut(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
+    def _crossing(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
+        """Vertex where an edge crosses a plane."""
         low, high = min(one, other), max(one, other)
         # the two faces at an edge of the cube see its plane from opposite sides
         sign = 1.0 if tuple(plane) > tuple(-plane) else -1.0
         key = (low, high, tuple((sign * plane).tolist()))
-        if key not in self._made:
+        if key not in self._crossings:
             a, b = self.positions[low], self.positions[high]
             t = (plane @ a) / (plane @ a - plane @ b)
             crossing = a + t * (b - a)
             theta = np.arctan2(np.hypot(crossing[0], crossing[1]), crossing[2])
             azimuth = np.arctan2(crossing[1], crossing[0])
-            self._made[key] = len(self.positions)
+            self._crossings[key] = len(self.positions)
             self.positions.append(self._mirror.surface_points(theta, azimuth).positions_m)
-        return self._made[key]
+        return self._crossings[key]
 
 
 def _edge_planes(face: int) -> NDArray[np.float64]:

@@ -58,7 +58,7 @@ def test_render_with_everything(omnisim, tmp_path):
         ),
         (["courtyard", "-o", "a" * 300 + ".png"], "cannot be written: File name too long"),
         (["courtyard", "-o", "a.png", "--at", "1e39", "0", "0"], "expected three finite numbers"),
-        (["courtyard", "-o", "a.png", "-n", "1009"], "nearest that do are 1008 and 1012"),
+        (["courtyard", "-o", "a.png", "-n", "1009"], "nearest 1008 and 1012"),
         (["courtyard", "-o", "a.png", "-n", "few"], "-n few: want a number of polygons or 'exact'"),
         (["courtyard", "-o", "a.png", "--size", "0"], "size 0: want at least 1"),
         (["courtyard", "-o", "a.png", "--at", "nan", "0", "0"], "expected three finite numbers"),
@@ -130,7 +130,7 @@ def test_mirror_writes_a_mesh(omnisim, tmp_path):
     assert "256 polygons (32 sectors × 8 rings)" in out
     assert load_scene(tmp_path / "m.glb").instances[0].name == "hyperbolic_mirror"
     status, _, error = omnisim("mirror", "-n", 0, "-o", "n.glb")
-    assert (status, error) == (1, "error: mirror: 0 polygons: want 8 to 1048576\n")
+    assert (status, error) == (1, "error: mirror: expected 8 to 1048576 polygons, got 0\n")
     assert not (tmp_path / "n.glb").exists()
 
 

@@ -46,11 +46,11 @@ def test_mesh_is_one_disc_without_cracks():
 @pytest.mark.parametrize(
     ("polygons", "words"),
     [
-        (4, "want 8 to"),
-        (0, "want 8 to"),
-        (-16, "want 8 to"),
-        (10**9, "want 8 to"),
-        (1009, "nearest that do are 1008 and 1012"),
+        (4, "expected 8 to"),
+        (0, "expected 8 to"),
+        (-16, "expected 8 to"),
+        (10**9, "expected 8 to"),
+        (1009, "nearest 1008 and 1012"),
     ],
 )
 def test_impossible_counts_name_the_possible(polygons, words):

@@ -48,9 +48,9 @@ def test_a_lens_of_a_sensor_file(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("equidistant", "equidistand", r"lens\.model = 'equidistand': want one of"),
+        ("equidistant", "equidistand", r"lens\.model: expected one of .*, got 'equidistand'"),
         ("focal_length_px = 90.0\n", "", r"lens\.focal_length_px: missing"),
-        ("90.0", "'90'", r"lens\.focal_length_px = '90': want a number"),
+        ("90.0", "'90'", r"lens\.focal_length_px: expected a number, got '90'"),
         ("theta_max_deg", "theta_deg", r"lens\.theta_max_deg: missing"),
         (
             "theta_max_deg = 100.0",

@@ -77,8 +77,8 @@ def test_resizing_keeps_the_view():
         ("[mirror]\nk = 1.5", r"sensor\.toml: mirror\.k: expected a number ≥ 2.*, got 1\.5"),
         ("[mirror]\nk = 'big'", r"mirror\.k: expected a valid number.*, got 'big'"),
         ("[mirror]\nk = nan", r"mirror\.k: expected a finite number.*, got nan"),
-        ("[mirror]\nk = 1e200", r"k = 1e\+200: want k ≥ 2 \(Eq\. 1\), at most 1e\+06"),
-        ("[mirror]\nc = 1e300", r"c · meters_per_unit = 4e\+298 m: want 1e-06 to 1e\+06 m"),
+        ("[mirror]\nk = 1e200", r"k: expected 2 \(Eq\. 1\) to 1e\+06, got 1e\+200"),
+        ("[mirror]\nc = 1e300", r"c · meters_per_unit: expected 1e-06 to 1e\+06 m, got 4e\+298 m"),
         ("[mirror]\nk = '11'", r"mirror\.k: expected a valid number.*, got '11'"),
         ("[mirror]\nc = true", r"mirror\.c: expected a valid number.*, got True"),
         (
@@ -89,7 +89,7 @@ def test_resizing_keeps_the_view():
         ("[mirror]\nc = -2.3", r"mirror\.c: expected a number > 0.*, got -2\.3"),
         ("[mirror]\nthetamax_deg = 3", r"thetamax_deg: unknown key; did you mean 'theta_max_deg'"),
         ("[mirror]\ntheta_max_deg = 156", r"theta_max_deg = 156\.0: .*asymptote .* 155\.405°"),
-        ("[mirror]\ntheta_max_deg = 0", r"theta_max_deg = 0\.0: .*want more than 0°"),
+        ("[mirror]\ntheta_max_deg = 0", r"theta_max_deg = 0\.0: .*expected more than 0°"),
         ("[mirror]\nrim_radius_m = 0", "rim_radius_m: expected a number > 0.*, got 0"),
         ("[mirror]\ntheta_max_deg = 90\nrim_radius_m = 1", r"mirror: theta_max_deg and rim_radius"),
         (
@@ -161,6 +161,6 @@ def test_missing_and_binary_files(tmp_path):
 def test_polygon_count_is_checked_in_the_library_too():
     from omnisim.errors import OpticsError
 
-    with pytest.raises(OpticsError, match="nearest that do"):
+    with pytest.raises(OpticsError, match="nearest"):
         OmniCamera(polygons=1009)
     assert math.isinf(OmniCamera().far_m)

@@ -70,7 +70,7 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
     for _ in range(30):
         angle, radius = generator.uniform(0.0, 2.0 * np.pi), reach_px * generator.uniform() ** 0.5
         centre = (radius * np.cos(angle), radius * np.sin(angle))
-        camera = HyperbolicCamera(mirror, width_px, height_px, focal_length_px, centre)
+        camera = HyperbolicCamera(width_px, height_px, focal_length_px, centre, mirror)
         rays = camera.ray_from_pixel(pixel_grid(width_px, height_px))
         seen = face_index(rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T)
         planned = {tile.face for tile in plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP).tiles}
