@@ -81,8 +81,14 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
             ["a.png", "--to", "perspective", "-o", "b.png", "--pitch", "-80", "--fov", "40"],
             "a.png: the picture shows nothing of this view: look elsewhere",
         ),
-        (["a.png", "--to", "perspective", "-o", "b.png", "--fov", "180"], "field of view: expected more than 0° and less than 180°, got 180°"),
-        (["a.png", "--to", "perspective", "-o", "b.png", "--yaw", "nan"], "expected numbers within"),
+        (
+            ["a.png", "--to", "perspective", "-o", "b.png", "--fov", "180"],
+            "less than 180°, got 180°",
+        ),
+        (
+            ["a.png", "--to", "perspective", "-o", "b.png", "--yaw", "nan"],
+            "expected numbers within",
+        ),
         (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"], "height -1 m: want more"),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "is square"),

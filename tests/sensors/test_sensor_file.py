@@ -100,7 +100,7 @@ def test_resizing_keeps_the_view():
             "[mirror]\npolygons = 'many'",
             r"mirror\.polygons: expected a whole number or 'exact'.*, got 'many'",
         ),
-        ("[mirror]\npolygons = 1009", r"mirror\.polygons = 1009: .*nearest .* 1008 and 1012"),
+        ("[mirror]\npolygons = 1009", r"mirror\.polygons = 1009: .*nearest 1008 and 1012"),
         ("[mirror]\npolygons = 10.5", r"mirror\.polygons: expected a whole number.*, got 10\.5"),
         ("[mirror]\npolygons = true", r"mirror\.polygons: expected a whole number.*, got True"),
         ("[mirror.mounting]\nposition_m = [0, 0]", r"mirror\.mounting\.position_m\.2: missing"),
