@@ -87,7 +87,7 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         ),
         (
             ["a.png", "--to", "perspective", "-o", "b.png", "--yaw", "nan"],
-            "expected numbers within",
+            "want finite numbers",
         ),
         (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"], "height -1 m: want more"),
