@@ -17,7 +17,7 @@ from benchmarks.progress import show_turns
 from benchmarks.report import write_report
 from benchmarks.timer import ROUNDS, WARM_UP
 from omnisim.atomic_file import check_target
-from omnisim.cli.consoles import err
+from omnisim.cli.console import err
 from omnisim.errors import OmnisimError, OutputError
 from omnisim.reports.machine import machine_line
 

@@ -1,19 +1,33 @@
-"""The command line: parse, call, print."""
+"""The command line: parses, calls, prints.
 
-from __future__ import annotations
+Each command imports what it runs, as `omnisim --help` needs none of it.
+"""
 
 import sys
 from typing import Annotated
 
 import typer
 
-from omnisim.cli.calibration import calibration_app
-from omnisim.cli.consoles import err, out
-from omnisim.cli.landmarks import landmarks_app
-from omnisim.cli.picture_commands import mirror, render, scan, sensor, unwarp
-from omnisim.cli.proof_commands import experiments, info, validate
-from omnisim.cli.robot import robot_app
-from omnisim.cli.run_commands import drive, localize, plot, video
+from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
+from omnisim.cli.command import command
+from omnisim.cli.console import err, out
+from omnisim.cli.picture_requests import (
+    MirrorRequest,
+    RenderRequest,
+    ScanRequest,
+    SensorRequest,
+    UnwarpRequest,
+)
+from omnisim.cli.robot_requests import CheckRequest, ImportRequest
+from omnisim.cli.run_requests import (
+    DetectRequest,
+    DriveRequest,
+    LocalizeRequest,
+    PlotRequest,
+    TrainRequest,
+    VideoRequest,
+)
+from omnisim.cli.validation_requests import ExperimentsRequest, ValidateRequest
 from omnisim.errors import OmnisimError
 from omnisim.version import __version__
 
@@ -28,17 +42,187 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+robot_app = typer.Typer(
+    name="robot", help="Robots: list, check, or import from USARSim.", no_args_is_help=True
+)
+landmarks_app = typer.Typer(
+    name="landmarks", help="Learn the colours of landmarks, and detect them.", no_args_is_help=True
+)
+calibration_app = typer.Typer(
+    name="calibration",
+    help="Calibration files of other tools: convert, show, list the formats.",
+    no_args_is_help=True,
+)
 
-for command in (
-    info, render, drive, localize, plot, video, unwarp, scan, validate, experiments, mirror, sensor,
-):  # fmt: skip
-    app.command()(command)
+
+@app.command()
+def info() -> None:
+    """Show versions, built-in scenes, and the GPUs that can render."""
+    from omnisim.cli.info import run
+
+    run()
+
+
+@command(app, RenderRequest)
+def render(request: RenderRequest) -> None:
+    """Render one frame of an omnidirectional camera, and its ground truth."""
+    from omnisim.cli.render import run
+
+    run(request)
+
+
+@command(app, DriveRequest)
+def drive(request: DriveRequest) -> None:
+    """Drive a robot along a path and record pictures, scans, odometry and ground truth."""
+    from omnisim.cli.drive import run
+
+    run(request)
+
+
+@command(app, LocalizeRequest)
+def localize(request: LocalizeRequest) -> None:
+    """Localize the robot of a run by its odometry and the landmarks in its pictures."""
+    from omnisim.cli.localize import run
+
+    run(request)
+
+
+@command(app, PlotRequest)
+def plot(request: PlotRequest) -> None:
+    """Plot a run from above: map, path, odometry, landmarks, pictures."""
+    from omnisim.cli.run_views import plot
+
+    plot(request)
+
+
+@command(app, VideoRequest)
+def video(request: VideoRequest) -> None:
+    """Encode the pictures of a run as a video."""
+    from omnisim.cli.run_views import video
+
+    video(request)
+
+
+@command(app, UnwarpRequest)
+def unwarp(request: UnwarpRequest) -> None:
+    """Unwarp an omnidirectional picture to a cylinder, a perspective view or a map."""
+    from omnisim.cli.unwarp import run
+
+    run(request)
+
+
+@command(app, ScanRequest)
+def scan(request: ScanRequest) -> None:
+    """Take one scan with a laser scanner, a SICK LMS200."""
+    from omnisim.cli.scan import run
+
+    run(request)
+
+
+@command(app, ValidateRequest)
+def validate(request: ValidateRequest) -> None:
+    """Validate the geometry by the paper's figures and independent oracles; 1 if a bound fails."""
+    from omnisim.cli.validate import run
+
+    if not run(request):
+        raise typer.Exit(1)
+
+
+@command(app, ExperimentsRequest)
+def experiments(request: ExperimentsRequest) -> None:
+    """Repeat the paper's experiments in self-localization; 1 if a bound fails."""
+    from omnisim.cli.experiments import run
+
+    if not run(request):
+        raise typer.Exit(1)
+
+
+@command(app, MirrorRequest)
+def mirror(request: MirrorRequest) -> None:
+    """Write the mirror's mesh, textured for the unfolded cube, to open in Blender."""
+    from omnisim.cli.mirror import run
+
+    run(request)
+
+
+@command(app, SensorRequest)
+def sensor(request: SensorRequest) -> None:
+    """Print the default sensor file, every key with a comment, or check one."""
+    from omnisim.cli.sensor import run
+
+    run(request)
+
+
+@robot_app.command("list")
+def list_robots() -> None:
+    """List the built-in robots."""
+    from omnisim.cli.robot import list_robots
+
+    list_robots()
+
+
+@command(robot_app, CheckRequest, "check")
+def check_robot(request: CheckRequest) -> None:
+    """Check a robot file with its body and sensors, and summarize it."""
+    from omnisim.cli.robot import check_robot
+
+    check_robot(request)
+
+
+@command(robot_app, ImportRequest, "import")
+def import_robot(request: ImportRequest) -> None:
+    """Convert a robot of USARSim's configuration to a robot file."""
+    from omnisim.cli.robot import import_robot
+
+    import_robot(request)
+
+
+@command(landmarks_app, TrainRequest, "train")
+def train_landmarks(request: TrainRequest) -> None:
+    """Learn the colours from a run that was driven with --also instance."""
+    from omnisim.cli.landmarks import train
+
+    train(request)
+
+
+@command(landmarks_app, DetectRequest, "detect")
+def detect_landmarks(request: DetectRequest) -> None:
+    """Detect landmarks with range and bearing in a picture, or in all pictures of a run."""
+    from omnisim.cli.landmarks import detect
+
+    detect(request)
+
+
+@command(calibration_app, ConvertRequest, "convert")
+def convert_calibration(request: ConvertRequest) -> None:
+    """Convert a calibration to another format, exactly or by the best fit, with its residual."""
+    from omnisim.cli.calibration import convert
+
+    convert(request)
+
+
+@command(calibration_app, ShowRequest, "show")
+def show_calibration(request: ShowRequest) -> None:
+    """Show the cameras of a calibration file: model, parameters, field of view, valid domain."""
+    from omnisim.cli.calibration import show
+
+    show(request)
+
+
+@calibration_app.command("formats")
+def list_formats() -> None:
+    """List the formats, and the camera models that each represents exactly."""
+    from omnisim.cli.calibration import list_formats
+
+    list_formats()
+
+
 for group in (robot_app, landmarks_app, calibration_app):
     app.add_typer(group)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
         out.print(f"omnisim {__version__}")
         raise typer.Exit
 
@@ -47,27 +231,25 @@ def _print_version(wanted: bool) -> None:
 def _options(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print it."),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
     """Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel."""
 
 
 def main() -> None:
-    """Run the command line; what a user can act on is one line and exit status 1."""
+    """Run the command line; an error that a user can act on is one line and exit status 1."""
     try:
         app()
     except SystemExit as stopped:
-        if stopped.code == INTERRUPTED:  # typer says nothing
+        if stopped.code == INTERRUPTED:  # typer prints nothing
             err.print("interrupted")
         raise
     except OmnisimError as error:
+        from rich.markup import escape
+
         for line in str(error).splitlines():
-            err.print(f"[bold red]error:[/] {_plain(line)}")
+            err.print(f"[bold red]error:[/] {escape(line)}")
         sys.exit(1)
-
-
-def _plain(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

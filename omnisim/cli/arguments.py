@@ -1,6 +1,4 @@
-"""Arguments and options that several commands take."""
-
-from __future__ import annotations
+"""Arguments and options that several commands share."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,8 +9,8 @@ SceneArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="A scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
-        "or the name of a built-in scene.",
+        help="Scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
+        "or name of a built-in scene.",
     ),
 ]
 PictureOption = Annotated[
@@ -48,24 +46,23 @@ QualityOption = Annotated[
     typer.Option(
         "--quality",
         metavar="fast|default|fine",
-        help="How finely pictures are captured. [dim]the sensor file's[/]",
+        help="Samples per pixel and resolution of the virtual cameras. [dim]the sensor file's[/]",
     ),
 ]
 UnlitOption = Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")]
 UpOption = Annotated[
     str | None,
-    typer.Option("--up", metavar="x|y|z", help="The scene file's axis that points up."),
+    typer.Option("--up", metavar="x|y|z", help="Up axis of the scene file."),
 ]
 PresetOption = Annotated[
     str | None,
     typer.Option(
         "--preset",
         metavar="NAME|FILE",
-        help="What the camera lacks to be ideal: ideal, dragonfly2, webcam, bad-day, or a .toml "
+        help="Degradations of the camera: ideal, dragonfly2, webcam, bad-day, or a .toml "
         "file. [dim]the sensor file's[/]",
     ),
 ]
-RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
 DeviceOption = Annotated[
     int | None,
     typer.Option("--device", min=0, help="Number of the GPU, as `omnisim info` lists them."),
@@ -75,11 +72,30 @@ AlsoOption = Annotated[
     typer.Option(
         "--also",
         metavar="CHANNELS",
-        help="Ground truth, names with commas, or all: range z position normals normals_camera "
-        "albedo semantic instance flow occluded valid.",
+        help="Ground-truth channels, comma-separated, or all: range z position normals "
+        "normals_camera albedo semantic instance flow occluded valid.",
     ),
 ]
 LabelsOption = Annotated[
     Path | None,
-    typer.Option("--labels", metavar="FILE", help="Classes, instead of the scene's own: a .toml."),
+    typer.Option("--labels", metavar="FILE", help="Label file instead of the scene's own: .toml."),
+]
+RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
+RunSceneOption = Annotated[
+    str | None, typer.Option("--scene", help="The run's scene, if it has moved.")
+]
+RunCameraOption = Annotated[
+    str | None, typer.Option("--camera", help="Name of a camera. [dim]the first[/]")
+]
+CameraNameOption = Annotated[
+    str | None,
+    typer.Option("--camera-name", metavar="NAME", help="Camera of the calibration file."),
+]
+MirroredOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--mirrored/--not-mirrored",
+        help="The file's camera looks into a mirror. [dim]as the file's remarks say, or not[/]",
+        show_default=False,
+    ),
 ]

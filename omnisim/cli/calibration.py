@@ -1,82 +1,210 @@
-"""`omnisim calibration`: its commands, which parse, call and print."""
+"""`omnisim calibration`, and calibrations as inputs of other commands."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from rich.table import Table
 
-from omnisim.cli.consoles import err, out
-
-calibration_app = typer.Typer(
-    name="calibration",
-    help="Calibration files of other tools: convert, show, list the formats.",
-    no_args_is_help=True,
+from omnisim.atomic_file import check_distinct, check_target
+from omnisim.calibration import (
+    FORMATS,
+    CalibratedCamera,
+    Calibration,
+    calibration_of,
+    load_calibration,
+    save_calibration,
 )
-InputArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="FILE", help="A calibration file, a sensor file, or a picture that omnisim took."
-    ),
-]
-FormatOption = Annotated[
-    str | None,
-    typer.Option("--format", metavar="FORMAT", help="Of FILE. [dim]what it looks like[/]"),
-]
-NameOption = Annotated[
-    str | None,
-    typer.Option("--camera-name", metavar="NAME", help="Which camera of the file."),
-]
-MirroredOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--mirrored/--not-mirrored",
-        help="The file's camera looks into a mirror. [dim]as its remarks say, or not[/]",
-        show_default=False,
-    ),
-]
+from omnisim.calibration.file_frame import looks_back
+from omnisim.calibration.load import format_named
+from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.cameras.domain import domain
+from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
+from omnisim.cli.console import out, pluralize, print_note
+from omnisim.errors import CalibrationError, OmnisimError
+from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
+from omnisim.sensors import OmniCamera
+
+SHOWN_POSES = 8
 
 
-@calibration_app.command()
-def convert(
-    source: InputArgument,
-    to: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="See `omnisim calibration formats`.")
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
-    camera_name: NameOption = None,
-    format: FormatOption = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model", metavar="MODEL", help="Write by this model. [dim]the same, or the nearest[/]"
-        ),
-    ] = None,
-    mirrored: MirroredOption = None,
-) -> None:
-    """Write a calibration in another format, exactly or by the best fit, and say which."""
-    from omnisim.cli.calibration_convert import ConvertRequest, run
-
-    run(ConvertRequest(source, to, output, camera_name, format, model, mirrored), out, err)
+def list_formats() -> None:
+    """Print a table of the formats."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
+        table.add_column(heading)
+    for form in FORMATS.values():
+        models = "all" if form.is_own else ", ".join(model.model_name for model in form.models)
+        table.add_row(
+            form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
+        )
+    out.print(table)
+    out.print("All are read and written. Another model is fitted, and the file says how near.")
 
 
-@calibration_app.command()
-def show(
-    source: InputArgument,
-    camera_name: NameOption = None,
-    format: FormatOption = None,
-    mirrored: MirroredOption = None,
-) -> None:
-    """Show the cameras of a calibration file: model, parameters, field of view, valid domain."""
-    from omnisim.cli.calibration_show import run
+def convert(request: ConvertRequest) -> None:
+    """Write a calibration in another format and print its residuals.
 
-    run(source, camera_name, format, mirrored, out, err)
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    form = format_named(request.to)
+    check_target(request.output)
+    check_distinct({"what is written": request.output}, {"the file to convert": request.source})
+    read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
+    if not form.several:
+        read = select_camera(read, request.camera_name)
+    written = save_calibration(read, request.output, request.to, request.model)
+    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    for before, after in zip(read.cameras, written.cameras, strict=True):
+        out.print(f"  {_conversion(before, after)}", markup=False)
+        for note in after.notes:
+            print_note(f"{after.name}: {note}")
 
 
-@calibration_app.command()
-def formats() -> None:
-    """List the formats, and the camera models that each says exactly."""
-    from omnisim.cli.calibration_formats import run
+def show(request: ShowRequest) -> None:
+    """Print the cameras of a calibration file.
 
-    run(out)
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
+    cameras = pluralize(len(read.cameras), "camera")
+    out.print(f"{request.source}: {read.format}, {cameras}", markup=False)
+    for camera in read.cameras:
+        table = Table(box=None, pad_edge=False, show_header=False, title=None)
+        table.add_column(style="bold", no_wrap=True)
+        table.add_column()
+        for row in (*_camera_rows(camera), *_file_rows(camera)):
+            table.add_row(*row)
+        out.print()
+        out.print(camera.name, style="bold", markup=False)
+        out.print(table)
+
+
+def read_calibration(
+    path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
+) -> Calibration:
+    """Read a calibration from a calibration file, a sensor file or a picture; print its notes.
+
+    Raises:
+        OmnisimError: naming the file and the key.
+    """
+    suffix = path.suffix.lower()
+    if format is None and (suffix == ".toml" or suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES):
+        if camera_name is not None:
+            raise CalibrationError(
+                f"--camera-name: expected a calibration file, got {path}, whose camera has no name"
+            )
+        camera = OmniCamera.from_file(path).model if suffix == ".toml" else _picture_camera(path)
+        return Calibration(calibration_of(camera, "camera").cameras, "omnisim", str(path))
+    read = load_calibration(path, format, camera_name, mirrored)
+    for note in read.notes:
+        print_note(note)
+    return read
+
+
+def select_camera(calibration: Calibration, name: str | None) -> Calibration:
+    """Reduce a calibration to one camera: the named one, or the first with a note.
+
+    Raises:
+        CalibrationError: there is no camera of that name.
+    """
+    if name is None and len(calibration.cameras) > 1:
+        names = ", ".join(calibration.names)
+        print_note(
+            f"{calibration.source}: the first of {len(calibration.cameras)} cameras, "
+            f"{calibration.names[0]}: --camera-name takes another of {names}"
+        )
+    return calibration.only(name or calibration.names[0])
+
+
+def _picture_camera(path: Path) -> CentralCamera:
+    _, metadata = read_image(path)
+    parameters = None if metadata is None else metadata.get("camera")
+    if not isinstance(parameters, dict):
+        raise CalibrationError(f"{path}: expected a picture of omnisim's, got one without a camera")
+    try:
+        return camera_from_parameters(parameters)
+    except OmnisimError as reason:
+        raise CalibrationError(f"{path}: {reason}") from None
+
+
+def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
+    """Summarize a camera's conversion: name, model, residual."""
+    name = after.name if before.name == after.name else f"{after.name} (was {before.name})"
+    is_mirror = after.mirrored or (
+        after.said_as != after.camera.model_name and looks_back(after.camera)
+    )
+    model = f"{after.said_as}{' in a mirrored frame' if is_mirror else ''}"
+    fit = after.residual
+    if fit is None or fit is before.residual:
+        return f"{name}: {model}, the same rays"
+    return (
+        f"{name}: {model}, fitted to {fit.source_model}: "
+        f"RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px, "
+        f"within {math.degrees(fit.theta_max_rad):.1f}° of the axis"
+    )
+
+
+def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
+    """Model, parameters and domain of a camera, by name."""
+    camera = calibrated.camera
+    parameters = camera.parameters()
+    model = str(parameters.pop("model"))
+    rows = [("model", model)]
+    if calibrated.said_as not in (None, model):
+        rows.append(("in the file", f"{calibrated.said_as}"))
+    width, height = parameters.pop("width_px"), parameters.pop("height_px")
+    rows.append(("picture", f"{width} × {height} px"))
+    rows += [_parameter_row(key, value) for key, value in parameters.items()]
+    seen = domain(camera)
+    axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
+    across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
+    rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))
+    rows.append(("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the picture{axis}"))
+    rows.append(("the model ends", _model_limit(camera, seen.theta_limit_rad)))
+    rows.append(("valid pixels", f"{100.0 * seen.covered:.1f} %"))
+    return rows
+
+
+def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
+    """Poses and fit of a camera in its file."""
+    rows = []
+    for pose in calibrated.poses[:SHOWN_POSES]:
+        x, y, z = pose.target_from_source[:3, 3]
+        rows.append((f"{pose.target}_from_{pose.source}", f"at ({x:.6g}, {y:.6g}, {z:.6g}) m"))
+    if len(calibrated.poses) > SHOWN_POSES:
+        rows.append(("…", f"{len(calibrated.poses)} poses in all"))
+    fit = calibrated.residual
+    if fit is not None:
+        rows.append(
+            (
+                "fitted to",
+                f"{fit.source_model}: RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px "
+                f"within {math.degrees(fit.theta_max_rad):.1f}°",
+            )
+        )
+    return rows
+
+
+def _model_limit(camera: CentralCamera, limit_rad: float) -> str:
+    if limit_rad >= math.pi:
+        return "nowhere: it could show all directions"
+    lens = getattr(camera, "lens", camera)
+    fold_rad = getattr(lens, "fold_rad", math.inf)
+    limit = f"at θ = {math.degrees(limit_rad):.2f}°"
+    return f"{limit}, where it folds" if abs(limit_rad - fold_rad) < 1e-6 else limit
+
+
+def _parameter_row(key: str, value: object) -> tuple[str, str]:
+    unit = " px" if key.endswith("_px") else "°" if key.endswith("_deg") else ""
+    name = key.removesuffix("_px").removesuffix("_deg").replace("_", " ")
+    if isinstance(value, bool):
+        return name, str(value).lower()
+    if isinstance(value, str):
+        return name, value
+    if isinstance(value, list | tuple):
+        return name, ", ".join(f"{one:.10g}" for one in value) + unit
+    return name, f"{value:.10g}{unit}"

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -17,61 +13,49 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from omnisim.cli.options import counted, load_labelled_scene, parse_polygons, read_preset
+from omnisim.cli.console import err, out, pluralize
+from omnisim.cli.inputs import load_labelled_scene, parse_polygons, read_preset
+from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
 from omnisim.simulation.drive import Drive, with_cameras
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
 
-@dataclass(frozen=True)
-class DriveRequest:
-    """The arguments of the command, as its help explains them."""
-
-    scene: str
-    robot: str
-    output: Path
-    route: Route
-    seed: int
-    polygons: str | None
-    size_px: int | None
-    unlit: bool
-    force: bool
-    up_axis: str | None
-    device: int | None
-    also: str | None = None
-    labels: Path | None = None
-    preset: str | None = None
-    quality: str | None = None
-
-
-class _Rate(ProgressColumn):
-    """Steps a second."""
+class _RateColumn(ProgressColumn):
+    """Steps per second."""
 
     def render(self, task: Task) -> Text:
         return Text(f"{task.speed:.1f} steps/s" if task.speed else "", style="cyan")
 
 
-def run(request: DriveRequest, out: Console, err: Console) -> None:
-    """Drive, and say where the run is; what is there already is kept.
+def run(request: DriveRequest) -> None:
+    """Record a run, or resume an unfinished one, and print a summary.
 
     Raises:
         OmnisimError: anything that the user can put right.
     """
     channels = () if request.also is None else parse_channels(request.also)
-    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels, err)
-    polygons = "same" if request.polygons is None else parse_polygons(request.polygons)
+    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
     vehicle = with_cameras(
         Vehicle.load(request.robot),
-        request.size_px,
-        polygons,
-        read_preset(request.preset),
-        request.quality,
+        size_px=request.size_px,
+        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
+        degradation=read_preset(request.preset),
+        quality=request.quality,
+    )
+    route = Route(
+        path=request.path,
+        step_m=request.step_m,
+        step_deg=request.turn_step_deg,
+        rate_hz=request.rate_hz,
+        ignore_limits=request.ignore_limits,
+        ground_m=request.ground_m,
     )
     drive = Drive(
         scene,
         vehicle,
-        request.route,
+        route,
         seed=request.seed,
         unlit=request.unlit,
         device=request.device,
@@ -83,7 +67,7 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=32),
         MofNCompleteColumn(),
-        _Rate(),
+        _RateColumn(),
         TimeRemainingColumn(),
     )
     done, total = 0, len(plan.truth)
@@ -103,9 +87,9 @@ def run(request: DriveRequest, out: Console, err: Console) -> None:
                     markup=False,
                 )
             raise
-    went_on = f", {before} of them there before" if before else ""
+    resumed = f", {before} of them there before" if before else ""
     out.print(
-        f"{request.output}: {counted(done, 'step')}{went_on}; {plan.truth.path_length_m:.2f} m in "
-        f"{plan.truth.duration_s:.1f} s",
+        f"{request.output}: {pluralize(done, 'step')}{resumed}; "
+        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s",
         markup=False,
     )

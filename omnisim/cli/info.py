@@ -5,9 +5,9 @@ from __future__ import annotations
 import platform
 from importlib.metadata import version
 
-from rich.console import Console
 from rich.table import Table
 
+from omnisim.cli.console import out
 from omnisim.errors import GraphicsError
 from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
 from omnisim.scene import builtin_scenes
@@ -16,11 +16,11 @@ from omnisim.version import __version__
 PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "pydantic")
 
 
-def run(out: Console) -> None:
-    """Print versions, built-in scenes and what each GPU offers.
+def run() -> None:
+    """Print versions, built-in scenes and the capabilities of each GPU.
 
     Raises:
-        GraphicsError: there is no OpenGL to use; says how to get one.
+        GraphicsError: there is no usable OpenGL; with the way to install one.
     """
     out.print(f"omnisim {__version__}, Python {platform.python_version()}")
     out.print(", ".join(f"{name} {version(name)}" for name in PACKAGES))
@@ -31,7 +31,7 @@ def run(out: Console) -> None:
         if isinstance(found, GraphicsError):
             out.print(f"device {number} cannot be used: {found}", markup=False)
     if not usable:
-        open_context().release()  # raises, and says why
+        open_context().release()  # raises with the reason
     table = Table("device", "renderer", "vendor", "OpenGL", "largest picture", "samples")
     for number, device in usable:
         largest = f"{device.max_texture_size_px} px"

@@ -1,80 +1,141 @@
-"""`omnisim landmarks`: learn their colours, find them in pictures."""
+"""`omnisim landmarks`."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+import numpy as np
 
-import typer
+from omnisim.atomic_file import check_suffix, check_target
+from omnisim.cli.console import out, pluralize, print_note, track
+from omnisim.cli.inputs import read_sensor
+from omnisim.cli.run_requests import DetectRequest, TrainRequest
+from omnisim.errors import LocalizationError, OpticsError
+from omnisim.experiments.detecting import Source, picture_source, run_source
+from omnisim.experiments.run_data import read_run
+from omnisim.experiments.training import Training, train_on_run
+from omnisim.perception import color_model_file, detection_files
+from omnisim.perception.color_model import Costs
+from omnisim.perception.landmark_detector import Detection, LandmarkDetector
+from omnisim.plots.detection_plots import detections_figure
+from omnisim.plots.plot_file import check_plot_target, write_plot
 
-from omnisim.cli.arguments import RunArgument
-from omnisim.cli.consoles import err, out
-
-landmarks_app = typer.Typer(
-    name="landmarks", help="Learn the colours of landmarks, and find them.", no_args_is_help=True
-)
-
-ModelOption = Annotated[
-    Path, typer.Option("--model", metavar="FILE", help="Model of `landmarks train`: .npz.")
-]
-SceneOption = Annotated[
-    str | None, typer.Option("--scene", help="Its scene, where it is not where it was.")
-]
-CameraOption = Annotated[
-    str | None, typer.Option("--camera", help="Name of a camera. [dim]the first[/]")
-]
+MAX_COST = 1e9  # past any that makes sense, and far from where a float ends
+SHOWN = 6  # panoramas in the figure
+LISTED = 8  # steps in a note
 
 
-@landmarks_app.command("train")
-def _train(
-    run: RunArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Model: .npz.")],
-    missed: Annotated[
-        float, typer.Option("--missed", help="Cost of a landmark's pixel that is missed.")
-    ] = 1.0,
-    false_alarm: Annotated[
-        float, typer.Option("--false-alarm", help="Cost of another pixel taken for a landmark's.")
-    ] = 4.0,
-    scene: SceneOption = None,
-    camera: CameraOption = None,
-) -> None:
-    """Learn the colours from a run that was driven with --also instance."""
-    from omnisim.cli.landmarks_train import run as train
+def train(request: TrainRequest) -> None:
+    """Learn colours from a run, write the model and print its rates.
 
-    train(run, output, missed, false_alarm, scene, camera, out, err)
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    for option, cost in (("--missed", request.missed), ("--false-alarm", request.false_alarm)):
+        if not 1.0 / MAX_COST <= cost <= MAX_COST:
+            raise LocalizationError(
+                f"{option}: expected a number from {1.0 / MAX_COST:g} to {MAX_COST:g}, got {cost:g}"
+            )
+    check_suffix(request.output, color_model_file.SUFFIX)
+    check_target(request.output)
+    run = read_run(request.run, request.scene, request.camera)
+    trained = train_on_run(
+        run,
+        Costs(request.missed, request.false_alarm),
+        lambda steps: track(steps, "learning", run.steps),
+    )
+    if run.unfinished:
+        print_note(run.unfinished)
+    color_model_file.save_model(request.output, trained.model, run.landmarks)
+    colors, pictures = len(trained.model.colors), pluralize(trained.pictures, "picture")
+    out.print(f"{request.output}: {colors} colours from {pictures}", markup=False)
+    for line in _color_lines(trained):
+        out.print(line, markup=False)
 
 
-@landmarks_app.command("detect")
-def _detect(
-    picture: Annotated[
-        Path, typer.Argument(metavar="PICTURE|RUN", help="A picture of omnisim, or a run.")
-    ],
-    model: ModelOption,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Detections: .csv.")] = None,
-    show: Annotated[
-        Path | None,
-        typer.Option("--show", metavar="FILE", help="Panoramas with them: .png .pdf .svg."),
-    ] = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            "--height",
-            metavar="M",
-            help="Of the viewpoint over the ground, for a picture. [dim]its own[/]",
-        ),
-    ] = None,
-    scene: SceneOption = None,
-    camera: CameraOption = None,
-    sensor: Annotated[
-        Path | None,
-        typer.Option(
-            "--sensor",
-            metavar="FILE",
-            help="Camera of a picture that says nothing of its own: .toml.",
-        ),
-    ] = None,
-) -> None:
-    """Find landmarks with range and bearing in a picture or in all pictures of a run."""
-    from omnisim.cli.landmarks_detect import run as detect
+def _color_lines(trained: Training) -> list[str]:
+    """Pixels, threshold and rates of each colour."""
+    model, lines = trained.model, []
+    for name, theta, curve, counts in zip(
+        model.colors, model.thresholds, trained.curves, model.counts[1:], strict=True
+    ):
+        chosen = int(np.searchsorted(-curve.thresholds, -theta, side="right")) - 1
+        hits = curve.true_positives[chosen] if chosen >= 0 else 0.0
+        alarms = curve.false_positives[chosen] if chosen >= 0 else 0.0
+        lines.append(
+            f"  {name}: {int(counts.sum())} pixels, Θ = {theta:.4g}: finds {100.0 * hits:.1f} % of "
+            f"its pixels and {100.0 * alarms:.2g} % of others; area under ROC {curve.area:.4f}"
+        )
+    return lines
 
-    detect(picture, model, output, show, height, scene, camera, sensor, out, err)
+
+def detect(request: DetectRequest) -> None:
+    """Detect landmarks, write and plot them, and print their count.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    if request.output is not None:
+        check_suffix(request.output, detection_files.SUFFIX)
+        check_target(request.output)
+    if request.show is not None:
+        check_plot_target(request.show)
+    model, landmarks = color_model_file.load_model(request.model)
+    is_run = request.source.is_dir()
+    source = _open_run(request) if is_run else _open_picture(request)
+    try:
+        detector = LandmarkDetector(model, landmarks, source.mount)
+    except LocalizationError as reason:
+        raise LocalizationError(f"{request.model} for {request.source}: {reason}") from None
+    shown = np.linspace(0, source.count - 1, min(source.count, SHOWN)).round().astype(int).tolist()
+    detections: list[tuple[int, Detection]] = []
+    rows, empty = [], []
+    for step in track(range(source.count), "detecting", source.count):
+        panorama = detector.panorama(source.picture(step))
+        found = detector.find(panorama)
+        detections += [(step, detection) for detection in found]
+        if not found:
+            empty.append(step)
+        if step in shown and request.show is not None:
+            title = f"step {step}" if is_run else request.source.name
+            rows.append((f"{title}: {pluralize(len(found), 'landmark')}", panorama, found))
+    if request.output is not None:
+        detection_files.write_detections(request.output, detections)
+    if request.show is not None:
+        write_plot(request.show, detections_figure(rows))
+    out.print(
+        f"{request.output or request.show or request.source}: "
+        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.count, 'picture')}",
+        markup=False,
+    )
+    if not is_run:
+        for _, detection in detections:
+            out.print(f"  {_measurement(detection)}", markup=False)
+    if source.unfinished:
+        print_note(source.unfinished)
+    if detector.ignored:
+        print_note(f"{', '.join(detector.ignored)}: ignored: the model lacks their colours")
+    if empty and is_run:
+        steps = ", ".join(map(str, empty[:LISTED])) + (", ..." if len(empty) > LISTED else "")
+        print_note(f"no landmark in {pluralize(len(empty), 'picture')}: {steps}")
+
+
+def _open_run(request: DetectRequest) -> Source:
+    for option, value in (("--height", request.height_m), ("--sensor", request.sensor)):
+        if value is not None:
+            raise OpticsError(f"{option}: expected a picture, got the run {request.source}")
+    return run_source(request.source, request.scene, request.camera)
+
+
+def _open_picture(request: DetectRequest) -> Source:
+    for option, value in (("--scene", request.scene), ("--camera", request.camera)):
+        if value is not None:
+            raise OpticsError(f"{option}: expected a run, got the picture {request.source}")
+    sensor = None if request.sensor is None else read_sensor(request.sensor)
+    return picture_source(request.source, request.height_m, sensor)
+
+
+def _measurement(detection: Detection) -> str:
+    return (
+        f"{detection.landmark}: {detection.range_m:.3f} ± {detection.range_sigma_m:.3f} m, "
+        f"{np.degrees(detection.bearing_rad):.2f} ± "
+        f"{np.degrees(detection.bearing_sigma_rad):.2f}°"
+    )

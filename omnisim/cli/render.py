@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from omnisim.atomic_file import check_distinct, check_target
-from omnisim.cli.options import load_labelled_scene, parse_polygons, read_camera, read_preset
+from omnisim.cli.console import out, print_note
+from omnisim.cli.inputs import (
+    Viewpoint,
+    load_labelled_scene,
+    parse_polygons,
+    read_camera,
+    read_preset,
+)
+from omnisim.cli.picture_requests import RenderRequest
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.ground_truth.files import is_name_beside
@@ -24,82 +31,109 @@ from omnisim.sensors.renderer import unfolded_cube
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.calibration import Calibration
 
-
-@dataclass(frozen=True)
-class RenderRequest:
-    """The arguments of the command, as its help explains them."""
-
-    scene: str
-    output: Path
-    sensor: Path | None
-    calibration: Path | None
-    camera_name: str | None
-    mirrored: bool | None
-    at: tuple[float, float, float] | None
-    yaw_deg: float | None
-    polygons: str | None
-    size_px: int | None
-    unlit: bool
-    faces: Path | None
-    up_axis: str | None
-    device: int | None
-    also: str | None = None
-    labels: Path | None = None
-    next_at: tuple[float, float, float] | None = None
-    next_yaw_deg: float | None = None
-    preview: bool = False
-    preset: str | None = None
-    seed: int = 0
-    speed_mps: float = 0.0
-    turn_rate_degps: float = 0.0
-    rays: Path | None = None
-    calibration_beside: Path | None = None
-    quality: str | None = None
+DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
 
 
-DEFAULT_AHEAD_M = 0.1  # from a picture to the next, where flow is asked for and nobody says
-
-
-def run(request: RenderRequest, out: Console, err: Console) -> None:
-    """Render one frame and say where it is.
+def run(request: RenderRequest) -> None:
+    """Render one frame, write it and print a summary.
 
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    for option, value, most in (
+    _check_motion(request)
+    is_float = is_float_format(request.output)
+    channels = _check_outputs(request)
+    camera = _camera(request)
+    _check_channel_options(request, channels)
+    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
+    viewpoint = Viewpoint.in_scene(scene, request.at, request.yaw_deg)
+    base = camera.base_pose(viewpoint.position_m, viewpoint.yaw_deg)
+    after = _next_viewpoint(request, viewpoint)
+    next_base = camera.base_pose(after.position_m, after.yaw_deg) if "flow" in channels else None
+    twist = _twist(request, camera)
+    with Renderer(
+        scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
+    ) as renderer:
+        frame = renderer.render(
+            base,
+            linear=is_float,
+            also=channels,
+            next_base=next_base,
+            motion=twist.through(base),
+        )
+        faces = {} if request.faces is None else renderer.faces()
+    frame.save(request.output, previews=request.preview)
+    polygons = f"{camera.polygons} polygons" if camera.polygons else "exact"
+    size = f"{camera.model.width_px} × {camera.model.height_px} px"
+    out.print(f"{request.output}: {size}, {polygons}, from {viewpoint}", markup=False)
+    if request.rays is not None:
+        from omnisim.calibration.ray_table import write_ray_table
+
+        write_ray_table(request.rays, camera.model, frame.metadata)
+        out.print(f"{request.rays}: a ray of each pixel", markup=False)
+    if request.calibration is not None:
+        _calibration(camera, base).save(request.calibration, "omnisim")
+        out.print(f"{request.calibration}: camera and pose", markup=False)
+    if channels:
+        flow = "" if next_base is None else _flow_summary(request, after)
+        out.print(f"{request.output}: also {', '.join(channels)}{flow}", markup=False)
+    if request.faces is not None:
+        _write_faces(request.faces, faces)
+
+
+def _check_motion(request: RenderRequest) -> None:
+    for option, value, limit in (
         ("--speed", request.speed_mps, FASTEST_MPS),
         ("--turn-rate", request.turn_rate_degps, math.floor(math.degrees(FASTEST_RADPS))),
     ):
-        if not abs(value) <= most:  # NaN is not, either
-            raise OutputError(f"{option} {value:g}: want a number from −{most:g} to {most:g}")
-    is_float = is_float_format(request.output)
+        if not abs(value) <= limit:  # NaN is not, either
+            raise OutputError(
+                f"{option}: expected a number from −{limit:g} to {limit:g}, got {value:g}"
+            )
+
+
+def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
+    """Check the files that are going to be written, and return the channels among them.
+
+    Raises:
+        OutputError: a file that cannot be written, or would overwrite another.
+    """
     check_target(request.output)
-    for path in (request.rays, request.calibration_beside):
+    extra = {"--rays": request.rays, "--calibration": request.calibration}
+    for path in extra.values():
         if path is not None:
             check_target(path)
-    beside = {"--rays": request.rays, "--calibration": request.calibration_beside}
     check_distinct(
-        {"the picture": request.output, **beside},
+        {"the picture": request.output, **extra},
         {
             "the scene": Path(request.scene),
-            "the camera's file": request.calibration,
+            "the camera's file": request.camera,
             "the sensor file": request.sensor,
             "the labels' file": request.labels,
         },
     )
-    also = () if request.also is None else parse_channels(request.also)
-    for option, path in beside.items():
-        if also and path is not None and is_name_beside(request.output, path):
-            raise OutputError(
-                f"{path}: is a file of --also already: want another name for {option}"
-            )
+    channels = () if request.also is None else parse_channels(request.also)
+    for option, path in extra.items():
+        if channels and path is not None and is_name_beside(request.output, path):
+            raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
-        raise OutputError(f"{request.rays}: rays are written as .exr")
+        raise OutputError(f"--rays: expected an .exr file, got {request.rays}")
     if request.faces is not None:
         check_target(request.faces / "front.png", may_make_folder=True)
-    camera = read_camera(
-        request.sensor, request.calibration, request.camera_name, request.mirrored, err
-    )
+    return channels
+
+
+def _check_channel_options(request: RenderRequest, channels: Collection[str]) -> None:
+    """Refuse options of channels that are not asked for: they would have no effect."""
+    for option, value in (("--next", request.next_at), ("--next-yaw", request.next_yaw_deg)):
+        if value is not None and "flow" not in channels:
+            raise OutputError(f"{option}: requires --also flow")
+    if request.preview and not channels:
+        raise OutputError("--preview: requires --also")
+
+
+def _camera(request: RenderRequest) -> OmniCamera:
+    camera = read_camera(request.sensor, request.camera, request.camera_name, request.mirrored)
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
@@ -109,63 +143,32 @@ def run(request: RenderRequest, out: Console, err: Console) -> None:
         camera = camera.with_quality(request.quality)
     if request.polygons is not None:
         camera = camera.with_polygons(parse_polygons(request.polygons))
-    _check_also(request, also)
-    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, also, err)
-    position = scene.start.position_m if request.at is None else request.at
-    yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
-    pose = camera.base_pose(position, yaw_deg)
-    next_position, next_yaw_deg = _next(request, position, yaw_deg)
-    next_pose = camera.base_pose(next_position, next_yaw_deg) if "flow" in also else None
+    return camera
+
+
+def _next_viewpoint(request: RenderRequest, current: Viewpoint) -> Viewpoint:
+    """Viewpoint of the next frame: --next and --next-yaw, or a little ahead."""
+    yaw_deg = current.yaw_deg if request.next_yaw_deg is None else request.next_yaw_deg
+    if request.next_at is not None:
+        return Viewpoint(request.next_at, yaw_deg)
+    if request.next_yaw_deg is not None:
+        return Viewpoint(current.position_m, yaw_deg)
+    yaw, (x, y, z) = math.radians(yaw_deg), current.position_m
+    return Viewpoint(
+        (x + DEFAULT_ADVANCE_M * math.cos(yaw), y + DEFAULT_ADVANCE_M * math.sin(yaw), z), yaw_deg
+    )
+
+
+def _twist(request: RenderRequest, camera: OmniCamera) -> Twist:
     turn_rate_radps = math.radians(request.turn_rate_degps)
     shutter = camera.degradation.shutter
     if (request.speed_mps or turn_rate_radps) and not (shutter and shutter.duration_s):
-        err.print("note: this camera's shutter takes no time: no motion shows", markup=False)
-    twist = Twist((request.speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps))
-    with Renderer(
-        scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
-    ) as renderer:
-        frame = renderer.render(
-            pose, linear=is_float, also=also, next_base=next_pose, motion=twist.through(pose)
-        )
-        faces = renderer.faces() if request.faces is not None else {}
-    frame.save(request.output, previews=request.preview)
-    if request.rays is not None:
-        from omnisim.calibration.ray_table import write_ray_table
-
-        write_ray_table(request.rays, camera.model, frame.metadata)
-    if request.calibration_beside is not None:
-        _calibration(camera, pose).save(request.calibration_beside, "omnisim")
-    x, y, z = position
-    out.print(
-        f"{request.output}: {camera.model.width_px} × {camera.model.height_px} px, "
-        f"{camera.polygons or 'exact'}{' polygons' if camera.polygons else ''}, "
-        f"from ({x:g}, {y:g}, {z:g}) m at yaw {yaw_deg:g}°",
-        markup=False,
-    )
-    for path, what in (
-        (request.rays, "a ray of each pixel"),
-        (request.calibration_beside, "camera and pose"),
-    ):
-        if path is not None:
-            out.print(f"{path}: {what}", markup=False)
-    if also:
-        told = f"{request.output}: also {', '.join(also)}"
-        if next_pose is not None:
-            x, y, z = next_position
-            is_ours = request.next_at is None and request.next_yaw_deg is None
-            why = f", {DEFAULT_AHEAD_M:g} m ahead as no --next says" if is_ours else ""
-            told += f"; flow to ({x:g}, {y:g}, {z:g}) m at yaw {next_yaw_deg:g}°{why}"
-        out.print(told, markup=False)
-    if request.faces is not None:
-        _make_folder(request.faces)
-        for name, pixels in faces.items():
-            write_image(request.faces / f"{name}.png", pixels)
-        write_image(request.faces / "unfolded.png", unfolded_cube(faces))
-        out.print(f"{request.faces}: {', '.join(faces)}, unfolded", markup=False)
+        print_note("this camera's shutter takes no time: no motion shows")
+    return Twist((request.speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps))
 
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
-    """The camera, where it is on its vehicle, and where the vehicle is."""
+    """Calibration of the camera with its pose on the vehicle, and the vehicle's in the world."""
     from omnisim.calibration import CalibratedCamera, Calibration, Pose
 
     poses = (
@@ -175,39 +178,18 @@ def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Ca
     return Calibration((CalibratedCamera("camera", sensor.model, poses),))
 
 
-def _check_also(request: RenderRequest, also: tuple[str, ...]) -> None:
-    """Refuse options that would be forgotten.
-
-    Raises:
-        OutputError: an option of channels that are not asked for.
-    """
-    needs = (
-        ("--next", request.next_at is not None, "flow"),
-        ("--next-yaw", request.next_yaw_deg is not None, "flow"),
-    )
-    for option, is_given, channel in needs:
-        if is_given and channel not in also:
-            raise OutputError(f"{option}: is for the channel {channel}: want --also {channel}")
-    if request.preview and not also:
-        raise OutputError("--preview: shows channels: want --also with their names")
+def _flow_summary(request: RenderRequest, after: Viewpoint) -> str:
+    is_default = request.next_at is None and request.next_yaw_deg is None
+    reason = f", {DEFAULT_ADVANCE_M:g} m ahead as no --next says" if is_default else ""
+    return f"; flow to {after}{reason}"
 
 
-def _next(
-    request: RenderRequest, position: tuple[float, float, float], yaw_deg: float
-) -> tuple[tuple[float, float, float], float]:
-    """Where the next picture is taken, and at what heading."""
-    next_yaw_deg = yaw_deg if request.next_yaw_deg is None else request.next_yaw_deg
-    if request.next_at is not None:
-        return request.next_at, next_yaw_deg
-    if request.next_yaw_deg is not None:
-        return position, next_yaw_deg
-    yaw, (x, y, z) = math.radians(yaw_deg), position
-    ahead = (x + DEFAULT_AHEAD_M * math.cos(yaw), y + DEFAULT_AHEAD_M * math.sin(yaw), z)
-    return ahead, next_yaw_deg
-
-
-def _make_folder(path: Path) -> None:
+def _write_faces(folder: Path, faces: dict[str, NDArray[np.uint8]]) -> None:
     try:
-        path.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
     except OSError as reason:
-        raise OutputError(f"{path}: this folder cannot be made: {reason.strerror}") from None
+        raise OutputError(f"{folder}: this folder cannot be made: {reason.strerror}") from None
+    for name, pixels in faces.items():
+        write_image(folder / f"{name}.png", pixels)
+    write_image(folder / "unfolded.png", unfolded_cube(faces))
+    out.print(f"{folder}: {', '.join(faces)}, unfolded", markup=False)

@@ -1,73 +1,129 @@
-"""`omnisim robot`: its commands, which parse, call and print."""
+"""`omnisim robot`."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+import math
+import tomllib
 
-import typer
-
-from omnisim.cli.consoles import err, out
-
-robot_app = typer.Typer(
-    name="robot", help="Robots: list, check, or import from USARSim.", no_args_is_help=True
+from omnisim.atomic_file import atomic_write, check_target
+from omnisim.cli.console import out, print_note
+from omnisim.cli.robot_requests import CheckRequest, ImportRequest
+from omnisim.errors import OutputError
+from omnisim.robot import (
+    Kinematics,
+    OdometryErrors,
+    builtin_robots,
+    find_robot,
+    load_robot,
+    parse_robot,
+    read_robot,
+    usarsim,
 )
+from omnisim.simulation import Vehicle
+from omnisim.simulation.vehicle import MountedCamera, MountedScanner
 
 
-@robot_app.command("list")
 def list_robots() -> None:
-    """List the built-in robots."""
-    from omnisim.cli.robot_list import run
+    """Print a line for each built-in robot.
 
-    run(out)
-
-
-@robot_app.command()
-def check(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE", help="A robot file, a folder with a robot.toml, or a built-in name."
-        ),
-    ],
-) -> None:
-    """Check a robot file with its body and sensors, and say what it describes."""
-    from omnisim.cli.robot_check import run
-
-    run(robot, out, err)
+    Raises:
+        RobotFileError: a robot file that is damaged.
+    """
+    robots = [load_robot(name) for name in builtin_robots()]
+    width = max((len(robot.name) for robot in robots), default=0)
+    for robot in robots:
+        sensors = ", ".join(mount.name for mount in robot.mounts) or "no sensors"
+        drive = _format_drive(robot.kinematics)
+        out.print(f"{robot.name:<{width}}  {robot.title}: {drive}; {sensors}", markup=False)
 
 
-@robot_app.command("import")
-def import_(
-    configuration: Annotated[
-        Path, typer.Argument(metavar="USARBot.ini", help="A configuration of USARSim.")
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Robot file: .toml")],
-    robot_class: Annotated[
-        str | None,
-        typer.Option(
-            "--class", metavar="NAME", help="Which robot, as P2AT. [dim]the only one in the file[/]"
-        ),
-    ] = None,
-    unreal_units: Annotated[
-        bool,
-        typer.Option(
-            "--unreal-units",
-            help="The file has the engine's units: 250 to a metre, z up, 65536 to a turn; "
-            "by default metres, z down, and radians.",
-        ),
-    ] = False,
-    origin_height: Annotated[
-        float | None,
-        typer.Option(
-            "--origin-height",
-            metavar="M",
-            help="Height of USARSim's origin of the robot above the ground. [dim]0[/]",
-        ),
-    ] = None,
-) -> None:
-    """Turn a robot of USARSim's configuration into a robot file."""
-    from omnisim.cli.robot_import import ImportRequest, run
+def check_robot(request: CheckRequest) -> None:
+    """Load a robot with its body and sensors, and summarize it.
 
-    request = ImportRequest(configuration, output, robot_class, unreal_units, origin_height)
-    run(request, out, err)
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    robot = read_robot(find_robot(request.robot))
+    vehicle = Vehicle.from_robot(robot)
+    if vehicle.body is not None:
+        for notice in vehicle.body.notices:
+            print_note(notice)
+    out.print(f"{request.robot}: good", markup=False)
+    for line in _lines(vehicle, robot.body):
+        out.print(f"  {line}", markup=False)
+
+
+def import_robot(request: ImportRequest) -> None:
+    """Convert a robot of USARSim's to a robot file, and list what is in it and what is not.
+
+    Raises:
+        OmnisimError: anything that the user can put right.
+    """
+    output = request.output
+    if output.suffix.lower() != ".toml":
+        raise OutputError(f"--output: expected a .toml file, got {output}")
+    check_target(output)
+    imported = usarsim.import_robot(
+        request.configuration,
+        request.robot_class,
+        request.unreal_units,
+        request.origin_height_m,
+    )
+    if output.exists() and output.samefile(request.configuration):
+        raise OutputError(f"--output: expected another name than the configuration's, got {output}")
+    robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
+    Vehicle.from_robot(robot)  # raises for a robot that could not be used
+    with atomic_write(output) as partial:
+        partial.write_text(imported.text, encoding="utf-8", newline="\n")
+    for notice in imported.notices:
+        print_note(notice)
+    sensors = ", ".join(f"{mount.name} ({mount.type})" for mount in robot.mounts)
+    out.print(
+        f"{output}: {robot.name} of [{imported.section}], {sensors or 'no sensors'}", markup=False
+    )
+
+
+def _format_drive(kinematics: Kinematics | None) -> str:
+    if kinematics is None:
+        return "no kinematics"
+    drive = {"differential": "differential drive", "skid_steer": "skid steering"}[kinematics.drive]
+    turn_rate_degps = math.degrees(kinematics.max_turn_rate_radps)
+    return f"{drive}, {kinematics.max_speed_mps:g} m/s, {turn_rate_degps:g} °/s"
+
+
+def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
+    lines = [f"robot    {vehicle.name}, {vehicle.title}"]
+    if vehicle.body is None:
+        lines.append("body     none")
+    else:
+        nodes = len({instance.name for instance in vehicle.body.instances})
+        lines.append(f"body     {body}, {vehicle.body.triangle_count} triangles, {nodes} nodes")
+    lines.append(f"drive    {_format_drive(vehicle.kinematics)}")
+    is_perfect = vehicle.odometry == OdometryErrors()
+    lines.append(f"wheels   {'report the truth' if is_perfect else 'report with errors'}")
+    if vehicle.footprint is not None:
+        size = vehicle.footprint
+        lines.append(f"size     {size.length_m:g} × {size.width_m:g} × {size.height_m:g} m")
+    return [*lines, *map(_camera_line, vehicle.cameras), *map(_scanner_line, vehicle.scanners)]
+
+
+def _camera_line(mounted: MountedCamera) -> str:
+    camera = mounted.sensor.model
+    return (
+        f"camera   {mounted.name}, {camera.width_px} × {camera.height_px} px, "
+        f"effective viewpoint {_format_origin(mounted)}"
+    )
+
+
+def _scanner_line(mounted: MountedScanner) -> str:
+    scanner = mounted.scanner
+    return (
+        f"scanner  {mounted.name}, {scanner.beams} beams at {scanner.resolution_deg:.4g}° "
+        f"to {scanner.range_max_m:g} m, origin {_format_origin(mounted)}"
+    )
+
+
+def _format_origin(mounted: MountedCamera | MountedScanner) -> str:
+    x, y, z = mounted.origin_m.tolist()
+    hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
+    return f"({x:g}, {y:g}, {z:g}) m{hidden}"

@@ -1,4 +1,4 @@
-"""`omnisim plot` and `omnisim video`: what a run looks like."""
+"""`omnisim plot` and `omnisim video`."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
-from omnisim.cli.options import counted
-from omnisim.cli.progress import count_along
+from omnisim.cli.console import out, pluralize, print_note, track
+from omnisim.cli.run_requests import PlotRequest, VideoRequest
 from omnisim.errors import OutputError, RunError, SceneError, did_you_mean
 from omnisim.image_files import read_image
 from omnisim.plots.film import check_film_target, write_film
@@ -23,13 +22,14 @@ from omnisim.simulation.drive import scene_contents
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, PLOT, RunFolder
 
 
-def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err: Console) -> None:
-    """Draw a run from above.
+def plot(request: PlotRequest) -> None:
+    """Plot a run from above.
 
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    target = output or folder / PLOT
+    folder = request.run
+    target = request.output or folder / PLOT
     run = RunFolder.read(folder)
     check_plot_target(target)
     truth = read_trajectory(folder / GROUND_TRUTH)
@@ -49,27 +49,26 @@ def plot(folder: Path, output: Path | None, scene: str | None, out: Console, err
     title = _title(
         run, truth, float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1])), done
     )
-    figure = run_figure(title, _scene(run, scene, err), truth, reckoned, pictures)
+    figure = run_figure(title, _scene(run, request.scene), truth, reckoned, pictures)
     write_plot(target, figure)
-    out.print(f"{target}: {done} of {counted(len(truth), 'step')}", markup=False)
+    out.print(f"{target}: {done} of {pluralize(len(truth), 'step')}", markup=False)
 
 
-def video(
-    folder: Path, output: Path, camera: str | None, rate_hz: float, out: Console, err: Console
-) -> None:
-    """Make a film of a camera's pictures.
+def video(request: VideoRequest) -> None:
+    """Encode a camera's pictures as a video.
 
     Raises:
         OmnisimError: anything that the user can put right.
     """
+    folder, output, rate_hz = request.run, request.output, request.rate_hz
     if not 0.1 <= rate_hz <= 240.0:
-        raise OutputError(f"--fps {rate_hz:g}: want 0.1 to 240 pictures a second")
+        raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")
     run = RunFolder.read(folder)
     check_film_target(output)
     names = run.manifest["cameras"]
     if not names:
         raise RunError(f"{folder}: this run has no camera")
-    name = names[0] if camera is None else camera
+    name = names[0] if request.camera is None else request.camera
     if name not in names:
         hint = did_you_mean(name, names, "it has")
         raise RunError(f"{folder}: camera {name!r}: not there; {hint}")
@@ -78,37 +77,36 @@ def video(
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
 
     def pictures() -> Iterator[NDArray[Any]]:
-        for step in count_along(range(done), "film", done, err):
+        for step in track(range(done), "encoding", done):
             yield _picture(run.file(name, step, ".png"))
 
     count = write_film(output, pictures(), rate_hz)
-    out.print(f"{output}: {counted(count, 'picture')}, {count / rate_hz:.1f} s", markup=False)
+    out.print(f"{output}: {pluralize(count, 'picture')}, {count / rate_hz:.1f} s", markup=False)
 
 
 def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
     robot, scene, path = (run.manifest[key]["name"] for key in ("robot", "scene", "path"))
-    what = f"{robot} in {scene}, {path}"
     length_m = truth.path_length_m
     there = "" if done == len(truth) else f" ({done} are there)"
     share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
     return (
-        f"{what}: {length_m:.2f} m, {counted(len(truth), 'step')}{there}; "
+        f"{robot} in {scene}, {path}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}; "
         f"odometry ends {error_m:.2f} m off{share}"
     )
 
 
-def _scene(run: RunFolder, scene: str | None, err: Console) -> Scene | None:
-    """The run's scene, or None with a note: it is not there any more."""
-    told = run.manifest["scene"]
+def _scene(run: RunFolder, scene: str | None) -> Scene | None:
+    """Load the run's scene; None with a note where it is missing."""
+    recorded = run.manifest["scene"]
     try:
-        found = load_scene(scene or told["file"], told["up_axis"])
+        found = load_scene(scene or recorded["file"], recorded["up_axis"])
     except SceneError as reason:
         if scene is not None:
             raise
-        err.print(f"note: drawn without a map: {reason}; pass --scene FILE", markup=False)
+        print_note(f"drawn without a map: {reason}; pass --scene FILE")
         return None
-    if scene_contents(found) != told["contents"]:
-        err.print(f"note: {found.name}: is not as it was in the run", markup=False)
+    if scene_contents(found) != recorded["contents"]:
+        print_note(f"{found.name}: is not as it was in the run")
     return found
 
 

@@ -3,34 +3,33 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-
-from rich.console import Console
 
 from omnisim.cameras import HyperbolicCamera
-from omnisim.cli.options import read_sensor
+from omnisim.cli.console import out
+from omnisim.cli.inputs import read_sensor
+from omnisim.cli.picture_requests import SensorRequest
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 
 
-def run(check: Path | None, out: Console) -> None:
-    """Print the default sensor file, or check one and say what it describes.
+def run(request: SensorRequest) -> None:
+    """Print the default sensor file, or check one and summarize it.
 
     Raises:
-        SensorFileError: naming file, key, value and what was wanted.
+        SensorFileError: naming file, key and value.
     """
-    if check is None:
+    if request.check is None:
         out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
         return
-    sensor = read_sensor(check)
-    out.print(f"{check}: good", markup=False)
+    sensor = read_sensor(request.check)
+    out.print(f"{request.check}: good", markup=False)
     lines = (
         _mirror_lines(sensor.model, sensor.polygons)
         if isinstance(sensor.model, HyperbolicCamera)
         else [f"  {key:22} {value}" for key, value in sensor.model.parameters().items()]
     )
     for name, values in sensor.degradation.tables().items():
-        told = ", ".join(f"{key} = {value}" for key, value in values.items())
-        lines.append(f"  {name:22} {told}")
+        pairs = ", ".join(f"{key} = {value}" for key, value in values.items())
+        lines.append(f"  {name:22} {pairs}")
     for line in lines:
         out.print(line, markup=False)
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from omnisim.atomic_file import check_distinct, check_target
-from omnisim.cli.choices import ViewKind
+from omnisim.cli.console import out
+from omnisim.cli.picture_requests import UnwarpRequest, ViewKind
 from omnisim.errors import OpticsError
 from omnisim.image_files import is_float_format, write_image
 from omnisim.perception.unwarping import Unwarping
@@ -23,29 +21,12 @@ from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.version import __version__
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
-LARGEST_SIDE_PX = 32768
-MOST_PIXELS = 1 << 26  # an EXR of them has 1 GB
+MAX_SIDE_PX = 32768
+MAX_PIXELS = 1 << 26  # an EXR of them has 1 GB
 
 
-@dataclass(frozen=True)
-class UnwarpRequest:
-    """The arguments of the command, as its help explains them."""
-
-    picture: Path
-    output: Path
-    kind: ViewKind
-    sensor: Path | None
-    size_px: tuple[int, int] | None
-    yaw_deg: float
-    pitch_deg: float | None
-    field_of_view_deg: float | None
-    elevation_deg: tuple[float, float] | None
-    height_m: float | None
-    extent_m: float | None
-
-
-def run(request: UnwarpRequest, out: Console) -> None:
-    """Unwarp one picture and say where it is, and how much of it the camera did not see.
+def run(request: UnwarpRequest) -> None:
+    """Unwarp one picture, write it and print a summary with the share that is masked.
 
     Raises:
         OmnisimError: anything that the user can put right.
@@ -58,10 +39,10 @@ def run(request: UnwarpRequest, out: Console) -> None:
     taken = read_picture(request.picture, sensor)
     view = _view(request, taken)
     width, height = view.camera.width_px, view.camera.height_px
-    if max(width, height) > LARGEST_SIDE_PX or width * height > MOST_PIXELS:
+    if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
         raise OpticsError(
-            f"a {request.kind} of {width} × {height} px: want at most {LARGEST_SIDE_PX} to a side "
-            f"and {MOST_PIXELS} pixels: pass a smaller --size"
+            f"--size: expected at most {MAX_SIDE_PX} to a side and {MAX_PIXELS} pixels, got a "
+            f"{request.kind} of {width} × {height} px"
         )
     camera_from_view = taken.base_from_optical.T @ view.base_from_view
     try:
@@ -84,7 +65,7 @@ def run(request: UnwarpRequest, out: Console) -> None:
 
 
 def _check_options(request: UnwarpRequest) -> None:
-    """Refuse options that the kind of view has no use for."""
+    """Refuse options of other kinds of views: they would have no effect."""
     for option, value, kind in (
         ("--pitch", request.pitch_deg, ViewKind.PERSPECTIVE),
         ("--fov", request.field_of_view_deg, ViewKind.PERSPECTIVE),
@@ -93,33 +74,35 @@ def _check_options(request: UnwarpRequest) -> None:
         ("--extent", request.extent_m, ViewKind.BIRDSEYE),
     ):
         if value is not None and request.kind is not kind:
-            raise OpticsError(f"{option}: is for --to {kind}, not for --to {request.kind}")
+            raise OpticsError(f"{option}: requires --to {kind}, got --to {request.kind}")
 
 
 def _view(request: UnwarpRequest, taken: TakenPicture) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     width, height = request.size_px or (side, side)
     if min(width, height) < 1:
-        raise OpticsError(f"--size {width} {height}: want at least 1")
+        raise OpticsError(f"--size: expected at least 1 × 1, got {width} × {height}")
     yaw = math.radians(request.yaw_deg)
     if request.kind is ViewKind.PERSPECTIVE:
         return perspective_view(
             width,
             height,
-            math.radians(_given(request.field_of_view_deg, DEFAULT_FIELD_OF_VIEW_DEG)),
+            math.radians(_value_or(request.field_of_view_deg, DEFAULT_FIELD_OF_VIEW_DEG)),
             yaw,
-            math.radians(_given(request.pitch_deg, 0.0)),
+            math.radians(_value_or(request.pitch_deg, 0.0)),
         )
     if request.kind is ViewKind.CYLINDER:
         return _cylinder(request, taken, yaw)
     height_m = _height_m(request, taken)
-    extent_m = _given(request.extent_m, 4.0 * height_m)
+    extent_m = _value_or(request.extent_m, 4.0 * height_m)
     if width != height:
-        raise OpticsError(f"--size {width} {height}: a bird's eye view is square")
+        raise OpticsError(
+            f"--size: expected a square for a bird's eye view, got {width} × {height}"
+        )
     return birdseye_view(width, extent_m, height_m, yaw)
 
 
-def _given(value: float | None, default: float) -> float:
+def _value_or(value: float | None, default: float) -> float:
     return default if value is None else value
 
 
@@ -129,12 +112,12 @@ def _height_m(request: UnwarpRequest, taken: TakenPicture) -> float:
         return request.height_m
     if taken.height_m is None:
         raise OpticsError(
-            f"{request.picture}: does not say how high the camera was: pass --height METRES"
+            f"{request.picture}: expected the camera's height in the metadata: pass --height METRES"
         )
     if taken.height_m <= 0.0:
         raise OpticsError(
-            f"{request.picture}: says that the camera was at z = {taken.height_m:g} m, not above "
-            "the ground: pass --height METRES"
+            f"{request.picture}: expected a camera above the ground, got z = {taken.height_m:g} m: "
+            "pass --height METRES"
         )
     return taken.height_m
 
@@ -147,14 +130,14 @@ def _cylinder(request: UnwarpRequest, taken: TakenPicture, yaw: float) -> View:
     view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
     if request.size_px and view.camera.height_px != request.size_px[1]:
         raise OpticsError(
-            f"--size {width} {request.size_px[1]}: a cylinder {width} px around from {low:g}° to "
-            f"{high:g}° is {view.camera.height_px} px high: change the size or --elevation"
+            f"--size: expected {width} × {view.camera.height_px} for a cylinder from {low:g}° to "
+            f"{high:g}°, got {width} × {request.size_px[1]}: change the size or --elevation"
         )
     return view
 
 
 def _highest_elevation_deg(taken: TakenPicture) -> float:
-    """The highest whole degree of elevation that is seen all around, or 60."""
+    """Find the highest whole degree of elevation, up to 60, that is seen all around."""
     azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
     for elevation_deg in range(60, -60, -1):
         elevation = math.radians(elevation_deg)
@@ -178,29 +161,30 @@ def _highest_elevation_deg(taken: TakenPicture) -> float:
 
 
 def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:
-    """Colours as linear floats."""
+    """Convert uint8 sRGB to linear floats; floats are linear already."""
     if pixels.dtype != np.uint8:
-        return pixels
-    return linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)[pixels]
+        return pixels.astype(np.float32, copy=False)
+    table: NDArray[np.float32] = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+    return np.take(table, pixels)
 
 
 def _with_alpha(
     colors: NDArray[Any], valid: NDArray[np.bool_], is_float: bool
 ) -> NDArray[np.float32] | NDArray[np.uint8]:
-    """Colours (height, width, 3) as the output's format holds them, and the mask as alpha."""
+    """Convert colours (height, width, 3) to the output's format, with the mask as alpha."""
     pixels = np.empty((*valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
-    for row, of_row in zip(pixels, colors, strict=True):  # by rows: a large view stays small
+    for row, color_row in zip(pixels, colors, strict=True):  # by rows: a large view stays small
         fits = is_float or colors.dtype == np.uint8
-        row[:, :3] = of_row if fits else np.rint(255.0 * srgb_from_linear(of_row))
+        row[:, :3] = color_row if fits else np.rint(255.0 * srgb_from_linear(color_row))
     pixels[..., 3] = np.where(valid, 1.0 if is_float else 255, 0)
     return pixels
 
 
 def _metadata(taken: TakenPicture, view: View) -> dict[str, Any]:
-    """What the view says of itself: its own camera and pose, and the picture's scene."""
+    """Metadata of the view: its own camera and pose, and the picture's scene."""
     base_from_optical = np.eye(4)
     base_from_optical[:3, :3] = view.base_from_view
-    told = {
+    inherited = {
         key: value
         for key, value in taken.metadata.items()
         if key in ("scene", "lit", "exposure", "world_from_base")
@@ -210,5 +194,5 @@ def _metadata(taken: TakenPicture, view: View) -> dict[str, Any]:
             np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
         )[:3, 3]
         world_from_optical = taken.world_from_base @ base_from_optical
-        told["world_from_optical"] = world_from_optical.tolist()
-    return {"omnisim": __version__, "camera": view.camera.parameters(), **told}
+        inherited["world_from_optical"] = world_from_optical.tolist()
+    return {"omnisim": __version__, "camera": view.camera.parameters(), **inherited}

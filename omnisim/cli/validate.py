@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
+from collections.abc import Collection
 
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from omnisim.cli.console import err, out
+from omnisim.cli.validation_requests import ValidateRequest
 from omnisim.errors import OmnisimError, did_you_mean
 from omnisim.reports.machine import machine_of_device
 from omnisim.reports.report import HTML, Section, check_report_target
@@ -18,17 +19,15 @@ from omnisim.validation.suite import CHECKS, Check, make_report, run_checks
 _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow"}
 
 
-def run(
-    output: Path, is_quick: bool, only: list[str], device: int | None, out: Console, err: Console
-) -> bool:
+def run(request: ValidateRequest) -> bool:
     """Run the checks, write the report, and return whether every bound holds.
 
     Raises:
         OmnisimError: anything that the user can put right.
     """
-    checks = _chosen(only, is_quick)
-    check_report_target(output)
-    machine = machine_of_device(device)  # without OpenGL better now than after the work
+    checks = _select(request.only or (), request.quick)
+    check_report_target(request.output)
+    machine = machine_of_device(request.device)  # without OpenGL better now than after the work
     sections: list[Section] = []
     columns = (
         TextColumn("{task.description}"),
@@ -38,33 +37,33 @@ def run(
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(escape(checks[0].title), total=len(checks))
-        for section in run_checks(Fixture(device, is_quick), checks):
+        for section in run_checks(Fixture(request.device, request.quick), checks):
             sections.append(section)
-            _print(section, out)
+            _print(section)
             following = checks[len(sections)].title if len(sections) < len(checks) else ""
             progress.update(task, advance=1, description=escape(following))
-    report = make_report(sections, is_quick, machine)
-    report.write(output)
+    report = make_report(sections, request.quick, machine)
+    report.write(request.output)
     counts = Counter(section.status for section in sections)
-    summary = f"{output / HTML}: {counts['passed']} passed"
+    summary = f"{request.output / HTML}: {counts['passed']} passed"
     summary += f", {counts['failed']} failed" if counts["failed"] else ""
     summary += f", {counts['skipped']} skipped" if counts["skipped"] else ""
     out.print(summary, markup=False)
     return report.passed
 
 
-def _chosen(only: list[str], is_quick: bool) -> list[Check]:
+def _select(only: Collection[str], is_quick: bool) -> list[Check]:
     known = {check.key: check for check in CHECKS}
     for key in only:
         if key not in known:
             hint = did_you_mean(key, known, "known:")
-            raise OmnisimError(f"--only {key}: no such check; {hint}")
+            raise OmnisimError(f"--only: expected a check, got {key!r}; {hint}")
     if only:
         return [check for check in CHECKS if check.key in only]
     return [check for check in CHECKS if check.is_quick or not is_quick]
 
 
-def _print(section: Section, out: Console) -> None:
+def _print(section: Section) -> None:
     color = _COLORS[section.status]
     time = f"{section.seconds:5.1f} s" if section.seconds is not None else ""
     out.print(f"[{color}]{section.status:8}[/] {escape(section.title):55} {time}")

@@ -59,7 +59,10 @@ def test_render_with_everything(omnisim, tmp_path):
         (["courtyard", "-o", "a" * 300 + ".png"], "cannot be written: File name too long"),
         (["courtyard", "-o", "a.png", "--at", "1e39", "0", "0"], "expected three finite numbers"),
         (["courtyard", "-o", "a.png", "-n", "1009"], "nearest 1008 and 1012"),
-        (["courtyard", "-o", "a.png", "-n", "few"], "-n few: want a number of polygons or 'exact'"),
+        (
+            ["courtyard", "-o", "a.png", "-n", "few"],
+            "-n: expected a number of polygons or 'exact', got 'few'",
+        ),
         (["courtyard", "-o", "a.png", "--size", "0"], "size 0: want at least 1"),
         (["courtyard", "-o", "a.png", "--at", "nan", "0", "0"], "expected three finite numbers"),
         (["courtyard", "-o", "a.png", "--yaw", "inf"], "expected finite numbers in degrees"),

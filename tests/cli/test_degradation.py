@@ -39,7 +39,7 @@ def test_motions_that_are_none_are_refused(omnisim, tmp_path):
     for option, most in (("--speed", "10000"), ("--turn-rate", "57295")):
         for value in ("nan", "inf", "-1e+06"):
             status, _, err = omnisim(*RENDER, "-o", "a.png", f"{option}={value}")
-            words = f"error: {option} {value}: want a number from −{most} to {most}"
+            words = f"error: {option}: expected a number from −{most} to {most}, got {value}"
             assert (status, err.strip()) == (1, words)
 
 

@@ -156,7 +156,7 @@ def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, wor
         (["plot", "run", "-o", "a.bmp"], "a.bmp: unknown plot format"),
         (["video", "run", "-o", "a.avi"], "a.avi: unknown film format: want .mp4 or .mkv"),
         (["video", "run", "-o", "a.mp4", "--camera", "omni"], "did you mean 'omnicam'?"),
-        (["video", "run", "-o", "a.mp4", "--fps", "0"], "--fps 0: want 0.1 to 240"),
+        (["video", "run", "-o", "a.mp4", "--fps", "0"], "--fps: expected 0.1 to 240"),
         (["video", "none", "-o", "a.mp4"], "none: no such folder"),
     ],
 )

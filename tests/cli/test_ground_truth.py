@@ -51,11 +51,11 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
     [
         (["--also", "rnage"], "channel 'rnage': there is no such channel; did you mean 'range'?"),
         (["--also", ","], "--also ',': want names with commas"),
-        (["--next", "0", "0", "1"], "--next: is for the channel flow: want --also flow"),
-        (["--also", "range", "--next-yaw", "3"], "--next-yaw: is for the channel flow"),
-        (["--also", "range", "--labels", "x.toml"], "--labels: is for the channel semantic"),
+        (["--next", "0", "0", "1"], "--next: requires --also flow"),
+        (["--also", "range", "--next-yaw", "3"], "--next-yaw: requires --also flow"),
+        (["--also", "range", "--labels", "x.toml"], "--labels: requires --also semantic"),
         (["--also", "semantic", "--labels", "x.toml"], "x.toml: cannot be read: No such file"),
-        (["--preview"], "--preview: shows channels: want --also"),
+        (["--preview"], "--preview: requires --also"),
         (["--also", "flow", "--next", "0", "0", "nan"], "expected three finite numbers in metres"),
     ],
 )

@@ -50,7 +50,7 @@ def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--rays", "rays.png"], "rays.png: rays are written as .exr"),
+        (["--rays", "rays.png"], "--rays: expected an .exr file, got rays.png"),
         (["--rays", "none/rays.exr"], "the folder none does not exist"),
         (["--calibration", "none/a.json"], "the folder none does not exist"),
         (["--calibration", "a.png"], "a.png: is the picture already: want another name"),
@@ -72,11 +72,11 @@ def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arg
         (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the picture already"),
         (
             ["-o", "a.png", "--also", "position", "--rays", "a.position.exr"],
-            "a.position.exr: is a file of --also already: want another name for --rays",
+            "--rays: expected another name than a channel's file, got a.position.exr",
         ),
         (
             ["-o", "a.png", "--also", "range", "--calibration", "./a.channels.json"],
-            "a.channels.json: is a file of --also already",
+            "--calibration: expected another name than a channel's file",
         ),
     ],
 )

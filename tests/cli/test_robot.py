@@ -112,7 +112,7 @@ def test_import_in_the_units_of_the_engine(omnisim, tmp_path):
         (b"[a]\nSensors=()\n", ["-o", "r.toml"], "a.ini:2: Sensors: no ItemClass"),
         (b"[a]\nSensors=()\n", ["-o", "r.toml", "--class", "b"], "a.ini:1: no robot of class 'b'"),
         (None, ["-o", "r.toml"], "a.ini: cannot be read: No such file"),
-        (b"[a]\n", ["-o", "r.ini"], "r.ini: unknown format for a robot file: want .toml"),
+        (b"[a]\n", ["-o", "r.ini"], "--output: expected a .toml file, got r.ini"),
         (b"[a]\n", ["-o", "none/r.toml"], "the folder none does not exist: create it first"),
     ],
 )
@@ -136,7 +136,7 @@ def test_import_leaves_what_was_there(omnisim, tmp_path):
     assert (tmp_path / "r.toml").read_text() == "mine"
     (tmp_path / "r.toml").write_text(f"[USARBot.P2AT]\nSensors={SCANNER}\n")
     _, _, error = omnisim("robot", "import", "r.toml", "-o", "r.toml")
-    assert "r.toml: is the configuration itself: want another name" in error
+    assert "expected another name than the configuration's, got r.toml" in error
     assert "SICKLMS" in (tmp_path / "r.toml").read_text()
 
 

@@ -60,7 +60,7 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         "unwarp", "a.png", "--to", "birdseye", "-o", "b.png", "--sensor", "s.toml"
     )
     assert status == 1
-    assert "a.png: does not say how high the camera was: pass --height METRES" in error
+    assert "a.png: expected the camera's height in the metadata: pass --height METRES" in error
     arguments = ("--height", "0.5", "--extent", "1.5", "--size", "64", "64")
     status, out, error = omnisim(
         "unwarp", "a.png", "--to", "birdseye", "-o", "b.png", "--sensor", "s.toml", *arguments
@@ -91,20 +91,26 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         ),
         (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"], "height -1 m: want more"),
-        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "is square"),
-        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"], "want at least 1"),
+        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "expected a square"),
+        (
+            ["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"],
+            "expected at least 1 × 1",
+        ),
         (
             ["a.png", "--to", "perspective", "-o", "b.png", "--size", "32768", "9999"],
-            "a perspective of 32768 × 9999 px: want at most 32768 to a side and 67108864 pixels",
+            "expected at most 32768 to a side and 67108864 pixels, got a perspective of 32768 × 9999",
         ),
         (
             ["a.png", "--to", "cylinder", "-o", "b.png", "--fov", "40"],
-            "--fov: is for --to perspective, not for --to cylinder",
+            "--fov: requires --to perspective, got --to cylinder",
         ),
-        (["a.png", "--to", "perspective", "-o", "b.png", "--extent", "4"], "--extent: is for"),
+        (
+            ["a.png", "--to", "perspective", "-o", "b.png", "--extent", "4"],
+            "--extent: requires --to birdseye",
+        ),
         (
             ["below.png", "--to", "birdseye", "-o", "b.png"],
-            "below.png: says that the camera was at z = -1 m, not above the ground: pass --height",
+            "below.png: expected a camera above the ground, got z = -1 m: pass --height",
         ),
         (["a.png", "--to", "cylinder", "-o", "b.png", "--size", "90", "9"], "change the size"),
         (["small.png", "--to", "cylinder", "-o", "b.png"], "is 9 × 9 px, where its camera's"),

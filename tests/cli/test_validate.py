@@ -85,7 +85,10 @@ def test_without_opengl_nothing_is_begun(omnisim, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["-o", "report", "--only", "ring"], "--only ring: no such check; did you mean 'rings'?"),
+        (
+            ["-o", "report", "--only", "ring"],
+            "--only: expected a check, got 'ring'; did you mean 'rings'?",
+        ),
         (["-o", "none/report"], "the folder none does not exist: create it first"),
         (["-o", "file"], "file: is a file: want a folder"),
     ],

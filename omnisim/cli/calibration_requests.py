@@ -1,0 +1,52 @@
+"""Parameters of the commands of `omnisim calibration`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnisim.cli.arguments import CameraNameOption, MirroredOption
+
+SourceArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="Calibration file, sensor file, or a picture of omnisim's."
+    ),
+]
+FormatOption = Annotated[
+    str | None,
+    typer.Option("--format", metavar="FORMAT", help="Format of FILE. [dim]detected[/]"),
+]
+
+
+@dataclass(frozen=True)
+class ConvertRequest:
+    """Parameters of `omnisim calibration convert`."""
+
+    source: SourceArgument
+    to: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="See `omnisim calibration formats`.")
+    ]
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
+    camera_name: CameraNameOption = None
+    format: FormatOption = None
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="Camera model to write. [dim]the same, or the nearest[/]",
+        ),
+    ] = None
+    mirrored: MirroredOption = None
+
+
+@dataclass(frozen=True)
+class ShowRequest:
+    """Parameters of `omnisim calibration show`."""
+
+    source: SourceArgument
+    camera_name: CameraNameOption = None
+    format: FormatOption = None
+    mirrored: MirroredOption = None

@@ -1,0 +1,130 @@
+"""Cameras, scenes and numbers that the options of several commands name."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.cli.console import print_note
+from omnisim.errors import CalibrationError, OpticsError, OutputError
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.sensors import OmniCamera
+from omnisim.sensors.degradations import Degradation, preset
+
+LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Position and heading, world."""
+
+    position_m: tuple[float, float, float]
+    yaw_deg: float
+
+    @classmethod
+    def in_scene(
+        cls, scene: Scene, at: tuple[float, float, float] | None, yaw_deg: float | None
+    ) -> Viewpoint:
+        """Take --at and --yaw, by default from the scene's start."""
+        return cls(
+            position_m=scene.start.position_m if at is None else at,
+            yaw_deg=scene.start.yaw_deg if yaw_deg is None else yaw_deg,
+        )
+
+    def __str__(self) -> str:
+        x, y, z = self.position_m
+        return f"({x:g}, {y:g}, {z:g}) m at yaw {self.yaw_deg:g}°"
+
+
+def read_sensor(path: Path | None) -> OmniCamera:
+    """Read the camera of a sensor file; by default the paper's.
+
+    Raises:
+        SensorFileError: naming file, key and value.
+    """
+    return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def read_camera(
+    sensor: Path | None, calibration: Path | None, camera_name: str | None, mirrored: bool | None
+) -> OmniCamera:
+    """Read the camera of a sensor file or of a calibration file; by default the paper's.
+
+    Args:
+        sensor: a sensor file.
+        calibration: a calibration file.
+        camera_name: a camera of the calibration file; by default the first.
+        mirrored: it looks into a mirror; by default as the file's remarks say.
+
+    Raises:
+        OmnisimError: both files, or a fault of either.
+    """
+    if calibration is None:
+        for option, value in (("--camera-name", camera_name), ("--mirrored", mirrored)):
+            if value is not None:
+                raise CalibrationError(f"{option}: requires --camera")
+        return read_sensor(sensor)
+    if sensor is not None:
+        raise CalibrationError("--sensor, --camera: expected one of them, got both")
+    if calibration.suffix.lower() == ".toml":
+        raise CalibrationError(
+            f"--camera: expected a calibration file, got the sensor file {calibration}: "
+            "pass it as --sensor"
+        )
+    # the time to import formats and fits is for those who use them
+    from omnisim.cli.calibration import read_calibration, select_camera
+
+    read = read_calibration(calibration, camera_name, None, mirrored)
+    return OmniCamera(select_camera(read, camera_name).cameras[0].camera, polygons=None)
+
+
+def load_labelled_scene(
+    source: str, up_axis: str | None, labels: Path | None, channels: Collection[str]
+) -> Scene:
+    """Load a scene with its labels, or with those of a file; print its notices.
+
+    Args:
+        source: path or built-in name.
+        up_axis: see `load_scene`.
+        labels: a label file; by default the scene's own labels.
+        channels: requested ground truth; notices of labels are for those with classes only.
+
+    Raises:
+        OutputError: a label file that no channel needs.
+        SceneError: from the scene, or from the label file.
+    """
+    is_labelled = not LABELLED.isdisjoint(channels)
+    if labels is not None and not is_labelled:
+        raise OutputError("--labels: requires --also semantic")
+    scene = load_scene(source, up_axis)
+    if labels is not None:
+        scene = dataclasses.replace(scene, labels=read_label_file(labels))
+    for notice in (*scene.notices, *(find_labels(scene).notices() if is_labelled else ())):
+        print_note(notice)
+    return scene
+
+
+def read_preset(name: str | None) -> Degradation | None:
+    """Read the degradations of a preset; None leaves those of the sensor file.
+
+    Raises:
+        SensorFileError: there is no such preset, or its file has a fault.
+    """
+    return None if name is None else preset(name)
+
+
+def parse_polygons(text: str) -> int | None:
+    """Parse a polygon count; None is "exact".
+
+    Raises:
+        OpticsError: neither a whole number nor "exact".
+    """
+    if text.lower() == "exact":
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise OpticsError(f"-n: expected a number of polygons or 'exact', got {text!r}") from None

@@ -1,0 +1,220 @@
+"""Parameters of the commands that take or change a picture, or take a scan."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnisim.cli.arguments import (
+    AlsoOption,
+    AtOption,
+    CameraNameOption,
+    DeviceOption,
+    LabelsOption,
+    MirroredOption,
+    PictureOption,
+    PolygonsOption,
+    PresetOption,
+    QualityOption,
+    SceneArgument,
+    SizeOption,
+    UnlitOption,
+    UpOption,
+    YawOption,
+)
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """Parameters of `omnisim render`."""
+
+    scene: SceneArgument
+    output: PictureOption
+    sensor: Annotated[
+        Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
+    ] = None
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Calibration file instead: Kalibr, OpenCV, COLMAP, … "
+            "(`omnisim calibration formats`).",
+        ),
+    ] = None
+    camera_name: CameraNameOption = None
+    mirrored: MirroredOption = None
+    at: AtOption = None
+    yaw_deg: YawOption = None
+    polygons: PolygonsOption = None
+    size_px: SizeOption = None
+    quality: QualityOption = None
+    unlit: UnlitOption = False
+    faces: Annotated[
+        Path | None,
+        typer.Option(
+            "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
+        ),
+    ] = None
+    also: AlsoOption = None
+    labels: LabelsOption = None
+    next_at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--next", metavar="X Y Z", help="Next viewpoint, for flow. [dim]0.1 m ahead[/]"
+        ),
+    ] = None
+    next_yaw_deg: Annotated[
+        float | None,
+        typer.Option("--next-yaw", metavar="DEG", help="Heading there. [dim]as now[/]"),
+    ] = None
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Also write a preview picture of each channel.")
+    ] = False
+    preset: PresetOption = None
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0
+    speed_mps: Annotated[
+        float,
+        typer.Option(
+            "--speed", metavar="M/S", help="Forwards, for motion blur and rolling shutter."
+        ),
+    ] = 0.0
+    turn_rate_degps: Annotated[
+        float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
+    ] = 0.0
+    rays: Annotated[
+        Path | None,
+        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
+    ] = None
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json"),
+    ] = None
+    up_axis: UpOption = None
+    device: DeviceOption = None
+
+
+class ViewKind(StrEnum):
+    """Projections of an unwarped view."""
+
+    CYLINDER = "cylinder"
+    PERSPECTIVE = "perspective"
+    BIRDSEYE = "birdseye"
+
+
+@dataclass(frozen=True)
+class UnwarpRequest:
+    """Parameters of `omnisim unwarp`."""
+
+    picture: Annotated[
+        Path, typer.Argument(metavar="PICTURE", help="A picture of omnisim's, or any other.")
+    ]
+    kind: Annotated[
+        ViewKind,
+        typer.Option("--to", help="View: a panorama, a pinhole camera's, a map of the ground."),
+    ]
+    output: PictureOption
+    sensor: Annotated[
+        Path | None,
+        typer.Option("--sensor", help="Sensor file; by default the picture's metadata."),
+    ] = None
+    size_px: Annotated[
+        tuple[int, int] | None,
+        typer.Option("--size", metavar="W H", help="Pixels. [dim]as fine as the picture[/]"),
+    ] = None
+    yaw_deg: Annotated[
+        float,
+        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from the front."),
+    ] = 0.0
+    pitch_deg: Annotated[
+        float | None,
+        typer.Option("--pitch", metavar="DEG", help="Perspective: downwards. [dim]0[/]"),
+    ] = None
+    field_of_view_deg: Annotated[
+        float | None,
+        typer.Option("--fov", metavar="DEG", help="Perspective: horizontal. [dim]90[/]"),
+    ] = None
+    elevation_deg: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--elevation",
+            metavar="LOW HIGH",
+            help="Cylinder: rows, degrees above the horizon. [dim]-45 to the highest seen[/]",
+        ),
+    ] = None
+    height_m: Annotated[
+        float | None,
+        typer.Option(
+            "--height",
+            metavar="M",
+            help="Bird's eye: height of the viewpoint over the ground. [dim]the picture's z[/]",
+        ),
+    ] = None
+    extent_m: Annotated[
+        float | None,
+        typer.Option(
+            "--extent", metavar="M", help="Bird's eye: from centre to edge. [dim]4 × height[/]"
+        ),
+    ] = None
+
+
+class RangeMode(StrEnum):
+    """Measuring modes of an LMS200: the unit of its ranges."""
+
+    MM = "mm"
+    CM = "cm"
+
+
+@dataclass(frozen=True)
+class ScanRequest:
+    """Parameters of `omnisim scan`."""
+
+    scene: SceneArgument
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Ranges: .csv with beam, angle_deg, range_m.")
+    ]
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Also plot it from above: .png .pdf .svg"),
+    ] = None
+    at: AtOption = None
+    yaw_deg: YawOption = None
+    resolution_deg: Annotated[
+        float,
+        typer.Option("--resolution", metavar="DEG", help="1 or 0.5 over 180°, or 0.25 over 100°."),
+    ] = 0.5
+    mode: Annotated[
+        RangeMode,
+        typer.Option("--mode", help="To 8.19 m in steps of 1 mm, or to 81.9 m in steps of 1 cm."),
+    ] = RangeMode.MM
+    noise: Annotated[
+        bool, typer.Option("--noise/--no-noise", help="With the device's errors, or without.")
+    ] = True
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the device's errors.")] = 0
+    up_axis: UpOption = None
+    device: DeviceOption = None
+
+
+@dataclass(frozen=True)
+class MirrorRequest:
+    """Parameters of `omnisim mirror`."""
+
+    output: Annotated[Path, typer.Option("-o", "--output", help="Mesh: .glb, .obj or .ply.")]
+    polygons: Annotated[
+        int | None,
+        typer.Option("-n", "--polygons", help="Polygons. [dim]1024, or the sensor file's[/]"),
+    ] = None
+    sensor: Annotated[
+        Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's mirror.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class SensorRequest:
+    """Parameters of `omnisim sensor`."""
+
+    check: Annotated[
+        Path | None, typer.Option("--check", metavar="FILE", help="Check this sensor file.")
+    ] = None

@@ -1,0 +1,51 @@
+"""Parameters of the commands of `omnisim robot`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+@dataclass(frozen=True)
+class CheckRequest:
+    """Parameters of `omnisim robot check`."""
+
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE", help="Robot file, folder with a robot.toml, or built-in name."
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """Parameters of `omnisim robot import`."""
+
+    configuration: Annotated[
+        Path, typer.Argument(metavar="USARBot.ini", help="A configuration of USARSim.")
+    ]
+    output: Annotated[Path, typer.Option("-o", "--output", help="Robot file: .toml")]
+    robot_class: Annotated[
+        str | None,
+        typer.Option(
+            "--class", metavar="NAME", help="Class of the robot: P2AT. [dim]the file's only one[/]"
+        ),
+    ] = None
+    unreal_units: Annotated[
+        bool,
+        typer.Option(
+            "--unreal-units",
+            help="The file is in Unreal units: 250 to a metre, z up, 65536 to a turn; "
+            "by default metres, z down, and radians.",
+        ),
+    ] = False
+    origin_height_m: Annotated[
+        float | None,
+        typer.Option(
+            "--origin-height",
+            metavar="M",
+            help="Height of USARSim's origin of the robot above the ground. [dim]0[/]",
+        ),
+    ] = None

@@ -1,0 +1,173 @@
+"""Parameters of the commands that record a run, or read one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnisim.cli.arguments import (
+    AlsoOption,
+    DeviceOption,
+    LabelsOption,
+    PolygonsOption,
+    PresetOption,
+    QualityOption,
+    RunArgument,
+    RunCameraOption,
+    RunSceneOption,
+    SceneArgument,
+    SizeOption,
+    UnlitOption,
+    UpOption,
+)
+
+
+@dataclass(frozen=True)
+class DriveRequest:
+    """Parameters of `omnisim drive`."""
+
+    scene: SceneArgument
+    robot: Annotated[str, typer.Option("--robot", help="Robot file, or name of a built-in robot.")]
+    path: Annotated[
+        str,
+        typer.Option(
+            "--path",
+            help="Path of the scene, or a file: .tum .kitti .csv, or EuRoC's; a .csv of x_m and "
+            "y_m alone has waypoints.",
+        ),
+    ]
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Folder of the run; an unfinished run resumes."),
+    ]
+    seed: Annotated[
+        int, typer.Option("--seed", help="Of the odometry's and the cameras' noise.")
+    ] = 0
+    step_m: Annotated[
+        float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
+    ] = 0.41
+    turn_step_deg: Annotated[
+        float, typer.Option("--turn-step", metavar="DEG", help="Largest step of a turn.")
+    ] = 12.0
+    rate_hz: Annotated[
+        float | None,
+        typer.Option(
+            "--rate", metavar="HZ", help="Steps per second instead, or of a file without times."
+        ),
+    ] = None
+    ground_m: Annotated[
+        float, typer.Option("--ground", metavar="M", help="Height of the ground of waypoints.")
+    ] = 0.0
+    ignore_limits: Annotated[
+        bool, typer.Option("--ignore-limits", help="Ignore the robot's kinematic limits.")
+    ] = False
+    polygons: PolygonsOption = None
+    size_px: SizeOption = None
+    quality: QualityOption = None
+    unlit: UnlitOption = False
+    also: AlsoOption = None
+    labels: LabelsOption = None
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite another run that is in the folder.")
+    ] = False
+    preset: PresetOption = None
+    up_axis: UpOption = None
+    device: DeviceOption = None
+
+
+@dataclass(frozen=True)
+class LocalizeRequest:
+    """Parameters of `omnisim localize`."""
+
+    run: RunArgument
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the estimate, figures and report.")
+    ]
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Model of `landmarks train`. [dim]learned from the run's own labels[/]",
+        ),
+    ] = None
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", metavar="FILE", help="Filter's parameters. [dim]omnisim's[/]"),
+    ] = None
+    scene: RunSceneOption = None
+    camera: RunCameraOption = None
+
+
+@dataclass(frozen=True)
+class PlotRequest:
+    """Parameters of `omnisim plot`."""
+
+    run: RunArgument
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Plot: .png .pdf .svg. [dim]RUN/plot.png[/]"),
+    ] = None
+    scene: RunSceneOption = None
+
+
+@dataclass(frozen=True)
+class VideoRequest:
+    """Parameters of `omnisim video`."""
+
+    run: RunArgument
+    output: Annotated[Path, typer.Option("-o", "--output", help="Video: .mp4 or .mkv.")]
+    camera: RunCameraOption = None
+    rate_hz: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 10.0
+
+
+@dataclass(frozen=True)
+class TrainRequest:
+    """Parameters of `omnisim landmarks train`."""
+
+    run: RunArgument
+    output: Annotated[Path, typer.Option("-o", "--output", help="Model: .npz.")]
+    missed: Annotated[
+        float, typer.Option("--missed", help="Cost of a false negative: a landmark's pixel missed.")
+    ] = 1.0
+    false_alarm: Annotated[
+        float, typer.Option("--false-alarm", help="Cost of a false positive: another pixel taken.")
+    ] = 4.0
+    scene: RunSceneOption = None
+    camera: RunCameraOption = None
+
+
+@dataclass(frozen=True)
+class DetectRequest:
+    """Parameters of `omnisim landmarks detect`."""
+
+    source: Annotated[
+        Path, typer.Argument(metavar="PICTURE|RUN", help="A picture of omnisim's, or a run.")
+    ]
+    model: Annotated[
+        Path, typer.Option("--model", metavar="FILE", help="Model of `landmarks train`: .npz.")
+    ]
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Detections: .csv.")] = None
+    show: Annotated[
+        Path | None,
+        typer.Option("--show", metavar="FILE", help="Annotated panoramas: .png .pdf .svg."),
+    ] = None
+    height_m: Annotated[
+        float | None,
+        typer.Option(
+            "--height",
+            metavar="M",
+            help="Height of a picture's viewpoint over the ground. [dim]its own[/]",
+        ),
+    ] = None
+    scene: RunSceneOption = None
+    camera: RunCameraOption = None
+    sensor: Annotated[
+        Path | None,
+        typer.Option(
+            "--sensor",
+            metavar="FILE",
+            help="Sensor file of a picture without metadata: .toml.",
+        ),
+    ] = None
