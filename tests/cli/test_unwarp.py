@@ -98,7 +98,7 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         ),
         (
             ["a.png", "--to", "perspective", "-o", "b.png", "--size", "32768", "9999"],
-            "expected at most 32768 to a side and 67108864 pixels, got a perspective of 32768 × 9999",
+            "expected at most 32768 to a side and 67108864 pixels, got a perspective of 32768",
         ),
         (
             ["a.png", "--to", "cylinder", "-o", "b.png", "--fov", "40"],
