@@ -74,7 +74,8 @@ def board_poses_in_front(
 def board_scene() -> Scene:
     """One board with a white border in its own frame, unlit, on black."""
     columns, rows = PATTERN[0] + 1, PATTERN[1] + 1
-    white, black = [], []
+    white: list[NDArray[np.float64]] = []
+    black: list[NDArray[np.float64]] = []
     for row in range(-1, rows + 1):
         for column in range(-1, columns + 1):
             corner = np.array([column - 0.5 * columns, row - 0.5 * rows])

@@ -1,4 +1,4 @@
-"""How far what one picture shows is shifted against another."""
+"""Displacement of one picture's content against another's."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera
+from omnisim.plots.plot_file import Figure
+from omnisim.plots.style import BLUE, plot
+
 PATCH_PX = 24
 
 
 class Displacements(NamedTuple):
-    """How far what a picture shows is shifted, patch by patch."""
+    """Displacements of a picture's patches."""
 
     middles_px: NDArray[np.float64]  # (n, 2)
     shifts_px: NDArray[np.float64]  # (n, 2)
@@ -38,9 +42,9 @@ def displacements(
     area = (rows * PATCH_PX, columns * PATCH_PX)
 
     def patches(values: NDArray[Any]) -> NDArray[Any]:
-        cut = values[..., : area[0], : area[1]]
-        shape = (*cut.shape[:-2], rows, PATCH_PX, columns, PATCH_PX)
-        return cut.reshape(shape).swapaxes(-3, -2).reshape(*cut.shape[:-2], rows, columns, -1)
+        whole = values[..., : area[0], : area[1]]
+        shape = (*whole.shape[:-2], rows, PATCH_PX, columns, PATCH_PX)
+        return whole.reshape(shape).swapaxes(-3, -2).reshape(*whole.shape[:-2], rows, columns, -1)
 
     xx, xy, yy, xt, yt = patches(products).sum(axis=-1)
     inside = patches(where).all(axis=-1)
@@ -52,3 +56,21 @@ def displacements(
     v, u = np.indices((rows, columns))
     middles = (np.stack((u, v), axis=-1) + 0.5) * PATCH_PX - 0.5
     return Displacements(middles[inside], shifts[inside])
+
+
+def displacement_figure(
+    title: str,
+    camera: CentralCamera,
+    positions_px: NDArray[np.float64],
+    shifts_px: NDArray[np.float64],
+) -> Figure:
+    """Arrows at positions (n, 2) of a camera's picture, 300 times as long as the shifts (n, 2)."""
+    figure, axes = plot(title, "u in pixels", "v in pixels", 6.2, 6.2)
+    axes.quiver(
+        *positions_px.T, *shifts_px.T, color=BLUE,
+        angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.003,
+    )  # fmt: skip
+    axes.set_xlim(-0.5, camera.width_px - 0.5)
+    axes.set_ylim(camera.height_px - 0.5, -0.5)
+    axes.set_aspect("equal")
+    return figure

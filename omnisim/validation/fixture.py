@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import HyperbolicCamera
+from omnisim.errors import OpticsError
 from omnisim.frame import Frame
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
@@ -45,6 +47,23 @@ class Fixture:
         device = None if isinstance(scene, Stage) else self.device
         with Renderer(scene, camera, unlit=True, device=device) as renderer:
             return renderer.render(world_from_base, linear=True)
+
+
+def mirror_camera(sensor: OmniCamera) -> HyperbolicCamera:
+    """Camera model of a sensor with a hyperbolic mirror.
+
+    Raises:
+        OpticsError: it has another model.
+    """
+    if not isinstance(sensor.model, HyperbolicCamera):
+        raise OpticsError(f"expected a hyperbolic mirror, got model {sensor.model.model_name!r}")
+    return sensor.model
+
+
+def linear_picture(frame: Frame) -> NDArray[np.float32]:
+    """Linear RGB (height, width, 3) of a frame that was rendered with it."""
+    assert frame.linear is not None
+    return frame.linear
 
 
 def max_abs(values: NDArray[np.float64]) -> float:

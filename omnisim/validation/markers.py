@@ -1,4 +1,4 @@
-"""Markers: small discs all around the viewpoint, and where a picture shows them."""
+"""Markers: small discs all around the viewpoint, and their centroids in pictures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def marker_positions(
     x /= np.linalg.norm(x)
     directions = local @ np.stack((x, np.cross(z, x), z))
     ranges = 0.6 * 20.0 ** np.random.default_rng(7).random(count)
-    return np.asarray(viewpoint_m) + directions * ranges[:, None]
+    positions: NDArray[np.float64] = np.asarray(viewpoint_m) + directions * ranges[:, None]
+    return positions
 
 
 def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Scene:
@@ -42,42 +43,47 @@ def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Sc
     return plain_scene("markers", (mesh, WHITE))
 
 
-def outlines(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDArray[np.float64]:
+def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDArray[np.float64]:
     """Points (n, 96, 3), world, around the rim of each marker."""
     corners = 96
-    mesh = discs("outlines", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=corners)
+    mesh = discs("rims", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=corners)
     rims = mesh.positions[len(positions_m) :].astype(np.float64)
     return rims.reshape(corners, len(positions_m), 3).swapaxes(0, 1)
 
 
-def middles_of_outlines(outlines_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Centroids (n, 2) of the areas inside closed outlines (n, corners, 2) in the picture.
+def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the picture.
 
-    The middle of a disc's picture is not the picture of the disc's middle: the difference is
-    0.03 px here, and this has none of it.
+    A disc's centre is not shown at the centroid of the disc's picture: the difference is 0.03 px
+    here.
     """
-    start = outlines_px.mean(axis=1, keepdims=True)
-    here = outlines_px - start
-    following = np.roll(here, -1, axis=1)
-    areas = here[..., 0] * following[..., 1] - here[..., 1] * following[..., 0]
-    moments = ((here + following) * areas[..., None]).sum(axis=1)
-    return start[:, 0] + moments / (3.0 * areas.sum(axis=1))[:, None]
+    start = rims_px.mean(axis=1, keepdims=True)
+    local = rims_px - start
+    following = np.roll(local, -1, axis=1)
+    areas = local[..., 0] * following[..., 1] - local[..., 1] * following[..., 0]
+    moments = ((local + following) * areas[..., None]).sum(axis=1)
+    centroids: NDArray[np.float64] = start[:, 0] + moments / (3.0 * areas.sum(axis=1))[:, None]
+    return centroids
 
 
-def clear_of_the_edge(
+def inside_valid_area(
     camera: CentralCamera, positions_px: NDArray[np.float64], margin_px: float = WINDOW_PX + 2.0
 ) -> NDArray[np.bool_]:
-    """Which positions (n, 2) have nothing but valid pixels around them."""
-    turn = 2.0 * np.pi * np.arange(16) / 16
-    around = positions_px[:, None] + margin_px * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+    """Mask (n,) of positions (n, 2) with nothing but valid pixels around them."""
+    angles = 2.0 * np.pi * np.arange(16) / 16
+    around = positions_px[:, None] + margin_px * np.stack((np.cos(angles), np.sin(angles)), axis=1)
     inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
-    return camera.ray_from_pixel(around).valid.all(axis=1) & inside.all(axis=(1, 2))
+    clear = camera.ray_from_pixel(around).valid & inside.all(axis=2)
+    surrounded: NDArray[np.bool_] = np.all(clear, axis=1)
+    return surrounded
 
 
 def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Middles of brightness (n, 2) in windows around positions (n, 2) of a picture (height, width).
+    """Centroids (n, 2) of brightness in windows around positions (n, 2); NaN for a dark window.
 
-    NaN where the window shows nothing.
+    Args:
+        brightness: picture (height, width).
+        near_px: middles of the windows.
     """
     found = np.full(near_px.shape, np.nan)
     for index, (u, v) in enumerate(np.rint(near_px).astype(int)):

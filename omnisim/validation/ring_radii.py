@@ -29,10 +29,11 @@ def ring_radii(
         expected_px, reach_px: where to look; no other ring may be there.
         azimuths: how many.
     """
-    turn = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
+    angles = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
     radii = expected_px + np.arange(-reach_px, reach_px + 0.5 * STEP_PX, STEP_PX)
     radii = radii[radii > 0.0]
-    directions = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+    directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     profile = sample(darkness, directions[:, None] * radii[:, None] + np.asarray(centre_px))
     weights = profile * np.sqrt(radii)
-    return (weights * radii).sum(axis=1) / weights.sum(axis=1)
+    means: NDArray[np.float64] = (weights * radii).sum(axis=1) / weights.sum(axis=1)
+    return means

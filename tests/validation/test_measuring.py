@@ -6,7 +6,7 @@ import pytest
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import Section
 from omnisim.validation.fixture import max_abs, mean_abs
-from omnisim.validation.markers import centroids, marker_positions, middles_of_outlines
+from omnisim.validation.markers import centroids, marker_positions, rim_centroids_px
 from omnisim.validation.ring_radii import ring_radii
 
 
@@ -45,7 +45,7 @@ def test_middle_of_an_outline_is_that_of_its_area():
     # a circle with its corners crowded to one side: the area's middle does not care
     crowded = turn + 0.5 * np.sin(turn)
     outline = np.stack((3.0 + np.cos(crowded), -2.0 + np.sin(crowded)), axis=-1)[None]
-    np.testing.assert_allclose(middles_of_outlines(outline), [[3.0, -2.0]], atol=2e-3)
+    np.testing.assert_allclose(rim_centroids_px(outline), [[3.0, -2.0]], atol=2e-3)
 
 
 def test_markers_stand_apart_and_in_their_cone():

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim import frames, poses
 from omnisim.cameras import HyperbolicCamera
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, gallery, plot
+from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera, Renderer
@@ -20,14 +19,15 @@ from omnisim.validation.chessboards import (
     board_poses,
     board_scene,
 )
-from omnisim.validation.fixture import Fixture, max_abs, mean_abs
+from omnisim.validation.displacement import displacement_figure
+from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import (
     centroids,
-    clear_of_the_edge,
+    inside_valid_area,
     marker_positions,
+    marker_rims,
     marker_scene,
-    middles_of_outlines,
-    outlines,
+    rim_centroids_px,
 )
 from omnisim.validation.oracles import omnidir
 
@@ -42,7 +42,7 @@ XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
 def check_markers(fixture: Fixture, title: str) -> Section:
     """Render markers through the whole pipeline; compare their centroids with our model's."""
     camera, measured, rims = marker_picture(fixture)
-    predicted = middles_of_outlines(camera.pixel_from_ray(rims).positions_px)
+    predicted = rim_centroids_px(camera.pixel_from_ray(rims).positions_px)
     off = np.linalg.norm(measured - predicted, axis=1)
     return Section(
         title,
@@ -55,10 +55,11 @@ def check_markers(fixture: Fixture, title: str) -> Section:
             Measure("markers", len(off)),
         ),
         figures=(
-            CaptionedFigure("markers", _figure(camera, predicted, measured - predicted,
-                                       "Markers: measured − predicted"),
-                    "Each arrow is a marker's error, 300 times enlarged: small, and in no "
-                    "common direction."),
+            CaptionedFigure("markers",
+                            displacement_figure("Markers: measured − predicted", camera,
+                                                predicted, measured - predicted),
+                            "Each arrow is a marker's error, 300 times enlarged: small, and in no "
+                            "common direction."),
         ),
     )  # fmt: skip
 
@@ -67,7 +68,7 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
     """Compare the same centroids with OpenCV's projection, and calibrate from chessboards."""
     camera, measured, rims = marker_picture(fixture)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
-    off = np.linalg.norm(measured - middles_of_outlines(projected), axis=1)
+    off = np.linalg.norm(measured - rim_centroids_px(projected), axis=1)
     boards, corners = chessboard_pictures(fixture, 10 if fixture.is_quick else 20)
     size = (camera.width_px, camera.height_px)
     found = omnidir.calibrate(board_corners_m(), corners, size)
@@ -105,13 +106,13 @@ class MarkerPicture(NamedTuple):
 
     camera: HyperbolicCamera
     measured_px: NDArray[np.float64]  # (n, 2) middles
-    outlines: NDArray[np.float64]  # (n, corners, 3) their rims, optical frame
+    rims: NDArray[np.float64]  # (n, corners, 3), optical frame
 
 
 def marker_picture(fixture: Fixture) -> MarkerPicture:
     """Render and measure markers all around."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
-    camera = sensor.model
+    camera = mirror_camera(sensor)
     world_from_base = poses.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
     world_from_rig = world_from_base @ sensor.base_from_rig
     world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
@@ -119,11 +120,10 @@ def marker_picture(fixture: Fixture) -> MarkerPicture:
     axis = -world_from_optical[:, 2]  # from the mirror towards the pinhole
     positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
     near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
-    clear = clear_of_the_edge(camera, near_px)
+    clear = inside_valid_area(camera, near_px)
     frame = fixture.render(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
-    assert frame.linear is not None
-    measured = centroids(frame.linear[..., 1].astype(np.float64), near_px[clear])
-    around = (outlines(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
+    measured = centroids(linear_picture(frame)[..., 1].astype(np.float64), near_px[clear])
+    around = (marker_rims(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
     return MarkerPicture(camera, measured, around)
 
 
@@ -141,20 +141,3 @@ def chessboard_pictures(
                 pictures.append(picture)
                 corners.append(found)
     return pictures, corners
-
-
-def _figure(
-    camera: HyperbolicCamera,
-    at_px: NDArray[np.float64],
-    off_px: NDArray[np.float64],
-    title: str,
-) -> Figure:
-    figure, axes = plot(title, "u in pixels", "v in pixels", 6.2, 6.2)
-    axes.quiver(
-        at_px[:, 0], at_px[:, 1], off_px[:, 0], off_px[:, 1], color=BLUE,
-        angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.003,
-    )  # fmt: skip
-    axes.set_xlim(-0.5, camera.width_px - 0.5)
-    axes.set_ylim(camera.height_px - 0.5, -0.5)
-    axes.set_aspect("equal")
-    return figure

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CylindricalCamera
 from omnisim.frame import Frame
 from omnisim.perception.bilinear import sample
 from omnisim.perception.unwarping import Unwarping
@@ -23,7 +24,7 @@ from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Mesh
 from omnisim.sensors import OmniCamera
 from omnisim.srgb import linear_from_srgb
-from omnisim.validation.fixture import Fixture
+from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 
 # Where each side of the room shows nothing but its paint, between two lines: metres east, north
 # and up from the viewpoint.
@@ -98,8 +99,11 @@ def _mesh(scene: Scene, side: str) -> Mesh:
 
 def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: float) -> float:
     """Largest difference between a side's paint and the picture where optics expects it."""
-    assert frame.linear is not None
-    camera, heading = sensor.model, math.radians(heading_deg)
+    camera, linear, heading = (
+        mirror_camera(sensor),
+        linear_picture(frame),
+        math.radians(heading_deg),
+    )
     front = np.array([math.cos(heading), math.sin(heading), 0.0])
     picture_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
     worst = 0.0
@@ -110,7 +114,7 @@ def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: fl
         u = camera.principal_point_px[0] + radius * (level @ picture_right)
         v = camera.principal_point_px[1] - radius * (level @ front)
         around = np.stack(np.meshgrid(u + np.arange(-1, 2), v + np.arange(-1, 2)), axis=-1)
-        seen = [np.median(sample(frame.linear[..., channel], around)) for channel in range(3)]
+        seen = [np.median(sample(linear[..., channel], around)) for channel in range(3)]
         worst = max(worst, float(np.abs(np.array(seen) - _paint(scene, side)).max()))
     return worst
 
@@ -122,13 +126,15 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
     position = scene.start.position_m
     frame = fixture.render(scene, sensor, sensor.base_pose(position))
     view = cylinder_view(1800, math.radians(-45.0), math.radians(14.0))
+    cylinder = view.camera
+    assert isinstance(cylinder, CylindricalCamera)
     base_from_optical = np.array(frame.metadata["world_from_optical"])[:3, :3]  # heading 0
-    unwarp = Unwarping(sensor.model, view.camera, base_from_optical.T @ view.base_from_view)
+    unwarp = Unwarping(sensor.model, cylinder, base_from_optical.T @ view.base_from_view)
     panorama = unwarp(frame.rgb)
     grey = panorama.astype(np.float64).mean(axis=2)
     normal, mirrored = 1.0, -1.0
     # reading order: who faces east and turns to the right comes to south, then west, then north
-    for turns, side in enumerate(("east", "south", "west", "north")):
+    for quarter, side in enumerate(("east", "south", "west", "north")):
         texture = scene.materials[_mesh(scene, side).material].texture
         assert texture is not None
         paint = texture.pixels[..., :3].astype(np.float64).mean(axis=2)
@@ -136,10 +142,10 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
         # the middle of the wall, where its word is: ±0.4 rad, up to the rim's elevation
         azimuth = np.linspace(-0.4, 0.4, 241)
         tangent = np.linspace(-0.2, 0.2, 121)
-        column = view.camera.focal_length_px * azimuth
-        row = view.camera.principal_point_px[1] - view.camera.focal_length_px * tangent
-        middle = view.camera.principal_point_px[0] + turns * 0.25 * view.camera.width_px
-        u = (middle + column) % view.camera.width_px
+        column = cylinder.focal_length_px * azimuth
+        row = cylinder.principal_point_px[1] - cylinder.focal_length_px * tangent
+        middle = cylinder.principal_point_px[0] + quarter * 0.25 * cylinder.width_px
+        u = (middle + column) % cylinder.width_px
         seen = sample(grey, np.stack(np.meshgrid(u, row), axis=-1))
         # the same places on the wall, 3 m away, by plain trigonometry
         across_m = 3.0 * np.tan(azimuth)[None, :] * np.ones((121, 1))

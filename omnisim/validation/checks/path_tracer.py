@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import frames
-from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, gallery, plot
+from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera
 from omnisim.srgb import srgb_from_linear
-from omnisim.validation.displacement import Displacements, displacements
-from omnisim.validation.fixture import Fixture, max_abs, mean_abs
+from omnisim.validation.displacement import displacement_figure, displacements
+from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import (
     centroids,
-    clear_of_the_edge,
+    inside_valid_area,
     marker_positions,
     marker_scene,
 )
@@ -92,7 +92,8 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("traced-mirror", _gallery(pair, exact),
                     "A traced mirror, our exact capture, and their difference, eight times "
                     "enhanced: edges only, and no side of them is favoured."),
-            CaptionedFigure("traced-shifts", _figure(sensor.model, shifts),
+            CaptionedFigure("traced-shifts",
+                    displacement_figure("Traced mirror − ours", sensor.model, *shifts),
                     "How far patches of the picture are shifted between the two, 300 times "
                     "enlarged."),
         ),
@@ -100,7 +101,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples: int) -> Pair:
-    camera, world_from_optical = sensor.model, _world_from_optical(sensor, pose)
+    camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
     traced, again = (
         trace_mirror(scene, camera, world_from_optical, samples, seed=seed) for seed in (0, 1)
     )
@@ -114,7 +115,7 @@ def _marker_distances(
     fixture: Fixture, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Distance between the middles of markers in the traced picture and in ours (n,)."""
-    camera, world_from_optical = sensor.model, _world_from_optical(sensor, pose)
+    camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
     viewpoint_m = world_from_optical[:3, 3]
     positions = marker_positions(
         viewpoint_m, -world_from_optical[:3, 2], camera.mirror.theta_max_rad, MARKERS
@@ -122,13 +123,14 @@ def _marker_distances(
     near_px = camera.pixel_from_ray(
         (positions - viewpoint_m) @ world_from_optical[:3, :3]
     ).positions_px
-    clear = clear_of_the_edge(camera, near_px)
+    clear = inside_valid_area(camera, near_px)
     scene = marker_scene(positions[clear], viewpoint_m)
     traced = trace_mirror(scene, camera, world_from_optical, 64)
     ours = _linear(fixture, scene, sensor, pose)
     one = centroids(traced[..., 1].astype(np.float64), near_px[clear])
     other = centroids(ours[..., 1].astype(np.float64), near_px[clear])
-    return np.linalg.norm(one - other, axis=1)
+    distances: NDArray[np.float64] = np.linalg.norm(one - other, axis=1)
+    return distances
 
 
 def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -140,13 +142,12 @@ def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArra
 def _linear(
     fixture: Fixture, scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    linear = fixture.render(scene, sensor, pose).linear
-    assert linear is not None
-    return linear
+    return linear_picture(fixture.render(scene, sensor, pose))
 
 
 def _grey(linear: NDArray[np.float32]) -> NDArray[np.float64]:
-    return 255.0 * srgb_from_linear(linear).mean(axis=-1)
+    grey: NDArray[np.float64] = srgb_from_linear(linear).mean(axis=-1)
+    return 255.0 * grey
 
 
 def _gallery(pair: Pair, exact: NDArray[np.float32]) -> Figure:
@@ -156,16 +157,3 @@ def _gallery(pair: Pair, exact: NDArray[np.float32]) -> Figure:
     enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
     pictures = {"traced by Mitsuba": shown, "captured by omnisim": ours}
     return gallery(pictures | {"difference × 8": enhanced}, 3, side_in=4.2)
-
-
-def _figure(camera: HyperbolicCamera, found: Displacements) -> Figure:
-    figure, axes = plot("Traced mirror − ours", "u in pixels", "v in pixels", 6.2, 6.2)
-    axes.quiver(
-        found.middles_px[:, 0], found.middles_px[:, 1],
-        found.shifts_px[:, 0], found.shifts_px[:, 1],
-        color=BLUE, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.003,
-    )  # fmt: skip
-    axes.set_xlim(-0.5, camera.width_px - 0.5)
-    axes.set_ylim(camera.height_px - 0.5, -0.5)
-    axes.set_aspect("equal")
-    return figure

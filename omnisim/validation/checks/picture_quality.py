@@ -16,12 +16,11 @@ from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.validation.fixture import Fixture
+from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.psnr import psnr_db
 
 SIZE_PX = 360
-# Plain bilinear, as other simulators take a picture of a cube: faces of this size, one look a pixel
-# between four texels.
+# Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.
 PLAIN_FACE_PX = 512
 FINEST = 8  # captures to a side of a pixel; four of those, shifted: 256 samples
 SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # of a capture
@@ -43,7 +42,7 @@ def measure_quality(
     viewpoint_m: tuple[float, float, float],
     title: str,
 ) -> Section:
-    """The same in any scene, from a viewpoint (3,), world."""
+    """Compare them in any scene, from a viewpoint (3,), world."""
     sensor = OmniCamera(polygons=None).resized(SIZE_PX)
     steps = QUICK_PAN_STEPS if fixture.is_quick else PAN_STEPS
     shifts = QUICK_SHIFTS if fixture.is_quick else SHIFTS
@@ -51,9 +50,9 @@ def measure_quality(
     poses = [sensor.base_pose(viewpoint_m, heading) for heading in headings_deg]
     with Stage(scene, device=fixture.device) as stage:
         truth = _truth(stage, sensor, poses, shifts)
-        ours = _taken(stage, sensor, poses)
+        ours = _linear_pictures(stage, sensor, poses)
         plain = _plain(stage, dataclasses.replace(sensor, face_size_px=PLAIN_FACE_PX), poses)
-    seen = np.isfinite([truth[0], ours[0], plain[0]]).all(axis=(0, -1))
+    seen: NDArray[np.bool_] = np.all(np.isfinite([truth[0], ours[0], plain[0]]), axis=(0, -1))
     shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
     samples = len(shifts) * FINEST**2
     pictures = {
@@ -96,21 +95,22 @@ def _truth(
     poses: list[NDArray[np.float64]],
     shifts: tuple[tuple[float, float], ...],
 ) -> list[NDArray[np.float64]]:
-    """Linear pictures of many samples a pixel, NaN where one of the captures sees nothing.
+    """Linear pictures of many samples per pixel, NaN where one of the captures sees nothing.
 
     The texels are as fine as the samples, and drawn anew for each shift.
     """
     finest = dataclasses.replace(sensor, supersampling=FINEST, texels_per_pixel=float(FINEST))
-    total = [np.zeros((sensor.model.height_px, sensor.model.width_px, 3)) for _ in poses]
+    model = mirror_camera(sensor)
+    total = [np.zeros((model.height_px, model.width_px, 3)) for _ in poses]
     for shift in shifts:
-        centre = np.add(sensor.model.principal_point_px, np.divide(shift, FINEST)).tolist()
-        camera = dataclasses.replace(sensor.model, principal_point_px=tuple(centre))
-        taken = _taken(stage, dataclasses.replace(finest, model=camera), poses)
-        total = [one + other for one, other in zip(total, taken, strict=True)]
+        u, v = np.add(model.principal_point_px, np.divide(shift, FINEST)).tolist()
+        camera = dataclasses.replace(model, principal_point_px=(u, v))
+        pictures = _linear_pictures(stage, dataclasses.replace(finest, model=camera), poses)
+        total = [one + other for one, other in zip(total, pictures, strict=True)]
     return [one / len(shifts) for one in total]
 
 
-def _taken(
+def _linear_pictures(
     stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
     """Linear pictures, NaN where nothing is seen."""
@@ -118,8 +118,7 @@ def _taken(
     with Renderer(stage, sensor) as renderer:
         for pose in poses:
             frame = renderer.render(pose, linear=True)
-            assert frame.linear is not None
-            pictures.append(np.where(frame.valid[..., None], frame.linear, np.nan))
+            pictures.append(np.where(frame.valid[..., None], linear_picture(frame), np.nan))
     return pictures
 
 
@@ -138,11 +137,11 @@ def _plain(
             renderer.render(pose)
             picture = np.full((*index.shape, 3), np.nan)
             for name, pixels in renderer.faces().items():
-                here = index == FACE_NAMES.index(name)
-                places = 0.5 * len(pixels) * (tangents[here] + 1.0) - 0.5
+                in_face = index == FACE_NAMES.index(name)
+                texels = 0.5 * len(pixels) * (tangents[in_face] + 1.0) - 0.5
                 linear = linear_from_srgb(pixels / 255.0)
                 for channel in range(3):
-                    picture[here, channel] = bilinear.sample(linear[..., channel], places)
+                    picture[in_face, channel] = bilinear.sample(linear[..., channel], texels)
             pictures.append(picture)
     return pictures
 

@@ -18,7 +18,7 @@ from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section, Table
 from omnisim.sensors import OmniCamera, Stage
-from omnisim.validation.fixture import Fixture
+from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.psnr import psnr_db
 
 DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture
@@ -44,7 +44,7 @@ def check(fixture: Fixture, title: str) -> Section:
     results = {}
     for polygons, frame in zip(PAPER_POLYGON_COUNTS, frames, strict=True):
         error = shown_error_px(fixture, sensor, polygons)
-        psnr = psnr_db(frame.linear, exact.linear, frame.valid & exact.valid)
+        psnr = psnr_db(linear_picture(frame), linear_picture(exact), frame.valid & exact.valid)
         results[polygons] = MeshResult(error, psnr, frame.rgb)
     means = [results[polygons].error_px.mean() for polygons in PAPER_POLYGON_COUNTS]
     slope = float(np.polyfit(np.log(PAPER_POLYGON_COUNTS), np.log(means), 1)[0])
@@ -79,7 +79,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 def shown_error_px(fixture: Fixture, sensor: OmniCamera, polygons: int) -> NDArray[np.float64]:
     """Distance (pixels,) of every pixel from where the mirror shows the direction it has."""
-    camera = sensor.model
+    camera = mirror_camera(sensor)
     context = open_context(fixture.device)
     try:
         with context:
@@ -91,7 +91,8 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera, polygons: int) -> NDArr
     shown = camera.pixel_from_ray(rays[seen].astype(np.float64))
     pixels = pixel_grid(camera.width_px, camera.height_px)[seen]
     # directions past the rim, which a mesh may show, have no place in the mirror's picture
-    return np.linalg.norm(shown.positions_px - pixels, axis=-1)[shown.valid]
+    errors: NDArray[np.float64] = np.linalg.norm(shown.positions_px - pixels, axis=-1)
+    return errors[shown.valid]
 
 
 def _detail(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -17,7 +17,7 @@ from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section, Table
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera
-from omnisim.validation.fixture import Fixture, max_abs
+from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mirror_camera
 from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5
@@ -38,7 +38,8 @@ class Rings(NamedTuple):
     @property
     def mean_error_px(self) -> NDArray[np.float64]:
         """Mean over azimuths of measured minus exact (n,)."""
-        return self.radii_px.mean(axis=1) - self.exact_px
+        errors: NDArray[np.float64] = self.radii_px.mean(axis=1) - self.exact_px
+        return errors
 
     def sector_error_px(self, sectors: int = 24) -> float:
         """Largest error of a ring's mean radius in a sector."""
@@ -55,8 +56,9 @@ def check(fixture: Fixture, title: str) -> Section:
     table = {"mirror": {"theta_max_deg": WIDE_RIM_DEG, "polygons": "exact"}}
     wide_sensor = OmniCamera.from_table(table).resized(1024)
     wide_frame = render(fixture, scene, wide_sensor)
-    one, other = measure(exact, paper.model), measure(mesh, paper.model)
-    wide = measure(wide_frame, wide_sensor.model)
+    camera = mirror_camera(paper)
+    one, other = measure(exact, camera), measure(mesh, camera)
+    wide = measure(wide_frame, mirror_camera(wide_sensor))
     eq2_off = wide.radii_px.mean(axis=1) - wide.eq2_px
     relative = 100.0 * (wide.eq2_px / wide.exact_px - 1.0)
     return Section(
@@ -64,7 +66,7 @@ def check(fixture: Fixture, title: str) -> Section:
         "A line at every 5° of incidence, the 90° one red, as in Fig. 7, measured at 720 azimuths. "
         "The radii are those of the exact relation, r = f ψ sin θ/(ξ + cos θ). The paper's Eq. 2, "
         "r = h sin θ/(1 + cos θ), is its special case ξ = 1, a paraboloid; this mirror's "
-        f"ξ = {paper.model.mirror.xi:.5f}. With the same 90° circle Eq. 2 is off by "
+        f"ξ = {camera.mirror.xi:.5f}. With the same 90° circle Eq. 2 is off by "
         f"{relative[2]:+.2f} % at 15°, {relative[21]:+.2f} % at 110° and {relative[24]:+.2f} % at "
         f"125°: {abs(eq2_off[24]):.1f} px in a picture of 1024 px: the measurement rules it out.",
         (
@@ -78,7 +80,7 @@ def check(fixture: Fixture, title: str) -> Section:
                     other.sector_error_px(), "px", MESH_BOUND_PX),
             Measure("rim at 130°, exact capture, 1024 px: each ring's mean radius",
                     max_abs(wide.mean_error_px), "px", EXACT_BOUND_PX),
-            Measure("ξ", paper.model.mirror.xi),
+            Measure("ξ", camera.mirror.xi),
         ),
         (_table(one, other),),
         (
@@ -98,9 +100,9 @@ def render(fixture: Fixture, scene: Scene, sensor: OmniCamera) -> Frame:
 
 def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
     """Measure all rings that the picture shows with room to either side."""
-    assert frame.linear is not None
     # white is 1, the lines are dark in green, the red one too
-    darkness = np.where(frame.valid, 1.0 - frame.linear[..., 1].astype(np.float64), 0.0)
+    green = linear_picture(frame)[..., 1].astype(np.float64)
+    darkness = np.where(frame.valid, 1.0 - green, 0.0)
     angles_deg = np.arange(STEP_DEG, math.degrees(camera.mirror.theta_max_rad) - 1.0, STEP_DEG)
     exact_px = exact_radius_px(camera, angles_deg)
     between_px = exact_radius_px(camera, angles_deg - 0.5 * STEP_DEG)
@@ -168,7 +170,8 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
 
     def percent(radii_px: NDArray[np.float64], rings: Rings) -> NDArray[np.float64]:
         horizon_px = rings.exact_px[rings.angles_deg == 90.0]
-        return 100.0 * (radii_px - rings.exact_px) / horizon_px
+        share: NDArray[np.float64] = (radii_px - rings.exact_px) / horizon_px
+        return 100.0 * share
 
     axes.axhline(0.0, color=GREY, linewidth=1.0)
     axes.axvline(90.0, color=RED, linewidth=0.8, linestyle=":")

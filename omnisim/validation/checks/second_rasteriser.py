@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
@@ -65,7 +66,8 @@ def check(fixture: Fixture, title: str) -> Section:
     )
 
 
-def _averaged(picture: np.ndarray) -> np.ndarray:
+def _averaged(picture: NDArray[np.float64]) -> NDArray[np.float64]:
     height, width, channels = picture.shape
     blocks = picture.reshape(height // AVERAGED, AVERAGED, width // AVERAGED, AVERAGED, channels)
-    return blocks.mean(axis=(1, 3))
+    means: NDArray[np.float64] = blocks.mean(axis=(1, 3))
+    return means

@@ -18,7 +18,7 @@ from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import linear_from_srgb
-from omnisim.validation.fixture import Fixture, max_abs
+from omnisim.validation.fixture import Fixture, linear_picture, max_abs
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
 from omnisim.validation.psnr import psnr_db
 
@@ -39,8 +39,7 @@ def check(fixture: Fixture, title: str) -> Section:
         sensor.model, view.camera, frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
     )
     frame = fixture.render(fixture.scene, sensor, sensor.base_pose(fixture.viewpoint_m))
-    assert frame.linear is not None
-    unwarped, pinhole = unwarp(frame.linear), _pinhole(fixture)
+    unwarped, pinhole = unwarp(linear_picture(frame)), _pinhole(fixture)
     suffices = unwarp.valid & (_picture_pixels_per_pixel(sensor, view) >= 1.0)
     psnr = psnr_db(unwarped, pinhole, suffices)
     bars = unwarp(_bars(fixture, sensor))
@@ -80,7 +79,8 @@ def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
     with Renderer(fixture.scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(pose)
         face = linear_from_srgb(renderer.faces()["front"] / 255.0)
-    return face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3)).astype(np.float32)
+    averaged: NDArray[np.float64] = face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3))
+    return averaged.astype(np.float32)
 
 
 def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float64]:
@@ -95,7 +95,8 @@ def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.floa
     jacobian = np.stack(
         (place((0.5, 0.0)) - place((-0.5, 0.0)), place((0.0, 0.5)) - place((0.0, -0.5))), axis=-1
     )
-    return np.linalg.svd(jacobian, compute_uv=False)[..., 1]
+    # in NumPy's stubs singular values have any precision
+    return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[..., 1], dtype=np.float64)
 
 
 def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
@@ -113,9 +114,7 @@ def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
         corners.append([middle - along - half, middle + along - half,
                         middle + along + half, middle - along + half])  # fmt: skip
     scene = plain_scene("bars", (quads("bars", corners), WHITE))
-    linear = fixture.render(scene, sensor, np.eye(4)).linear
-    assert linear is not None
-    return linear
+    return linear_picture(fixture.render(scene, sensor, np.eye(4)))
 
 
 def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArray[np.float64]:

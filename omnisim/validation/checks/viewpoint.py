@@ -15,7 +15,7 @@ from omnisim.plots.style import BLUE, GREY, ORANGE, plot
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.sensors import OmniCamera
-from omnisim.validation.fixture import Fixture, max_abs
+from omnisim.validation.fixture import Fixture, max_abs, mirror_camera
 
 # The focus property is exact: what is left is float64's rounding, which grows with the path.
 BOUND_C = 1e-9
@@ -23,7 +23,7 @@ BOUND_C = 1e-9
 
 def check(fixture: Fixture, title: str) -> Section:
     """Reflect rays over the whole mirror and measure by how much they miss the viewpoint."""
-    camera = OmniCamera().model
+    camera = mirror_camera(OmniCamera())
     mirror, tangents = camera.mirror, _tangents(camera.mirror, 301)
     points, reflected = reflect(mirror, tangents)
     misses = np.linalg.norm(np.cross(points, reflected), axis=-1)

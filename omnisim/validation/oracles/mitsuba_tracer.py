@@ -82,7 +82,7 @@ def trace_mirror(
         }
         for number, surface in enumerate(surfaces):
             content[f"surface {number}"] = _shining(surface, units_per_m)
-        picture = mi.render(mi.load_dict(content), spp=samples, seed=seed)
+        picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
         return np.array(picture, dtype=np.float32)[..., :3]
 
 
@@ -184,7 +184,8 @@ def _shining(surface: Surface, units_per_m: float) -> mi.Mesh:
         coordinates = surface.texture_coordinates.reshape(-1, 2)
         radiance = _bitmap(texture, material.base_color[:3])
     elif surface.colors is not None:
-        colors = surface.colors.reshape(-1, 3) * np.float32(material.base_color[:3])
+        factor = np.array(material.base_color[:3], dtype=np.float32)
+        colors = surface.colors.reshape(-1, 3) * factor
         radiance = {"type": "mesh_attribute", "name": _VERTEX_COLOR}
     else:
         radiance = _rgb(material.base_color[:3])
@@ -243,7 +244,7 @@ def _mesh(
         "mesh", len(vertices), len(triangles), held, normals is not None, coordinates is not None
     )
     if colors is not None:
-        mesh.add_attribute(_VERTEX_COLOR, 3, colors.ravel())
+        mesh.add_attribute(_VERTEX_COLOR, 3, colors.ravel().tolist())
     buffers = mi.traverse(mesh)
     buffers["vertex_positions"] = vertices.astype(np.float32).ravel()
     buffers["faces"] = triangles.astype(np.uint32).ravel()

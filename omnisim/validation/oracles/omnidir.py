@@ -20,14 +20,14 @@ from omnisim.cameras import HyperbolicCamera
 OMNIDIR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, 1.0, -1.0])
 
 
-class Calibration(NamedTuple):
-    """What a calibration found."""
+class OmnidirCalibration(NamedTuple):
+    """Parameters that OpenCV estimated."""
 
     xi: float
     focal_length_px: float  # mean of both, Mei's γ
     principal_point_px: NDArray[np.float64]  # (2,)
     rms_px: float
-    boards: int  # that were used
+    boards: int  # used
 
 
 def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -39,14 +39,14 @@ def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np
     pixels, _ = cv2.omnidir.projectPoints(
         mirrored, zero, zero, _matrix(camera), camera.mirror.xi, np.zeros(4)
     )
-    return pixels.reshape(-1, 2)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
 
 def calibrate(
     board_points: NDArray[np.float64],
     pictures_px: list[NDArray[np.float64]],
     size_px: tuple[int, int],
-) -> Calibration:
+) -> OmnidirCalibration:
     """Calibrate from corners of one plane board in several pictures; distortion is taken as zero.
 
     Args:
@@ -62,10 +62,11 @@ def calibrate(
     for name in ("K1", "K2", "P1", "P2"):
         flags |= getattr(cv2.omnidir, f"CALIB_FIX_{name}")
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
-    rms, matrix, xi, _, _, _, used = cv2.omnidir.calibrate(
+    # its stub knows no calibration without a first guess of K, ξ and D
+    rms, matrix, xi, _, _, _, used = cv2.omnidir.calibrate(  # type: ignore[call-overload]
         objects, images, size_px, None, None, None, flags, stop
     )
-    return Calibration(
+    return OmnidirCalibration(
         float(np.ravel(xi)[0]),
         float(0.5 * (matrix[0, 0] + matrix[1, 1])),
         matrix[:2, 2],

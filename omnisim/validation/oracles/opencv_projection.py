@@ -1,6 +1,6 @@
-"""OpenCV's projections, told by nothing but a calibration file in OpenCV's own format.
+"""Projections by OpenCV, given nothing but a calibration file in its own format.
 
-The file is read by `cv2.FileStorage`, as any program of OpenCV's would read it. A mirror's file is
+The file is read by `cv2.FileStorage`, as by any program that uses OpenCV. A mirror's file is
 in a mirrored frame, see `omnidir`.
 """
 
@@ -35,5 +35,4 @@ def project(path: Path, format: str, points: NDArray[np.float64]) -> NDArray[np.
         pixels, _ = cv2.fisheye.projectPoints(column, zero, zero, matrix, distortion[:4])
     else:
         pixels, _ = cv2.projectPoints(column, zero, zero, matrix, distortion)
-    found: NDArray[np.float64] = pixels.reshape(-1, 2)
-    return found
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)

@@ -6,7 +6,7 @@ differ by design.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,12 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.scene.model import AlphaMode, Light, LightKind, Material, Mesh, Scene, Texture, Wrap
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
+if TYPE_CHECKING:
+    import pyrender
+
 NEAR_M, FAR_M = 0.05, 300.0
 # Half a turn about x: its camera looks along −z with y up, ours along z with y down.
+_FLIP_V, _V_OFFSET = np.array([1.0, -1.0], dtype=np.float32), np.array([0.0, 1.0], dtype=np.float32)
 OPTICAL_FROM_PYRENDER: NDArray[np.float64] = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -26,13 +30,13 @@ def rasterise(
     """A pinhole camera's picture (height, width, 3), sRGB, in plain base colours.
 
     Args:
-        scene: what there is to see.
+        scene: the scene.
         camera: the pinhole camera.
         world_from_optical: (4, 4) pose of its optical frame.
     """
     import pyrender
 
-    stage = stage_of(scene)
+    stage = pyrender_scene(scene)
     u, v = camera.principal_point_px
     focal = camera.focal_length_px
     # its pixels count from the corner of the first one
@@ -46,18 +50,18 @@ def rasterise(
     return color
 
 
-def stage_of(scene: Scene, lit: bool = False) -> Any:
-    """Its own scene of ours, without a camera: to be drawn flat, or lit.
+def pyrender_scene(scene: Scene, lit: bool = False) -> pyrender.Scene:
+    """Scene for pyrender, without a camera: to be drawn flat, or lit.
 
     Drawn flat it takes colours for sRGB values, so what is linear is encoded; lit it decodes
-    textures itself. Its diffuse light is our Lambert's: lamps are π times as strong, surfaces
-    rough and no metal. It knows no surfaces without light, and of many lamps four of a kind.
+    textures itself. Its diffuse light is our Lambert's: lights are π times as strong, surfaces
+    rough and no metal. It knows no unlit surfaces, and of many lights only four of a kind.
     """
     import pyrender
 
     background = (*srgb_from_linear(scene.background), 1.0)
     stage = pyrender.Scene(bg_color=background, ambient_light=scene.lighting.ambient)
-    textures: dict[int, Any] = {}
+    textures: dict[int, pyrender.Texture] = {}
     meshes = [_mesh(scene, mesh, textures, lit) for mesh in scene.meshes]
     for instance in scene.instances:
         stage.add(meshes[instance.mesh], pose=instance.world_from_mesh)
@@ -67,7 +71,7 @@ def stage_of(scene: Scene, lit: bool = False) -> Any:
     return stage
 
 
-def _add_light(stage: Any, light: Light, intensity: float) -> None:
+def _add_light(stage: pyrender.Scene, light: Light, intensity: float) -> None:
     import pyrender
 
     world_from_light = np.eye(4)
@@ -79,24 +83,27 @@ def _add_light(stage: Any, light: Light, intensity: float) -> None:
     world_from_light[:3, :3] = np.stack(
         (right, np.cross(right, light.direction), -light.direction), axis=1
     )
+    node: pyrender.Light
     if light.kind is LightKind.DIRECTIONAL:
-        lamp = pyrender.DirectionalLight(light.color, intensity)
+        node = pyrender.DirectionalLight(light.color, intensity)
     elif light.kind is LightKind.POINT:
-        lamp = pyrender.PointLight(light.color, intensity)
+        node = pyrender.PointLight(light.color, intensity)
     else:
         inner, outer = np.arccos(light.cone_cosines)
-        lamp = pyrender.SpotLight(
+        node = pyrender.SpotLight(
             light.color, intensity, innerConeAngle=inner, outerConeAngle=outer
         )
-    stage.add(lamp, pose=world_from_light)
+    stage.add(node, pose=world_from_light)
 
 
-def _mesh(scene: Scene, mesh: Mesh, textures: dict[int, Any], lit: bool) -> Any:
+def _mesh(
+    scene: Scene, mesh: Mesh, textures: dict[int, pyrender.Texture], lit: bool
+) -> pyrender.Mesh:
     import pyrender
 
     coordinates = mesh.texture_coordinates
     if coordinates is not None:  # v runs up there
-        coordinates = coordinates * np.float32([1.0, -1.0]) + np.float32([0.0, 1.0])
+        coordinates = coordinates * _FLIP_V + _V_OFFSET
     colors = mesh.colors
     if colors is not None and not lit:
         colors = np.concatenate((srgb_from_linear(colors[:, :3]), colors[:, 3:]), axis=1)
@@ -111,7 +118,9 @@ def _mesh(scene: Scene, mesh: Mesh, textures: dict[int, Any], lit: bool) -> Any:
     return pyrender.Mesh([primitive])
 
 
-def _material(material: Material, textures: dict[int, Any], lit: bool) -> Any:
+def _material(
+    material: Material, textures: dict[int, pyrender.Texture], lit: bool
+) -> pyrender.MetallicRoughnessMaterial:
     import pyrender
 
     *color, alpha = material.base_color
@@ -134,7 +143,7 @@ def _material(material: Material, textures: dict[int, Any], lit: bool) -> Any:
     )
 
 
-def _texture(texture: Texture, factor: NDArray[np.float64]) -> Any:
+def _texture(texture: Texture, factor: NDArray[np.float64]) -> pyrender.Texture:
     import pyrender
     from OpenGL.GL import GL_CLAMP_TO_EDGE, GL_REPEAT
 

@@ -1,10 +1,10 @@
-"""A scene's surfaces for other renderers: triangles and colours, no instances, nothing hidden."""
+"""Surfaces of a scene for other renderers: triangles and colours without instances."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections import defaultdict
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ class Surface:
     """All triangles of one material.
 
     Attributes:
-        material: how they look.
+        material: of all triangles.
         triangles_m: (n, 3, 3) float64 corners, metres from the effective viewpoint along the
             world's axes, counter-clockwise seen from the front.
         texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None where the
@@ -67,14 +67,14 @@ def visible_surfaces(
     Raises:
         SceneError: a surface that is not opaque.
     """
-    looks: dict[tuple[int, bool, bool], list[Surface]] = defaultdict(list)
+    batches: dict[tuple[int, bool, bool], list[Surface]] = defaultdict(list)
     for instance in scene.instances:
         surface = _surface(scene, instance, viewpoint_m, reach_m)
         if len(surface.triangles_m):
             index = scene.meshes[instance.mesh].material
-            look = (index, surface.texture_coordinates is None, surface.colors is None)
-            looks[look].append(surface)
-    return [_joined(parts) for parts in looks.values()]
+            key = (index, surface.texture_coordinates is None, surface.colors is None)
+            batches[key].append(surface)
+    return [_joined(parts) for parts in batches.values()]
 
 
 def _surface(
@@ -91,11 +91,11 @@ def _surface(
     if np.linalg.det(linear) < 0.0:  # mirrored: they turn the other way round in the world
         triangles = triangles[:, ::-1]
     triangles = _facing(positions_m, triangles, material.double_sided, reach_m)
-    textured = material.texture is not None and mesh.texture_coordinates is not None
+    coordinates = None if material.texture is None else mesh.texture_coordinates
     return Surface(
         material,
         positions_m[triangles],
-        mesh.texture_coordinates[triangles] if textured else None,
+        None if coordinates is None else coordinates[triangles],
         None if mesh.colors is None else mesh.colors[triangles][..., :3],
     )
 
@@ -111,16 +111,22 @@ def _facing(
     lengths = np.linalg.norm(normals, axis=1)
     heights = -np.sum(normals * first, axis=1)  # of the viewpoint above the plane, times lengths
     if double_sided:
-        turned = np.where(heights[:, None] < 0.0, triangles[:, ::-1], triangles)
-        return turned[lengths > 0.0]
-    return triangles[(lengths > 0.0) & (heights > -reach_m * lengths)]
+        kept = lengths > 0.0
+        triangles = np.where(heights[:, None] < 0.0, triangles[:, ::-1], triangles)
+    else:
+        kept = (lengths > 0.0) & (heights > -reach_m * lengths)
+    facing: NDArray[np.uint32] = triangles[kept]
+    return facing
 
 
 def _joined(parts: list[Surface]) -> Surface:
-    def join(name: str) -> Any:
-        arrays = [getattr(part, name) for part in parts]
-        return None if arrays[0] is None else np.concatenate(arrays)
+    def join(arrays: Iterable[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
+        found = [array for array in arrays if array is not None]
+        return np.concatenate(found) if found else None
 
     return Surface(
-        parts[0].material, join("triangles_m"), join("texture_coordinates"), join("colors")
+        parts[0].material,
+        np.concatenate([part.triangles_m for part in parts]),
+        join(part.texture_coordinates for part in parts),
+        join(part.colors for part in parts),
     )

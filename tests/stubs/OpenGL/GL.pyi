@@ -1,0 +1,2 @@
+GL_CLAMP_TO_EDGE: int
+GL_REPEAT: int
