@@ -22,7 +22,7 @@ from omnisim.validation.oracles.pyrender_rasteriser import (
     FAR_M,
     NEAR_M,
     OPTICAL_FROM_PYRENDER,
-    stage_of,
+    pyrender_scene,
 )
 
 FACE_PX = 360
@@ -38,7 +38,7 @@ class PyrenderFaces(Peer):
 
         self.name = "pyrender" if lit else "pyrender, flat"
         self._flags = pyrender.RenderFlags.NONE if lit else pyrender.RenderFlags.FLAT
-        self._stage: Any = stage_of(_without_masks(scene), lit)
+        self._stage: Any = pyrender_scene(_without_masks(scene), lit)
         pinhole = pyrender.PerspectiveCamera(0.5 * np.pi, NEAR_M, FAR_M, aspectRatio=1.0)
         self._camera = self._stage.add(pinhole)
         self._renderer = _offscreen(lit, device)
