@@ -13,7 +13,7 @@ from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.run_requests import PlotRequest, VideoRequest
 from omnisim.errors import OutputError, RunError, SceneError, did_you_mean
 from omnisim.image_files import read_image
-from omnisim.plots.film import check_film_target, write_film
+from omnisim.plots.video_file import check_video_target, write_video
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
@@ -64,7 +64,7 @@ def video(request: VideoRequest) -> None:
     if not 0.1 <= rate_hz <= 240.0:
         raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")
     run = RunFolder.read(folder)
-    check_film_target(output)
+    check_video_target(output)
     names = run.manifest["cameras"]
     if not names:
         raise RunError(f"{folder}: this run has no camera")
@@ -80,7 +80,7 @@ def video(request: VideoRequest) -> None:
         for step in track(range(done), "encoding", done):
             yield _picture(run.file(name, step, ".png"))
 
-    count = write_film(output, pictures(), rate_hz)
+    count = write_video(output, pictures(), rate_hz)
     out.print(f"{output}: {pluralize(count, 'picture')}, {count / rate_hz:.1f} s", markup=False)
 
 

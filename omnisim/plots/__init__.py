@@ -1,1 +1,1 @@
-"""What was measured, as plots (the home of matplotlib)."""
+"""Figures and videos of results (the home of matplotlib)."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -22,7 +22,7 @@ SHEET_JPEG_QUALITY = 82  # to look at, and light enough for a page
 
 
 def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
-    """The sheet (height, width, 3) of pictures, row by row, each below its title.
+    """Sheet (height, width, 3) of pictures, row by row, each below its title.
 
     Pictures are neither scaled nor smoothed: `magnified` enlarges them. Smaller
     ones stand in the middle of their cell.
@@ -46,12 +46,14 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
         x = (GAP_PX + (column + 0.5) * cell_width - 0.5 * GAP_PX) / width
         y = 1.0 - (GAP_PX + row * cell_height + 0.5 * TITLE_PX) / height
         figure.text(x, y, title, ha="center", va="center", fontsize=POINTS)
-    canvas = FigureCanvasAgg(figure)
     for text in figure.texts:  # smaller where it would run into the next
-        taken_px = text.get_window_extent(canvas.get_renderer()).width
-        text.set_fontsize(POINTS * min(1.0, (cell_width - GAP_PX) / max(taken_px, 1.0)))
-    canvas.draw()
-    sheet = np.array(canvas.buffer_rgba())[:height, :width, :3]
+        width_px = text.get_window_extent().width
+        text.set_fontsize(POINTS * min(1.0, (cell_width - GAP_PX) / max(width_px, 1.0)))
+    data = io.BytesIO()
+    figure.savefig(data, format="rgba")
+    drawn_width, drawn_height = figure.canvas.get_width_height()
+    rgba = np.frombuffer(data.getvalue(), np.uint8).reshape(drawn_height, drawn_width, 4)
+    sheet = rgba[:height, :width, :3].copy()
     for index, (_, picture) in enumerate(tiles):
         row, column = divmod(index, columns)
         colored = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=-1)
@@ -63,7 +65,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
 
 
 def magnified(picture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """A picture whose pixels are squares of that many pixels a side."""
+    """Picture with each pixel repeated so many times along both axes."""
     return np.repeat(np.repeat(picture, times, axis=0), times, axis=1)
 
 
@@ -80,7 +82,7 @@ def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
 def run_sheet(
     module: str, arguments: Sequence[str], make_tiles: Callable[[], Tiles], columns: int
 ) -> int:
-    """A command that writes a contact sheet to the one file that its arguments name.
+    """Run a command that writes a contact sheet to the one file that its arguments name.
 
     Returns:
         The exit status.

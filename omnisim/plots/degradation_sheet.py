@@ -38,7 +38,7 @@ from omnisim.sensors.stage import Stage
 
 SIDE_PX, FINE_PX, TIMES, COLUMNS = 240, 360, 4, 4
 PART = np.s_[22:82, 178:238]  # of the fine picture: a poster, desks, the blue goal, a line
-LEFT_TURN = Twist(angular_radps=(0.0, 0.0, math.radians(120.0)))
+TURNING_LEFT = Twist(angular_radps=(0.0, 0.0, math.radians(120.0)))
 DRIVING = Twist((0.6, 0.0, 0.0), (0.0, 0.0, math.radians(40.0)))
 
 WHOLE = {
@@ -93,20 +93,20 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
     tiles = []
     with Stage(scene) as stage:
 
-        def taken(camera: OmniCamera, degradation: Degradation, twist: Twist) -> NDArray[np.uint8]:
+        def render(camera: OmniCamera, degradation: Degradation, twist: Twist) -> NDArray[np.uint8]:
             pose = camera.base_pose(start, yaw_deg)
             with Renderer(stage, camera.with_degradation(degradation)) as renderer:
                 return renderer.render(pose, motion=twist.through(pose)).rgb
 
         for title, degradation in WHOLE.items():
-            tiles.append((title, taken(mirror, degradation, LEFT_TURN)))
+            tiles.append((title, render(mirror, degradation, TURNING_LEFT)))
         for title, degradation in AHEAD.items():
-            tiles.append((title, taken(lens, degradation, LEFT_TURN)))
+            tiles.append((title, render(lens, degradation, TURNING_LEFT)))
         for title, degradation in PARTS.items():
-            part = taken(fine, degradation, LEFT_TURN)[PART]
+            part = render(fine, degradation, TURNING_LEFT)[PART]
             tiles.append((f"{title}, ×{TIMES}", magnified(part, TIMES)))
         for name in PRESETS:
-            tiles.append((f"preset {name}, driving", taken(mirror, preset(name), DRIVING)))
+            tiles.append((f"preset {name}, driving", render(mirror, preset(name), DRIVING)))
     return tiles
 
 

@@ -1,4 +1,4 @@
-"""What a detector sees: boxes in panoramas, rates against distance, ROC curves."""
+"""Detections: boxes in panoramas, rates against distance, ROC curves."""
 
 from __future__ import annotations
 
@@ -54,20 +54,20 @@ def draw_detections(axes: Axes, width_px: int, detections: Sequence[Detection]) 
                     fill=False, edgecolor=_BOX, lw=0.7,
                 )
             )  # fmt: skip
-            told = f"{found.landmark}\n{found.range_m:.2f} m, {np.degrees(found.bearing_rad):.1f}°"
+            label = f"{found.landmark}\n{found.range_m:.2f} m, {np.degrees(found.bearing_rad):.1f}°"
             axes.annotate(
-                told, (0.5 * (left + right), found.bottom + 1.0), ha="center", va="top",
+                label, (0.5 * (left + right), found.bottom + 1.0), ha="center", va="top",
                 fontsize=6.5, color=_BOX, annotation_clip=True,
                 bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
             )  # fmt: skip
 
 
 class Rates(NamedTuple):
-    """How often what is there is found, and what is found is there, by distance."""
+    """Recall and precision by distance."""
 
     edges_m: NDArray[np.float64]  # (n + 1,)
-    recall: NDArray[np.float64]  # (n,), NaN where nothing is there
-    precision: NDArray[np.float64]  # (n,), NaN where nothing is found
+    recall: NDArray[np.float64]  # (n,), NaN without landmarks
+    precision: NDArray[np.float64]  # (n,), NaN without detections
 
 
 def rates_figure(rates: Mapping[str, Rates]) -> Figure:
@@ -76,9 +76,11 @@ def rates_figure(rates: Mapping[str, Rates]) -> Figure:
     for column, name in enumerate(("recall", "precision")):
         axes = figure.add_subplot(1, 2, column + 1)
         label_axes(axes, f"{name} against distance", "distance (m)", name)
-        for color, (label, told) in zip((BLUE, ORANGE, GREEN, RED), rates.items(), strict=False):
-            middles = 0.5 * (told.edges_m[:-1] + told.edges_m[1:])
-            axes.plot(middles, getattr(told, name), "-o", ms=3.5, color=color, label=label)
+        for color, (label, by_distance) in zip(
+            (BLUE, ORANGE, GREEN, RED), rates.items(), strict=False
+        ):
+            middles = 0.5 * (by_distance.edges_m[:-1] + by_distance.edges_m[1:])
+            axes.plot(middles, getattr(by_distance, name), "-o", ms=3.5, color=color, label=label)
         axes.set_ylim(-0.03, 1.03)
         axes.legend(frameon=False, fontsize=8)
     return figure
@@ -108,7 +110,7 @@ def curves_figure(
     panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]],
     levels: Sequence[str],
 ) -> Figure:
-    """Something against levels of severity, a panel for each quantity, a line for each cause."""
+    """Quantities against levels of degradation: a panel for each quantity, a line for each kind."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
     colors = (BLUE, ORANGE, GREEN, RED, GREY, "#8054a0", "#b59a2e", "#3aa6a6")
     for column, (title, lines) in enumerate(panels.items()):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ def ground_truth_tiles() -> list[Tile]:
 
 
 def _tiles(
-    stage: Stage, sensor: OmniCamera, hidden: frozenset[str], names: tuple[str, ...], prefix: str
+    stage: Stage, sensor: OmniCamera, hidden: Collection[str], names: tuple[str, ...], prefix: str
 ) -> list[Tile]:
     with Renderer(stage, sensor, hidden=hidden) as renderer:
         frame = renderer.render(BASE, also=names, next_base=NEXT_BASE)

@@ -1,6 +1,6 @@
-"""A robot that finds itself: its paths with ellipses of doubt, its errors, and seeds together.
+"""Self-localization: paths with covariance ellipses, errors, and statistics over seeds.
 
-The successors of the paper's Fig. 12 and 13.
+After the paper's Fig. 12 and 13.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from omnisim.scene.model import Landmark
 from omnisim.srgb import srgb_from_linear
 
 SIGMAS = 3.0
-SMALLEST_M = 1e-3  # where the errors' scale begins: a start that is known has none at all
+SMALLEST_M = 1e-3  # lower end of the errors' scale: a known start has none at all
 _GRASS, _INK = "#e9f2e6", "#222222"
 
 
 @dataclass(frozen=True, eq=False)
 class PathPanel:
-    """One run, side by side with others.
+    """Panel of one run.
 
     Attributes:
-        title: above it.
-        track: what was believed.
-        true_poses: (n, 3), or None: nobody knows.
-        landmarks: where they truly are.
+        title: heading.
+        track: estimates.
+        true_poses: (n, 3), or None where they are unknown.
+        landmarks: at their true positions.
         bound_m: of the error, drawn as a line, or None.
     """
 
@@ -74,7 +74,7 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
 
 
 def errors_figure(panels: Sequence[PathPanel]) -> Figure:
-    """Distance from the true position against the step, and what the gate did: Fig. 13."""
+    """Distance from the true position against the step, and accepted landmarks: Fig. 13."""
     figure = Figure(figsize=(6.4 * len(panels), 5.0), dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(2, len(panels), height_ratios=(3, 1))
     for column, panel in enumerate(panels):
@@ -87,10 +87,8 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
             (panel.track.errors_m(panel.true_poses), "-", RED, "estimate"),
         ):
             axes.plot(steps, np.maximum(errors, SMALLEST_M), line, color=color, label=label)
-        doubt = SIGMAS * np.sqrt(np.linalg.eigvalsh(panel.track.covariances[:, :2, :2])[:, -1])
-        axes.plot(
-            steps, np.maximum(doubt, SMALLEST_M), ":", color=GREY, lw=1.0, label="its own doubt, 3σ"
-        )
+        sigma = SIGMAS * np.sqrt(np.linalg.eigvalsh(panel.track.covariances[:, :2, :2])[:, -1])
+        axes.plot(steps, np.maximum(sigma, SMALLEST_M), ":", color=GREY, lw=1.0, label="its own 3σ")
         if panel.bound_m is not None:
             axes.axhline(panel.bound_m, color=_INK, lw=0.8, ls="-.", label="the paper's bound")
         axes.set_yscale("log")
@@ -99,7 +97,7 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
         below = figure.add_subplot(grid[1, column], sharex=axes)
         label_axes(below, "", "step", "landmarks")
         accepted, rejected = panel.track.counts(True), panel.track.counts(False)
-        below.bar(steps, accepted, color=GREEN, width=0.9, label="let through")
+        below.bar(steps, accepted, color=GREEN, width=0.9, label="accepted")
         below.bar(steps, -rejected, color=RED, width=0.9, label="rejected")
         below.axhline(0.0, color=_INK, lw=0.6)
         top = max(4, int(accepted.max(initial=0)))
@@ -135,7 +133,7 @@ def consistency_figure(
     nis: NDArray[np.float64],
     nis_bands: Sequence[Band],
 ) -> Figure:
-    """Mean NEES and mean NIS of all seeds against the step, and where 95 % of them belong.
+    """Mean NEES and mean NIS of all seeds against the step, with their 95 % bands.
 
     Args:
         nees: (steps,) means.
@@ -182,11 +180,12 @@ def _draw_ellipses(axes: Axes, track: Track) -> None:
     label = "its 3σ ellipse"
     for estimate in track.estimates[::every]:
         values, directions = np.linalg.eigh(estimate.covariance[:2, :2])
+        x, y = estimate.pose[:2].tolist()
         width, height = 2.0 * SIGMAS * np.sqrt(np.maximum(values, 0.0))
         angle = np.degrees(np.arctan2(directions[1, 0], directions[0, 0]))
         axes.add_patch(
             Ellipse(
-                estimate.pose[:2], width, height, angle=float(angle), lw=0.7,
+                (x, y), width, height, angle=float(angle), lw=0.7,
                 edgecolor=RED, facecolor=RED, alpha=0.25, zorder=5, label=label,
             )
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Plots into files."""
+"""Figures into files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FORMATS = ("png", "pdf", "svg")
 
 
 def check_plot_target(path: Path) -> None:
-    """Refuse early what could only fail after the work is done.
+    """Refuse a file that cannot be written, before the work is done.
 
     Raises:
         OutputError: an unknown format, or a place that cannot be written to.

@@ -35,10 +35,10 @@ def run_figure(
         title: broken into lines where it is long.
         scene: its map and landmarks, or None: no map.
         truth: poses of the base.
-        reckoned: (n, 2) where the wheels think it is.
+        reckoned: (n, 2) positions by dead reckoning.
         pictures: (height, width, 3) by step, at most a handful.
     """
-    low, high = _limits(truth, reckoned, scene)
+    low, high = _extent(truth, reckoned, scene)
     size = high - low
     width_in = 9.0
     # what the labels leave of the width, for axes of equal scale
@@ -67,9 +67,9 @@ def run_figure(
         x[::every], y[::every], np.cos(yaw[::every]), np.sin(yaw[::every]),
         color=TRUE, scale=36.0, width=0.003, zorder=3,
     )  # fmt: skip
-    for place, steps in _steps_by_place(truth, list(pictures)).items():
+    for position, steps in _steps_by_position(truth, list(pictures)).items():
         axes.annotate(
-            ", ".join(map(str, steps)), place, textcoords="offset points", xytext=(7, 7),
+            ", ".join(map(str, steps)), position, textcoords="offset points", xytext=(7, 7),
             fontsize=9, color=INK,
             bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": TRUE, "lw": 0.8},
         )  # fmt: skip
@@ -90,8 +90,8 @@ def steps_to_show(steps: int) -> list[int]:
     return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
 
 
-def _steps_by_place(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
-    """Steps by where they are, those at one place, to a centimetre, together."""
+def _steps_by_position(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
+    """Steps by position to a centimetre."""
     found: dict[tuple[float, float], list[int]] = {}
     for step in steps:
         x, y = truth.positions_m[step, :2].round(2).tolist()
@@ -99,25 +99,25 @@ def _steps_by_place(truth: Trajectory, steps: list[int]) -> dict[tuple[float, fl
     return found
 
 
-def _limits(
+def _extent(
     truth: Trajectory, reckoned: NDArray[np.float64], scene: Scene | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (2,) of what is shown: the path with room around it, and landmarks that are near."""
-    places = np.concatenate((truth.positions_m[:, :2], reckoned))
-    low, high = places.min(axis=0), places.max(axis=0)
+    """Corners (2,) of the map: the path with a margin, and landmarks near it."""
+    positions = np.concatenate((truth.positions_m[:, :2], reckoned))
+    low, high = positions.min(axis=0), positions.max(axis=0)
     room = max(1.5, 0.25 * float((high - low).max()))
     low, high = low - room, high + room
     for landmark in scene.landmarks if scene is not None else ():
-        place = np.array(landmark.position_m[:2])
-        if np.all(place > low - room) and np.all(place < high + room):
+        position = np.array(landmark.position_m[:2])
+        if np.all(position > low - room) and np.all(position < high + room):
             # half of a name's width, and of the marker's
-            beside = max(0.5, 0.08 * float(high[0] - low[0]))
-            low, high = np.minimum(low, place - beside), np.maximum(high, place + beside)
+            margin = max(0.5, 0.08 * float(high[0] - low[0]))
+            low, high = np.minimum(low, position - margin), np.maximum(high, position + margin)
     return low, high
 
 
 def _draw_landmark(axes: Axes, landmark: Landmark) -> None:
-    """Its bands from the lowest, outside, to the highest, inside; its name below."""
+    """Draw its bands from the lowest, outside, to the highest, inside; its name below."""
     for index, band in enumerate(landmark.bands):
         axes.plot(
             *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,

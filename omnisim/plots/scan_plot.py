@@ -15,7 +15,7 @@ _SCANNER_SIZE = 0.016  # of the larger side
 
 
 def scan_figure(scan: Scan) -> Figure:
-    """The scan in its scanner's frame, metres: x, straight ahead, is up and y, left, is left.
+    """Scan in its scanner's frame, metres: x, straight ahead, is up and y, left, is left.
 
     Beams that hit something are faint lines that end in a point; the others are not drawn.
     """
@@ -56,8 +56,8 @@ def _title(scan: Scan) -> str:
     ahead = scan.world_from_scanner[:3, 0]
     yaw_deg = np.degrees(np.arctan2(ahead[1], ahead[0]))
     name = str(scan.metadata.get("scene", "")).rpartition("/")[2]
-    told = f"{hits} of {beams} beams at {scan.scanner.resolution_deg:g}° hit something"
+    summary = f"{hits} of {beams} beams at {scan.scanner.resolution_deg:g}° hit something"
     return (
         f"{name + ': ' if name else ''}scan from ({x:.3g}, {y:.3g}, {z:.3g}) m at yaw "
-        f"{yaw_deg:.4g}°\n{told}{f', {near} too near' if near else ''}"
+        f"{yaw_deg:.4g}°\n{summary}{f', {near} too near' if near else ''}"
     )

@@ -1,4 +1,4 @@
-"""A scene from above, as an architect draws it: cut at some height, what is below it in colour."""
+"""Floor plan of a scene: cut at some height, everything below in colour."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def draw_scene_map(
     high_m: NDArray[np.float64],
     ground_m: float = 0.0,
 ) -> None:
-    """Draw what lies between two corners (2,) of the ground, x to the right and y up.
+    """Draw the scene between two corners (2,) of the ground, x to the right and y up.
 
     Args:
         axes: to draw on.
-        scene: whose world it is.
+        scene: to draw.
         low_m, high_m: corners.
         ground_m: height of the ground; the cut is `CUT_M` above it.
     """
@@ -49,7 +49,9 @@ def draw_scene_map(
         heights.append(z[below].mean(axis=1))
         colors.append(np.tile(_mean_color(material, mesh), (int(below.sum()), 1)))
         if material.alpha_mode is not AlphaMode.BLEND:
-            walls.append(_cut(triangles[(z.min(axis=1) < cut_m) & (z.max(axis=1) > cut_m)], cut_m))
+            walls.append(
+                _cross_sections(triangles[(z.min(axis=1) < cut_m) & (z.max(axis=1) > cut_m)], cut_m)
+            )
     order = np.argsort(np.concatenate(heights), kind="stable")
     faces = np.concatenate(colors)[order]
     # edges in the same colour, or hairlines of background show between triangles
@@ -68,7 +70,7 @@ def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
-    """What a surface looks like from far away, made pale: sRGB (3,)."""
+    """Mean colour of a surface, made pale: sRGB (3,)."""
     color = np.array(material.base_color[:3])
     if material.texture is not None:
         sample = material.texture.pixels[::4, ::4, :3] / 255.0
@@ -78,8 +80,8 @@ def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
     return _PALE + (1.0 - _PALE) * srgb_from_linear(color)
 
 
-def _cut(triangles: NDArray[np.float64], cut_m: float) -> NDArray[np.float64]:
-    """Where triangles (n, 3, 3) that cross a height are cut by it: segments (n, 2, 2)."""
+def _cross_sections(triangles: NDArray[np.float64], cut_m: float) -> NDArray[np.float64]:
+    """Intersections (n, 2, 2) of triangles (n, 3, 3) with a horizontal plane: segments."""
     z = triangles[..., 2] - cut_m
     # the corner that is alone on its side, and the two others
     above = z > 0.0

@@ -1,4 +1,4 @@
-"""The look of the plots, and pictures side by side."""
+"""Style of all plots, and pictures side by side."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 
 from omnisim.errors import OutputError
 from omnisim.image_files import read_image
-from omnisim.plots.film import write_film
+from omnisim.plots.video_file import write_video
 from omnisim.resources import SCENES
 
 ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
@@ -42,11 +42,11 @@ def test_drive_plot_and_video(omnisim, run_folder, tmp_path):
     assert f"run.mp4: {steps} pictures, {steps / 5:.1f} s" in out
 
 
-def test_the_film_shows_the_pictures(omnisim, run_folder, tmp_path):
+def test_the_video_shows_the_pictures(omnisim, run_folder, tmp_path):
     av = pytest.importorskip("av")
     omnisim("video", "run", "-o", "run.mp4")
-    with av.open(str(tmp_path / "run.mp4")) as film:
-        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    with av.open(str(tmp_path / "run.mp4")) as video:
+        frames = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
     steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
     assert len(frames) == steps
     for step in (0, steps - 1):
@@ -56,10 +56,10 @@ def test_the_film_shows_the_pictures(omnisim, run_folder, tmp_path):
         assert abs(one - other).mean() < 8.0
 
 
-def test_pictures_too_small_for_a_film(tmp_path):
+def test_pictures_too_small_for_a_video(tmp_path):
     pytest.importorskip("av")
     with pytest.raises(OutputError, match=r"pictures of 1 × 1 px: want at least 2 × 2"):
-        write_film(tmp_path / "a.mp4", [np.zeros((1, 1, 3), np.uint8)], 10.0)
+        write_video(tmp_path / "a.mp4", [np.zeros((1, 1, 3), np.uint8)], 10.0)
     assert not list(tmp_path.iterdir())
 
 
@@ -154,7 +154,7 @@ def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, wor
     [
         (["plot", "none"], "none: no such folder: want the folder of a run"),
         (["plot", "run", "-o", "a.bmp"], "a.bmp: unknown plot format"),
-        (["video", "run", "-o", "a.avi"], "a.avi: unknown film format: want .mp4 or .mkv"),
+        (["video", "run", "-o", "a.avi"], "a.avi: unknown video format: want .mp4 or .mkv"),
         (["video", "run", "-o", "a.mp4", "--camera", "omni"], "did you mean 'omnicam'?"),
         (["video", "run", "-o", "a.mp4", "--fps", "0"], "--fps: expected 0.1 to 240"),
         (["video", "none", "-o", "a.mp4"], "none: no such folder"),

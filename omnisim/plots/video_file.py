@@ -1,4 +1,4 @@
-"""Pictures into a film (the home of PyAV)."""
+"""Pictures into a video file (the home of PyAV)."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ FORMATS = {".mp4": "mp4", ".mkv": "matroska"}
 QUALITY = 18
 
 
-def check_film_target(path: Path) -> None:
-    """Refuse early what could only fail after the work is done.
+def check_video_target(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work is done.
 
     Raises:
         OutputError: an unknown format, PyAV is not installed, or a place that cannot be written.
     """
     if path.suffix.lower() not in FORMATS:
-        raise OutputError(f"{path}: unknown film format: want {' or '.join(FORMATS)}")
+        raise OutputError(f"{path}: unknown video format: want {' or '.join(FORMATS)}")
     try:
         import av  # noqa: F401
     except ImportError:
-        raise OutputError("films need PyAV: pip install omnisim[video]") from None
+        raise OutputError("videos need PyAV: pip install omnisim[video]") from None
     check_target(path)
 
 
-def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
+def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
     """Write pictures (height, width, 3), all of one size, as H.264; returns how many.
 
     Odd sizes lose their last row or column, which the format cannot hold.
@@ -41,7 +41,7 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float
         OutputError: an unknown format, no pictures or too small ones, or the file cannot be
             written.
     """
-    check_film_target(path)
+    check_video_target(path)
     import av
 
     count = 0
@@ -58,7 +58,7 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float
                     if not (height and width):
                         raise OutputError(
                             f"{path}: pictures of {picture.shape[1]} × "
-                            f"{picture.shape[0]} px: want at least 2 × 2 for a film"
+                            f"{picture.shape[0]} px: want at least 2 × 2 for a video"
                         )
                     if count == 0:
                         stream.width, stream.height = width, height
@@ -67,7 +67,7 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float
                     container.mux(stream.encode(frame))
                     count += 1
                 if count == 0:
-                    raise OutputError(f"{path}: there are no pictures to make a film of")
+                    raise OutputError(f"{path}: there are no pictures to make a video of")
                 container.mux(stream.encode())
         except av.FFmpegError as reason:
             raise OutputError(f"{path}: cannot be encoded: {reason}") from None
