@@ -13,9 +13,9 @@ from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.run_requests import PlotRequest, VideoRequest
 from omnisim.errors import OutputError, RunError, SceneError, did_you_mean
 from omnisim.image_files import read_image
-from omnisim.plots.video_file import check_video_target, write_video
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.run_plot import run_figure, steps_to_show
+from omnisim.plots.video_file import check_video_target, write_video
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.scene import Scene, load_scene
 from omnisim.simulation.drive import scene_contents
