@@ -78,7 +78,7 @@ class Parameters:
 
     def __post_init__(self) -> None:
         given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        checked = check_table(given, table_of(type(self)), OpticsError, f"{self._name}.")
+        checked = parse_table(given, table_of(type(self)), OpticsError, at=self._name)
         for key in given:
             object.__setattr__(self, key, getattr(checked, key))
         self._check()
@@ -123,20 +123,20 @@ def keyword_or(word: str, expected: str, fits: Callable[[Any], bool]) -> pydanti
 
 
 def parse_table(
-    data: Mapping[str, Any], model: type[Model], error: type[OmnisimError], source: str
+    data: Mapping[str, Any],
+    model: type[Model],
+    error: type[OmnisimError],
+    source: str = "",
+    at: str = "",
 ) -> Model:
-    """Check `data` against `model`; `source` names it in messages.
+    """Check `data` against `model`.
 
-    Raises:
-        error: one line for each fault.
-    """
-    return check_table(data, model, error, f"{source}: ")
-
-
-def check_table(
-    data: Mapping[str, Any], model: type[Model], error: type[OmnisimError], prefix: str
-) -> Model:
-    """Check `data` against `model`; each fault's key follows `prefix`.
+    Args:
+        data: keys and values.
+        model: what they are checked against.
+        error: raised where they do not fit.
+        source: names the file in messages.
+        at: key of the table in its file; empty: the file itself.
 
     Raises:
         error: one line for each fault.
@@ -148,7 +148,7 @@ def check_table(
     keys = [fault["loc"] for fault in faults]
     raise error(
         "\n".join(
-            prefix + _line(fault, model)
+            (f"{source}: " if source else "") + _line(fault, model, at)
             for fault in faults
             # faulty items of a list do not count as items
             if not (fault["type"] == "too_short" and _has_inner(keys, fault["loc"]))
@@ -168,26 +168,26 @@ _RELATIONS = {
 }
 
 
-def _line(fault: Any, model: type[pydantic.BaseModel]) -> str:
+def _line(fault: Any, model: type[pydantic.BaseModel], at: str) -> str:
     names = [str(part) for part in fault["loc"]]
-    key = ".".join(names) or "file"
+    key = ".".join([at, *names] if at else names) or "file"
     if fault["type"] == "extra_forbidden":
         known = _keys(model, names[:-1])
         return f"{key}: unknown key; {did_you_mean(names[-1], known, 'known keys:')}"
     if fault["type"] == "missing":
         return f"{key}: missing"
     expected = _expected(fault, model, names, key)
-    return f"{key}: expected {expected}, got {fault['input']!r}" if expected else (
-        f"{key}: {fault['msg'].removeprefix('Value error, ')}"
-    )  # fmt: skip
+    if expected:
+        return f"{key}: expected {expected}, got {fault['input']!r}"
+    return f"{key}: {fault['msg'].removeprefix('Value error, ')}"
 
 
 def _expected(fault: Any, model: type[pydantic.BaseModel], names: list[str], key: str) -> str:
     """What a fault's value should have been; empty: the message says all."""
     kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):
-        header = f"[[{'.'.join(names[:-1])}]]" if names[-1].isdecimal() else f"[{key}]"
-        return f"a table, {header}"
+        is_item = bool(names) and names[-1].isdecimal()
+        return f"a table, [[{key.rpartition('.')[0]}]]" if is_item else f"a table, [{key}]"
     if kind == "tuple_type" and _holds_tables(model, names):
         return f"tables, [[{key}]]"
     if kind == "tuple_type":

@@ -12,7 +12,7 @@ from omnisim.errors import OpticsError
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.pipeline import Picture, Pipeline, SubFrame
 from omnisim.poses import check_pose
-from omnisim.sensors.degradations.parameters import MOST_STOPS
+from omnisim.sensors.degradations.effect import MAX_STOPS
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.motion import Motion, moved_px
@@ -42,7 +42,7 @@ class ImperfectCamera:
             (geometry.width_px, geometry.height_px),
             degradation.optics_steps(geometry),
             degradation.sensor_steps(geometry, key_of("noise", self.seed)),
-            degradation.encoding_step(geometry),
+            degradation.encoding_step(),
         )
 
     def take(
@@ -61,9 +61,9 @@ class ImperfectCamera:
         Raises:
             OpticsError: an impossible exposure.
         """
-        if exposure_ev is not None and not abs(exposure_ev) <= MOST_STOPS:  # NaN is not, either
+        if exposure_ev is not None and not abs(exposure_ev) <= MAX_STOPS:  # NaN is not, either
             raise OpticsError(
-                f"exposure_ev = {exposure_ev:g}: want −{MOST_STOPS:g} to {MOST_STOPS:g} stops"
+                f"exposure_ev = {exposure_ev:g}: want −{MAX_STOPS:g} to {MAX_STOPS:g} stops"
             )
         sub_frames = self._sub_frames(world_from_base, object_poses, motion, stage)
         degradation = self.sensor.degradation

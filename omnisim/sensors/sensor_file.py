@@ -24,7 +24,7 @@ from omnisim.mirrors.hyperbolic import (
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.parameters import Number, Table, keyword_or, parse_table
 from omnisim.sensors.degradations.degradation import Degradation
-from omnisim.sensors.degradations.degradation_file import DegradationTable, from_table
+from omnisim.sensors.degradations.degradation_file import parse_degradation
 from omnisim.sensors.quality import (
     DEFAULT_QUALITY,
     MAX_DENSITY,
@@ -187,7 +187,7 @@ class SensorFile(Table):
     virtual_cameras: VirtualCameras = Field(default_factory=VirtualCameras)
     camera: Camera = Field(default_factory=Camera)
     lens: Lens | None = None
-    degradation: DegradationTable = Field(default_factory=DegradationTable)
+    degradation: dict[str, Any] = Field(default_factory=dict)
     _source: str = PrivateAttr("sensor")
     _folder: Path = PrivateAttr(Path())
 
@@ -249,7 +249,7 @@ class SensorFile(Table):
         Raises:
             SensorFileError: an unknown preset, or values that do not fit each other.
         """
-        return from_table(self.degradation, self._source, self._folder)
+        return parse_degradation(self.degradation, self._source, self._folder)
 
     def _make_mirror(self) -> HyperbolicMirror:
         data = self.mirror

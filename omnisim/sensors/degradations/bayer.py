@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.sensors.degradations.parameters import Parameters
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
 RED_AT = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
 # Malvar's filters, in eighths: for green at red or blue; for red in red's row at green; for red
@@ -42,7 +42,7 @@ _CORNERS = (
 
 
 @dataclass(frozen=True)
-class Bayer(Parameters):
+class Bayer(SensorEffect, name="degradation.bayer"):
     """Each pixel keeps one colour; the others come from its neighbours.
 
     Neighbours outside of the picture or of its mask count for nothing: there, and where one of
@@ -52,7 +52,7 @@ class Bayer(Parameters):
     pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = "RGGB"
     demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """On the GPU: the mosaic, in all three channels, and demosaicking."""
         mosaic = Step("bayer_mosaic", {"u_red_at": RED_AT[self.pattern]})
         if self.demosaic == "none":
@@ -60,8 +60,10 @@ class Bayer(Parameters):
         uniforms = {"u_red_at": RED_AT[self.pattern], "u_malvar": self.demosaic == "malvar"}
         return [mosaic, Step("bayer_demosaic", uniforms)]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""
         colours = self.colours(geometry)
         raw = np.take_along_axis(picture[..., :3], colours[..., None], axis=-1)[..., 0]
         result = picture.copy()

@@ -21,14 +21,14 @@ from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import Number
-from omnisim.sensors.degradations.parameters import Parameters
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.sensors.degradations.effect import OpticalEffect
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
 
 
 @dataclass(frozen=True)
-class ChromaticAberration(Parameters):
+class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"):
     """The red and the blue picture are scaled about the optical axis, and looked up bilinearly.
 
     Where no neighbour of the place looked up is valid, at the border of the picture, the pixel
@@ -39,13 +39,13 @@ class ChromaticAberration(Parameters):
     blue_scale: Scale = 1.0
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
-        """On the GPU."""
+        """One pass on the GPU."""
         inverse = (1.0 / self.red_scale, 1.0, 1.0 / self.blue_scale)
         uniforms = {"u_centre_px": geometry.centre_px, "u_inverse_scales": inverse}
         return [Step("chromatic_aberration", uniforms)]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
         result = picture.copy()
         for channel, scale in ((0, self.red_scale), (2, self.blue_scale)):
             places = geometry.offsets_px() * np.float32(1.0 / scale)

@@ -24,8 +24,8 @@ from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import Number
-from omnisim.sensors.degradations.parameters import Parameters
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.sensors.degradations.effect import OpticalEffect
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
 LARGEST_PX = 32.0  # 4225 lookups a pixel
 SMALLEST_PX = 0.5  # such a disc lies within one pixel
@@ -34,7 +34,7 @@ Radius = Annotated[Number, Field(ge=0.0, le=LARGEST_PX)]
 
 
 @dataclass(frozen=True)
-class Defocus(Parameters):
+class Defocus(OpticalEffect, name="degradation.defocus"):
     """Each pixel is the mean of the valid pixels in the disc around it.
 
     A pixel on the disc's edge counts with the part of it that is inside. What lies outside of the
@@ -48,10 +48,10 @@ class Defocus(Parameters):
         """Radius (height, width) of each pixel's disc."""
         first, last = np.float32(self.centre_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
-        return np.clip(radii, np.float32(SMALLEST_PX), np.float32(LARGEST_PX))
+        return np.minimum(np.maximum(radii, np.float32(SMALLEST_PX)), np.float32(LARGEST_PX))
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
-        """On the GPU."""
+        """One pass on the GPU."""
         uniforms = {
             "u_centre_defocus_px": self.centre_defocus_px,
             "u_rim_defocus_px": self.rim_defocus_px,
@@ -61,8 +61,8 @@ class Defocus(Parameters):
         }
         return [Step("defocus", uniforms)]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
         radii = self.radii_px(geometry)
         reach = int(np.ceil(radii.max() + 0.5))
         height, width = radii.shape

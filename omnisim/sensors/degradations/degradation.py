@@ -1,9 +1,4 @@
-"""All that a camera does to the light that an ideal one would show, in the light's order.
-
-mirror and lens (`reflectance`, `dirt`, `defocus`, `vignetting`, `chromatic_aberration`), then the
-`shutter`, then the sensor (`exposure` with the colours' response, `noise`, `bayer`), then what the
-camera computes (`white_balance`, `encoding`, `jpeg`).
-"""
+"""The degradation of a camera: its effects on light, in the order of the light."""
 
 from __future__ import annotations
 
@@ -17,11 +12,11 @@ from omnisim.sensors.degradations.bayer import Bayer
 from omnisim.sensors.degradations.chromatic_aberration import ChromaticAberration
 from omnisim.sensors.degradations.defocus import Defocus
 from omnisim.sensors.degradations.dirt import Dirt
+from omnisim.sensors.degradations.effect import Effect, OpticalEffect, SensorEffect, Shot
 from omnisim.sensors.degradations.encoding import Encoding
 from omnisim.sensors.degradations.exposure import Exposure
 from omnisim.sensors.degradations.jpeg import Jpeg
 from omnisim.sensors.degradations.noise import Noise
-from omnisim.sensors.degradations.parameters import Parameters
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.reflectance import Reflectance
 from omnisim.sensors.degradations.shutter import Shutter
@@ -31,7 +26,9 @@ from omnisim.sensors.degradations.white_balance import WhiteBalance
 
 @dataclass(frozen=True)
 class Degradation:
-    """What a camera lacks to be ideal; None: nothing of that kind. By default it is ideal.
+    """Effects of a camera; None: not there. By default the camera is ideal.
+
+    The order of the fields is the order of the light, and stated nowhere else.
 
     Raises:
         OpticsError: dark current without an exposure time.
@@ -58,19 +55,19 @@ class Degradation:
             )
 
     @property
-    def parts(self) -> dict[str, Parameters]:
-        """What is switched on, by the names of the tables, in the light's order."""
+    def parts(self) -> dict[str, Effect]:
+        """Effects that are there, by the names of their tables."""
         parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {name: part for name, part in parts.items() if part is not None}
 
     @property
     def is_ideal(self) -> bool:
-        """Whether nothing is switched on."""
+        """Whether there is no effect."""
         return not self.parts
 
     @property
     def exposure_s(self) -> float:
-        """How long a row collects light; 0: an instant."""
+        """Time in which a row collects light; 0: an instant."""
         return 0.0 if self.shutter is None else self.shutter.exposure_s or 0.0
 
     @property
@@ -79,49 +76,50 @@ class Degradation:
         return self.exposure is not None and self.exposure.auto
 
     def tables(self) -> dict[str, dict[str, Any]]:
-        """The tables of a sensor file that switch the same on."""
+        """Tables of a sensor file with the same effects."""
         return {name: part.values() for name, part in self.parts.items()}
 
     def scaled(self, scale: float) -> Degradation:
-        """The same in a picture `scale` times as large."""
-        return dataclasses.replace(
-            self, **{name: part.scaled(scale) for name, part in self.parts.items()}
-        )
+        """The degradation of a picture `scale` times as large."""
+        parts: dict[str, Any] = {name: part.scaled(scale) for name, part in self.parts.items()}
+        return Degradation(**parts)
+
+    @property
+    def optics(self) -> list[OpticalEffect]:
+        """Effects before the shutter."""
+        return [part for part in self.parts.values() if isinstance(part, OpticalEffect)]
+
+    @property
+    def electronics(self) -> list[SensorEffect]:
+        """Effects after the shutter, up to the linear picture.
+
+        The sensor's response to colours is a factor of its exposure, even where that has no table.
+        """
+        whole = self
+        if self.white_balance and not self.exposure:
+            whole = dataclasses.replace(self, exposure=Exposure())
+        return [part for part in whole.parts.values() if isinstance(part, SensorEffect)]
 
     def optics_steps(self, geometry: PictureGeometry) -> list[Step]:
-        """What the GPU does to light before the shutter."""
-        parts = (
-            self.reflectance,
-            self.dirt,
-            self.defocus,
-            self.vignetting,
-            self.chromatic_aberration,
-        )
-        return [step for part in parts if part for step in part.steps(geometry)]
+        """Passes on the GPU before the shutter."""
+        return [step for effect in self.optics for step in effect.steps(geometry)]
 
-    def sensor_steps(self, geometry: PictureGeometry, key: int) -> list[Step]:
-        """What the GPU does after the shutter, up to the linear picture.
+    def sensor_steps(self, geometry: PictureGeometry, noise_key: int) -> list[Step]:
+        """Passes on the GPU after the shutter, up to the linear picture.
 
         Args:
             geometry: of the picture.
-            key: of the camera's random numbers.
+            noise_key: of the camera's random numbers.
         """
-        steps = []
-        if self.exposure or self.white_balance:
-            steps.append(Step("exposure"))
-        if self.noise:
-            steps += self.noise.steps(geometry, key, self.exposure_s)
-        for part in (self.bayer, self.white_balance):
-            if part:
-                steps += part.steps(geometry)
-        return steps
+        shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)
+        return [step for effect in self.electronics for step in effect.steps(geometry, shot)]
 
-    def encoding_step(self, geometry: PictureGeometry) -> Step | None:
-        """What makes the numbers of the file, where it is not the ideal camera's."""
-        return self.encoding.steps(geometry)[0] if self.encoding else None
+    def encoding_step(self) -> Step | None:
+        """The pass on the GPU into 8 bits, where it is not the ideal camera's."""
+        return self.encoding.step() if self.encoding else None
 
     def exposure_factors(self, ev: float) -> tuple[float, float, float]:
-        """What red, green and blue light is multiplied by at an exposure."""
+        """Factors of red, green and blue light at an exposure in stops."""
         response = self.white_balance.response if self.white_balance else (1.0, 1.0, 1.0)
         red, green, blue = (2.0**ev * part for part in response)
         return red, green, blue

@@ -13,40 +13,44 @@ enabled = false           # off, whatever the preset says
 from __future__ import annotations
 
 import dataclasses
-import difflib
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from pydantic import create_model
 
-from omnisim.errors import OpticsError, SensorFileError
-from omnisim.parameters import Table, parse_table
+from omnisim.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.parameters import Table, parse_table, table_of
 from omnisim.sensors.degradations.degradation import Degradation
-from omnisim.sensors.degradations.parameters import Parameters, table_of
+from omnisim.sensors.degradations.effect import Effect
 from omnisim.toml_file import read_toml
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
 
 
-def _parts() -> dict[str, type[Parameters]]:
+def _effects() -> dict[str, type[Effect]]:
     hints = get_type_hints(Degradation)
     return {field.name: get_args(hints[field.name])[0] for field in dataclasses.fields(Degradation)}
 
 
-PARTS = _parts()  # the parameter class of each table
-PresetTable = create_model(
-    "PresetTable",
-    __base__=Table,
-    **{
-        name: (
-            create_model(f"{kind.__name__}Table", __base__=table_of(kind), enabled=(bool, True))
-            | None,
-            None,
-        )
-        for name, kind in PARTS.items()
-    },
-)
-DegradationTable = create_model("DegradationTable", __base__=PresetTable, preset=(str | None, None))
+EFFECTS = _effects()  # by the names of their tables
+
+
+@cache
+def _preset_table() -> type[Table]:
+    """The table of a preset's file: a table for each effect, with the key `enabled`."""
+    fields: dict[str, Any] = {}
+    for name, kind in EFFECTS.items():
+        table = create_model(f"{kind.__name__}Table", __base__=table_of(kind), enabled=(bool, True))
+        fields[name] = (table | None, None)
+    return create_model("PresetTable", __base__=Table, **fields)
+
+
+@cache
+def _degradation_table() -> type[Table]:
+    """The table `[degradation]` of a sensor file."""
+    return create_model("DegradationTable", __base__=_preset_table(), preset=(str | None, None))
 
 
 def preset_names() -> list[str]:
@@ -55,65 +59,66 @@ def preset_names() -> list[str]:
 
 
 def preset(name: str, folder: Path = Path()) -> Degradation:
-    """The degradations of a preset.
+    """The degradation of a preset.
 
     Args:
         name: of one that ships with omnisim, or a file that ends in .toml.
-        folder: where such a file is looked for.
+        folder: of such a file, where its path is relative.
 
     Raises:
         SensorFileError: there is none, or it has a fault: naming file, key, value and what was
-            wanted.
+            expected.
     """
-    path, tables = _preset_tables(name, folder, "")
-    return _made(tables, str(path), "")
+    path = _preset_path(name, folder, f"preset {name!r}: ")
+    return _build(_read_preset(path), str(path), "")
 
 
-def from_table(table: Table, source: str, folder: Path) -> Degradation:
-    """The degradations of a checked `[degradation]` table, on top of its preset.
+def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> Degradation:
+    """The degradation of a `[degradation]` table: its effects on top of its preset's, key by key.
 
     Args:
-        table: a `DegradationTable`.
+        table: as read from TOML.
         source: names the file in messages.
-        folder: where the file is: a preset's file is looked for there.
+        folder: of a preset's file, where its path is relative.
 
     Raises:
-        SensorFileError: naming file, key, value and what was wanted.
+        SensorFileError: naming file, key, value and what was expected.
     """
-    given = table.model_dump(exclude_unset=True)
+    checked = parse_table(table, _degradation_table(), SensorFileError, source, "degradation")
+    given = checked.model_dump(exclude_unset=True)
     name = given.pop("preset", None)
-    tables: dict[str, Any] = {}
+    tables: dict[str, dict[str, Any]] = {}
     if name is not None:
-        _, tables = _preset_tables(name, folder, f"{source}: degradation.preset = {name!r}: ")
+        where = f"{source}: degradation.preset = {name!r}: "
+        tables = _read_preset(_preset_path(name, folder, where))
     for key, values in given.items():
-        if values is not None:
-            tables[key] = {**tables.get(key, {}), **values}
-    return _made(tables, source, "degradation.")
+        tables[key] = {**tables.get(key, {}), **values}
+    return _build(tables, source, "degradation.")
 
 
-def _preset_tables(name: str, folder: Path, where: str) -> tuple[Path, dict[str, Any]]:
+def _preset_path(name: str, folder: Path, where: str) -> Path:
     if name.endswith(".toml"):
-        path = folder / name
-    elif name in preset_names():
-        path = PRESETS / f"{name}.toml"
-    else:
-        near = difflib.get_close_matches(name, preset_names(), n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        wanted = f"{hint}want one of {', '.join(preset_names())}, or a file that ends in .toml"
-        raise SensorFileError(f"{where or f'preset {name!r}: '}unknown preset; {wanted}")
-    return path, read_toml(path, PresetTable, SensorFileError).model_dump(exclude_unset=True)
+        return folder / name
+    names = preset_names()
+    if name not in names:
+        hint = did_you_mean(name, [*names, "a file that ends in .toml"])
+        raise SensorFileError(f"{where}unknown preset; {hint}")
+    return PRESETS / f"{name}.toml"
 
 
-def _made(tables: dict[str, Any], source: str, prefix: str) -> Degradation:
-    """The degradations of tables whose names have the prefix in their file."""
-    checked = parse_table(tables, PresetTable, SensorFileError, source)
+def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
+    return read_toml(path, _preset_table(), SensorFileError).model_dump(exclude_unset=True)
+
+
+def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> Degradation:
+    """The degradation of checked tables, whose names have the prefix in their file."""
+    parts: dict[str, Any] = {}
     try:
-        parts = {}
-        for name, kind in PARTS.items():
-            values = getattr(checked, name)
-            if values is not None and values.enabled:
-                parts[name] = kind(**values.model_dump(exclude={"enabled"}))
+        for name, values in tables.items():
+            keys = {key: value for key, value in values.items() if key != "enabled"}
+            if values.get("enabled", True):
+                parts[name] = EFFECTS[name](**keys)
         return Degradation(**parts)
     except OpticsError as reason:
-        told = str(reason).replace("degradation.", prefix)
-        raise SensorFileError(f"{source}: {told}") from None
+        words = str(reason).replace("degradation.", prefix)
+        raise SensorFileError(f"{source}: {words}") from None

@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.parameters import Number
-from omnisim.sensors.degradations.parameters import Count, NotNegative, Parameters, Seed, Share
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.parameters import Fraction, NotNegative, Number
+from omnisim.sensors.degradations.effect import Count, OpticalEffect, Seed
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
@@ -42,16 +42,16 @@ SPACING_PX = 0.25  # of the dots that a scratch is drawn with
 
 
 @dataclass(frozen=True)
-class Dirt(Parameters):
+class Dirt(OpticalEffect, name="degradation.dirt"):
     """Specks and scratches, drawn by their seed."""
 
     dust_count: Count = 60
     dust_radius_px: Pixels = 2.0
-    dust_opacity: Share = 0.5
+    dust_opacity: Fraction = 0.5
     scratch_count: Count = 0
     scratch_width_px: Pixels = 0.7
     scratch_length_px: Pixels = 80.0
-    scratch_opacity: Share = 0.3
+    scratch_opacity: Fraction = 0.3
     dust_glow: NotNegative = 0.05
     scratch_glow: NotNegative = 0.6
     seed: Seed = 0
@@ -65,11 +65,11 @@ class Dirt(Parameters):
         return np.stack((1.0 - dust * scratches, glow), axis=-1).astype(np.float32)
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
-        """On the GPU."""
+        """One pass on the GPU."""
         return [Step("dirt", textures={"u_dirt": self.map(geometry)})]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
         dirt = np.where(picture[..., 3:] > 0.5, self.map(geometry), np.float32(0.0))
         result = picture.copy()
         result[..., :3] = picture[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]

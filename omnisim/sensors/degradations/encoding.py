@@ -11,40 +11,42 @@ Source: IEC 61966-2-1, for sRGB.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import keyword_or
-from omnisim.sensors.degradations.parameters import Parameters
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.sensors.degradations.effect import Effect
+from omnisim.sensors.degradations.picture_geometry import LinearPicture
 from omnisim.srgb import srgb_from_linear
 
 
-def _is_gamma(value: Any) -> bool:
-    return type(value) in (int, float) and 0.1 <= value <= 10.0
+def _is_gamma(value: object) -> bool:
+    return isinstance(value, int | float) and value is not True and 0.1 <= value <= 10.0
 
 
-Gamma = Annotated[Any, keyword_or("srgb", "a number from 0.1 to 10", _is_gamma)]
+Gamma = Annotated[
+    Literal["srgb"] | int | float, keyword_or("srgb", "a number from 0.1 to 10", _is_gamma)
+]
 
 
 @dataclass(frozen=True)
-class Encoding(Parameters):
+class Encoding(Effect, name="degradation.encoding"):
     """Values are clipped to [0, 1], take the transfer function and are rounded to whole steps."""
 
     gamma: Gamma = "srgb"
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=8)] = 8
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
-        """On the GPU: into 8 bits."""
+    def step(self) -> Step:
+        """The pass on the GPU, into 8 bits."""
         exponent = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
         uniforms = {"u_exponent": exponent, "u_largest": float(2**self.bit_depth - 1)}
-        return [Step("encoding", uniforms)]
+        return Step("encoding", uniforms)
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy, as numbers in [0, 1]."""
+    def apply(self, picture: LinearPicture) -> LinearPicture:
+        """The reference in NumPy, as numbers in [0, 1]."""
         values = np.clip(picture[..., :3].astype(np.float64), 0.0, 1.0)
         encoded = srgb_from_linear(values) if self.gamma == "srgb" else values ** (1 / self.gamma)
         largest = 2**self.bit_depth - 1

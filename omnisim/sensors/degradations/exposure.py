@@ -21,12 +21,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from omnisim.errors import OpticsError
-from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive, Stops
+from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.parameters import NotNegative, Positive
+from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot, Stops
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.sensors.degradations.reflectance import multiplied
 
 
 @dataclass(frozen=True)
-class Exposure(Parameters):
+class Exposure(SensorEffect, name="degradation.exposure"):
     """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
 
     ev: Stops = 0.0
@@ -38,10 +41,17 @@ class Exposure(Parameters):
 
     def _check(self) -> None:
         if self.min_ev > self.max_ev:
-            raise OpticsError(
-                f"degradation.exposure: min_ev = {self.min_ev:g}, max_ev = {self.max_ev:g}: "
-                "want min_ev ≤ max_ev"
-            )
+            raise self._error("min_ev", f"at most max_ev = {self.max_ev:g}")
+
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+        """One pass on the GPU, whose factors are set for each frame."""
+        return [Step("exposure")]
+
+    def apply(
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""
+        return multiplied(picture, shot.exposure_factors)
 
     def metered_ev(self, mean_luminance: float) -> float:
         """The exposure that would suit a picture (of Rec. 709 luminance, before exposure)."""

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.image_files import through_jpeg
-from omnisim.sensors.degradations.parameters import Parameters
+from omnisim.sensors.degradations.effect import Effect
 
 
 @dataclass(frozen=True)
-class Jpeg(Parameters):
+class Jpeg(Effect, name="degradation.jpeg"):
     """The picture is encoded and decoded; outside of its mask it stays black."""
 
     quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90

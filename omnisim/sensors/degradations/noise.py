@@ -31,10 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.errors import OpticsError
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.parameters import NotNegative, Positive
+from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import normal, pcg4d, uniform
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which on normal numbers are good enough
@@ -44,7 +44,7 @@ SMALLEST_TERM = 2.0**-27
 
 
 @dataclass(frozen=True)
-class Noise(Parameters):
+class Noise(SensorEffect, name="degradation.noise"):
     """Every pixel and colour: electrons, Poisson; read noise, normal; whole numbers, clipped.
 
     The result is brought back to linear values in which white is 1. It may be below 0 where there
@@ -60,15 +60,15 @@ class Noise(Parameters):
 
     def _check(self) -> None:
         if self.black_level_dn >= self.largest_dn:
-            raise OpticsError(
-                f"degradation.noise.black_level_dn = {self.black_level_dn:g}: want less than "
-                f"{self.largest_dn}, the largest number of {self.bit_depth} bits"
+            raise self._error(
+                "black_level_dn",
+                f"less than {self.largest_dn}, the largest number of {self.bit_depth} bits",
             )
 
     @property
     def largest_dn(self) -> int:
         """The converter's largest number."""
-        return 2**self.bit_depth - 1
+        return (1 << self.bit_depth) - 1
 
     @property
     def gain(self) -> float:
@@ -82,21 +82,15 @@ class Noise(Parameters):
         """Electrons of a linear value of 1."""
         return min(self.full_well_e, self.gain * (self.largest_dn - self.black_level_dn))
 
-    def steps(self, geometry: PictureGeometry, key: int, exposure_s: float) -> list[Step]:
-        """On the GPU.
-
-        Args:
-            geometry: is not needed.
-            key: of the camera's random numbers.
-            exposure_s: for the dark current.
-        """
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+        """One pass on the GPU."""
         uniforms = {
-            "u_key": key,
+            "u_key": shot.noise_key,
             "u_white_e": self.white_e,
             "u_full_well_e": self.full_well_e,
             "u_gain_e_per_dn": self.gain,
             "u_read_noise_e": self.read_noise_e,
-            "u_dark_e": self.dark_current_e_per_s * exposure_s,
+            "u_dark_e": self.dark_current_e_per_s * shot.exposure_s,
             "u_black_level_dn": self.black_level_dn,
             "u_largest_dn": float(self.largest_dn),
             "u_normal_from_e": NORMAL_FROM_E,
@@ -106,14 +100,14 @@ class Noise(Parameters):
         return [Step("noise", uniforms)]
 
     def apply(
-        self, picture: Picture, geometry: PictureGeometry, key: int, exposure_s: float, frame: int
-    ) -> Picture:
-        """Reference: the same in NumPy, for the frame of a number."""
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""
         column, row, channel = np.meshgrid(
             np.arange(geometry.width_px), np.arange(geometry.height_px), np.arange(3)
         )
-        hashes = pcg4d(column, row, frame, key + channel)
-        dark_e = np.float32(self.dark_current_e_per_s * exposure_s)
+        hashes = pcg4d(column, row, shot.frame_number, shot.noise_key + channel)
+        dark_e = np.float32(self.dark_current_e_per_s * shot.exposure_s)
         white_e, gain = np.float32(self.white_e), np.float32(self.gain)
         black = np.float32(self.black_level_dn)
         mean_e = np.maximum(picture[..., :3], np.float32(0.0)) * white_e + dark_e

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 
-Picture = NDArray[np.float32]  # (height, width, 4): linear RGB, and 1 where it is valid, else 0
+LinearPicture = NDArray[
+    np.float32
+]  # (height, width, 4): linear RGB, and 1 where it is valid, else 0
 
 
 @dataclass(frozen=True)

@@ -46,4 +46,5 @@ def uniform(hashes: NDArray[np.uint32]) -> NDArray[np.float32]:
 def normal(first: NDArray[np.uint32], second: NDArray[np.uint32]) -> NDArray[np.float32]:
     """Normal numbers (...), mean 0 and variance 1, from two hashes each; at most 5.77 in size."""
     radius = np.sqrt(np.float32(-2.0) * np.log(uniform(first)))
-    return radius * np.cos(np.float32(2.0 * np.pi) * uniform(second))
+    numbers: NDArray[np.float32] = radius * np.cos(np.float32(2.0 * np.pi) * uniform(second))
+    return numbers

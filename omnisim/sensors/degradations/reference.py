@@ -1,4 +1,4 @@
-"""The whole chain in NumPy: what the GPU's passes are compared with, and slow."""
+"""A camera's degradation in NumPy, slowly: the reference of the GPU's passes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.sensors.degradations.degradation import Degradation
+from omnisim.sensors.degradations.effect import Shot
 from omnisim.sensors.degradations.encoding import Encoding
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
-from omnisim.sensors.degradations.reflectance import multiplied
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
 
-def mean_luminance(picture: Picture) -> float:
+def mean_luminance(picture: LinearPicture) -> float:
     """Mean luminance (Rec. 709) of the valid pixels; 0 if there are none."""
     valid = picture[..., 3] > 0.5
     if not np.any(valid):
@@ -21,14 +21,13 @@ def mean_luminance(picture: Picture) -> float:
 
 
 def exposed(
-    sub_frames: list[Picture], degradation: Degradation, geometry: PictureGeometry
-) -> Picture:
-    """The light that the sensor collects from ideal pictures of the sub-frames."""
+    sub_frames: list[LinearPicture], degradation: Degradation, geometry: PictureGeometry
+) -> LinearPicture:
+    """Light (height, width, 4) that the sensor collects from ideal pictures of the sub-frames."""
     seen = []
     for picture in sub_frames:
-        for name in ("reflectance", "dirt", "defocus", "vignetting", "chromatic_aberration"):
-            part = degradation.parts.get(name)
-            picture = picture if part is None else part.apply(picture, geometry)
+        for effect in degradation.optics:
+            picture = effect.apply(picture, geometry)
         seen.append(picture)
     if degradation.shutter is None or len(seen) == 1:
         return seen[-1]
@@ -40,30 +39,24 @@ def exposed(
 
 
 def developed(
-    picture: Picture,
+    picture: LinearPicture,
     degradation: Degradation,
     geometry: PictureGeometry,
     ev: float,
-    key: int,
+    noise_key: int,
     frame_number: int,
-) -> Picture:
-    """The linear picture that comes out of the sensor, from the light that it has collected."""
-    if degradation.exposure or degradation.white_balance:
-        picture = multiplied(picture, degradation.exposure_factors(ev))
-    if degradation.noise:
-        picture = degradation.noise.apply(
-            picture, geometry, key, degradation.exposure_s, frame_number
-        )
-    for part in (degradation.bayer, degradation.white_balance):
-        picture = part.apply(picture, geometry) if part else picture
+) -> LinearPicture:
+    """Linear picture (height, width, 4) that the sensor makes of the light it has collected."""
+    factors = degradation.exposure_factors(ev)
+    shot = Shot(factors, degradation.exposure_s, noise_key, frame_number)
+    for effect in degradation.electronics:
+        picture = effect.apply(picture, geometry, shot)
     return picture
 
 
-def eight_bits(
-    picture: Picture, degradation: Degradation, geometry: PictureGeometry
-) -> NDArray[np.uint8]:
-    """The file's numbers (height, width, 4), from a linear picture."""
-    encoded = (degradation.encoding or Encoding()).apply(picture, geometry)
+def eight_bits(picture: LinearPicture, degradation: Degradation) -> NDArray[np.uint8]:
+    """Values (height, width, 4) of the file, from a linear picture."""
+    encoded = (degradation.encoding or Encoding()).apply(picture)
     rgba = np.rint(255.0 * encoded).astype(np.uint8)
     rgba[picture[..., 3] < 0.5] = 0
     return degradation.jpeg.compressed(rgba) if degradation.jpeg else rgba

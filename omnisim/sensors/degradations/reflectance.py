@@ -18,16 +18,16 @@ from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import Number
-from omnisim.sensors.degradations.parameters import Colour, Parameters
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.sensors.degradations.effect import OpticalEffect, Rgb
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
 
 @dataclass(frozen=True)
-class Reflectance(Parameters):
+class Reflectance(OpticalEffect, name="degradation.reflectance"):
     """Mirror reflectance: the light is multiplied by `reflectance` and by the colour's `tint`."""
 
     reflectance: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.9
-    tint: Colour = (1.0, 1.0, 1.0)
+    tint: Rgb = (1.0, 1.0, 1.0)
 
     @property
     def factors(self) -> tuple[float, float, float]:
@@ -36,14 +36,14 @@ class Reflectance(Parameters):
         return red, green, blue
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
-        """On the GPU."""
+        """One pass on the GPU."""
         return [Step("colour_factors", {"u_factors": self.factors})]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
         return multiplied(picture, self.factors)
 
 
-def multiplied(picture: Picture, factors: tuple[float, float, float]) -> Picture:
+def multiplied(picture: LinearPicture, factors: tuple[float, float, float]) -> LinearPicture:
     """A picture with its colours multiplied; the reference of `colour_factors.frag`."""
     return picture * np.array([*factors, 1.0], dtype=np.float32)

@@ -22,15 +22,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.errors import OpticsError
-from omnisim.parameters import keyword_or
-from omnisim.sensors.degradations.parameters import NotNegative, Parameters, Positive
+from omnisim.parameters import NotNegative, Positive, keyword_or
+from omnisim.sensors.degradations.effect import Effect
 
 LARGEST_ERROR_PX = 0.05  # of where a row shows a moving edge
 LARGEST_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
@@ -38,15 +37,17 @@ MOST_SUB_FRAMES = 64
 LONGEST_S = 3600.0
 
 
-def _is_count(value: Any) -> bool:
+def _is_count(value: object) -> bool:
     return type(value) is int and 1 <= value <= 4096
 
 
-SubFrames = Annotated[Any, keyword_or("auto", "a whole number from 1 to 4096", _is_count)]
+SubFrames = Annotated[
+    Literal["auto"] | int, keyword_or("auto", "a whole number from 1 to 4096", _is_count)
+]
 
 
 @dataclass(frozen=True)
-class Shutter(Parameters):
+class Shutter(Effect, name="degradation.shutter"):
     """How long rows collect light, and one after the other or all at once."""
 
     exposure_s: Annotated[Positive, Field(le=LONGEST_S)] | None = None
@@ -61,9 +62,10 @@ class Shutter(Parameters):
         for key in ("exposure_s", "readout_s"):
             value = getattr(self, key) or 0.0
             if value > period_s * (1.0 + 1e-9):
-                raise OpticsError(
-                    f"degradation.shutter.{key} = {value:g}: want at most {period_s:g} s, the time "
-                    f"from picture to picture at frame_rate_hz = {self.frame_rate_hz:g}"
+                raise self._error(
+                    key,
+                    f"at most {period_s:g} s, the time from picture to picture at "
+                    f"frame_rate_hz = {self.frame_rate_hz:g}",
                 )
 
     @property
@@ -93,9 +95,10 @@ class Shutter(Parameters):
         starts = (np.arange(height_px) + 0.5) / height_px * self.readout_s
         step_s = self.duration_s / count
         if self.exposure_s is None:
-            which = np.clip(np.floor(starts / step_s), 0, count - 1)
-            return (which == np.arange(count)[:, None]).astype(np.float32)
+            indices = np.clip(np.floor(starts / step_s), 0, count - 1)
+            return np.equal(indices, np.arange(count)[:, None]).astype(np.float32)
         begin = np.arange(count)[:, None] * step_s
         overlap = np.minimum(begin + step_s, starts + self.exposure_s) - np.maximum(begin, starts)
         overlap = np.maximum(overlap, 0.0)
-        return (overlap / overlap.sum(axis=0)).astype(np.float32)
+        shares: NDArray[np.float32] = (overlap / overlap.sum(axis=0)).astype(np.float32)
+        return shares

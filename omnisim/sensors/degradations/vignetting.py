@@ -18,12 +18,13 @@ import numpy as np
 
 from omnisim.errors import OpticsError
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.sensors.degradations.parameters import Parameters, Signed
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.parameters import Signed
+from omnisim.sensors.degradations.effect import OpticalEffect
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
 
 @dataclass(frozen=True)
-class Vignetting(Parameters):
+class Vignetting(OpticalEffect, name="degradation.vignetting"):
     """Light is multiplied by 1 + c₂r² + c₄r⁴ + c₆r⁶, but never by less than 0."""
 
     coefficients: tuple[Signed, Signed, Signed] = (-0.3, 0.0, 0.0)
@@ -40,12 +41,12 @@ class Vignetting(Parameters):
         return cls((-2.0 * tangent**2, 3.0 * tangent**4, -4.0 * tangent**6))
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
-        """On the GPU."""
+        """One pass on the GPU."""
         uniforms = {"u_coefficients": self.coefficients, **geometry.uniforms()}
         return [Step("vignetting", uniforms)]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
         squared = geometry.squared_radii()
         c2, c4, c6 = (np.float32(value) for value in self.coefficients)
         factor = np.float32(1.0) + squared * (c2 + squared * (c4 + squared * c6))

@@ -11,20 +11,20 @@ Source: von Kries' diagonal model of adaptation, 1902, which cameras' channel ga
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.parameters import keyword_or
-from omnisim.sensors.degradations.parameters import SMALLEST, Parameters, Positive
-from omnisim.sensors.degradations.picture_geometry import Picture, PictureGeometry
+from omnisim.parameters import SMALLEST, Positive, keyword_or
+from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied
 
 Factor = Annotated[Positive, Field(le=100.0)]
 
 
-def _are_factors(value: Any) -> bool:
+def _are_factors(value: object) -> bool:
     return (
         isinstance(value, list | tuple)
         and len(value) == 3
@@ -32,19 +32,14 @@ def _are_factors(value: Any) -> bool:
     )
 
 
-def _as_tuple(value: Any) -> Any:
-    return value if isinstance(value, str) else tuple(value)
-
-
 Gains = Annotated[
-    Any,
+    Literal["grey"] | tuple[int | float, int | float, int | float],
     keyword_or("grey", "three numbers above 0, at most 100,", _are_factors),
-    AfterValidator(_as_tuple),
 ]
 
 
 @dataclass(frozen=True)
-class WhiteBalance(Parameters):
+class WhiteBalance(SensorEffect, name="degradation.white_balance"):
     """Light is multiplied by `response` before the noise, and by `gains` after demosaicking."""
 
     response: tuple[Factor, Factor, Factor] = (1.0, 1.0, 1.0)
@@ -54,13 +49,16 @@ class WhiteBalance(Parameters):
     def factors(self) -> tuple[float, float, float]:
         """The gains of red, green and blue."""
         if self.gains == "grey":
-            return tuple(1.0 / part for part in self.response)
+            red, green, blue = self.response
+            return 1.0 / red, 1.0 / green, 1.0 / blue
         return self.gains
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """On the GPU: the gains; the response is a part of the exposure."""
         return [Step("colour_factors", {"u_factors": self.factors})]
 
-    def apply(self, picture: Picture, geometry: PictureGeometry) -> Picture:
-        """Reference: the same in NumPy."""
+    def apply(
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""
         return multiplied(picture, self.factors)

@@ -20,6 +20,7 @@ from omnisim.sensors.degradations import (
     WhiteBalance,
     preset,
 )
+from omnisim.sensors.degradations.effect import Shot
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.sensors.degradations.reference import developed, exposed, mean_luminance
 from tests.sensors.degradations.pictures import GEOMETRY, on_gpu, random_picture
@@ -102,9 +103,10 @@ def test_noise_equals_its_reference_but_for_ties(context, full_well_e):
     """Whole electrons: a last bit decides one in thousands otherwise, by one step."""
     noise = Noise(full_well_e, None, 1.7, 30.0, 5.0, 10)
     picture, key = random_picture(), key_of("noise", 3)
-    steps = noise.steps(GEOMETRY, key, 0.02)
+    shot = Shot(exposure_s=0.02, noise_key=key, frame_number=7)
+    steps = noise.steps(GEOMETRY, shot)
     drawn = on_gpu(context, [picture], sensor=steps, uniforms={"u_frame": 7})
-    expected = noise.apply(picture, GEOMETRY, key, 0.02, 7)
+    expected = noise.apply(picture, GEOMETRY, shot)
     step = noise.gain / noise.white_e
     differs = np.abs(drawn - expected) > 1e-5
     assert np.mean(differs) < 1e-3
@@ -162,13 +164,13 @@ def test_whole_chain_of_a_preset_equals_the_reference(context, name):
 def test_encoding_equals_its_reference(context, encoding):
     picture = random_picture()
     height, width = picture.shape[:2]
-    chain = DegradationPass(context, (width, height), (), (), encoding.steps(GEOMETRY)[0])
+    chain = DegradationPass(context, (width, height), (), (), encoding.step())
     chain.add(context.texture((width, height), 4, picture, dtype="f4"))
     chain.finish({})
     target = context.framebuffer([context.renderbuffer((width, height), 4)])
     chain.encode(target)
     drawn = np.frombuffer(target.read(components=4), np.uint8).reshape(height, width, 4)
-    expected = np.rint(255.0 * encoding.apply(picture, GEOMETRY)).astype(int)
+    expected = np.rint(255.0 * encoding.apply(picture)).astype(int)
     step = round(255 / (2**encoding.bit_depth - 1))
     assert np.mean(drawn != expected) < 1e-3  # ties
     assert np.abs(drawn.astype(int) - expected).max() <= step + 1

@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from omnisim.sensors.degradations import Noise
+from omnisim.sensors.degradations.effect import Shot
 from omnisim.sensors.degradations.noise import poisson
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
@@ -19,7 +20,7 @@ def _hashes(count, key=KEY):
 
 def _noisy(context, noise, picture, frame=0, key=KEY):
     geometry = PictureGeometry(picture.shape[1], picture.shape[0], (0.0, 0.0))
-    steps = noise.steps(geometry, key, 0.01)
+    steps = noise.steps(geometry, Shot(exposure_s=0.01, noise_key=key))
     return on_gpu(context, [picture], sensor=steps, uniforms={"u_frame": frame})[..., :3]
 
 
