@@ -26,6 +26,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
 
+import numpy as np
 import pydantic
 from pydantic import AfterValidator, Field
 
@@ -77,7 +78,7 @@ class Parameters:
             cls._name = name
 
     def __post_init__(self) -> None:
-        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        given = {key.name: _plain(getattr(self, key.name)) for key in dataclasses.fields(self)}
         checked = parse_table(given, table_of(type(self)), OpticsError, at=self._name)
         for key in given:
             object.__setattr__(self, key, getattr(checked, key))
@@ -90,6 +91,13 @@ class Parameters:
         value = getattr(self, key)
         got = f"{value:g}" if isinstance(value, float) else repr(value)
         return OpticsError(f"{self._name}.{key}: expected {expected}, got {got}")
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's scalars as Python's numbers, alone or in a list or tuple."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return tuple(map(_plain, value)) if isinstance(value, list | tuple) else value
 
 
 _TABLES: dict[type[Parameters], type[Table]] = {}

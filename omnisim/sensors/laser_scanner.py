@@ -11,70 +11,57 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.errors import OpticsError
+from omnisim.parameters import NotNegative, Number, Parameters, Positive
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution
-_MOST_BEAMS = 100_000
-_LARGEST_SEED = 2**32 - 1  # one word of NumPy's seeds each, so that no two runs of words are alike
+MAX_BEAMS = 100_000
+MAX_SEED = 2**32 - 1  # one word of NumPy's seeds each, so that no two runs of words are alike
 _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 
 @dataclass(frozen=True)
-class LaserScanner:
-    """What a scanner measures, and how wrongly. Without arguments: an LMS200 in mm mode.
+class LaserScanner(Parameters, name="scanner"):
+    """Range and error model of a scanner. Without arguments: an LMS200 in mm mode.
 
     Attributes:
         field_of_view_deg: from the first beam to the last, half of it to either side.
         resolution_deg: between beams; the last beam is the last that fits.
-        range_min_m, range_max_m: what is nearer is told as −inf, what is farther, or nothing at
-            all, as +inf (REP 117). The LMS200's least range is an assumption.
+        range_min_m, range_max_m: nearer hits are −inf; farther ones, and none, are +inf (REP 117).
+            The LMS200's least range is an assumption.
         step_m: ranges are rounded to multiples of it; 0: not at all.
         sigma_m: standard deviation of a range's statistical error, normally distributed.
         sigma_per_m: share of the range that adds to it, by the root of the sum of squares.
         systematic_error_m: the device's constant error lies between plus and minus this, evenly
             distributed (an assumption) and drawn once from the seed.
-        seed: which device of its kind: its constant error and all its noise.
+        seed: of the device: its constant error and all its noise.
 
     Raises:
-        OpticsError: naming what no scanner can have, and what was wanted.
+        OpticsError: naming the parameter, what was expected and what was got.
     """
 
-    field_of_view_deg: float = 180.0
-    resolution_deg: float = 0.5
-    range_min_m: float = 0.1
-    range_max_m: float = LMS200_MODES["mm"][0]
-    step_m: float = LMS200_MODES["mm"][1]
-    sigma_m: float = 0.005
-    sigma_per_m: float = 0.0
-    systematic_error_m: float = 0.015
-    seed: int = 0
+    field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
+    resolution_deg: Positive = 0.5
+    range_min_m: NotNegative = 0.1
+    range_max_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = 8.19
+    step_m: NotNegative = 0.001
+    sigma_m: NotNegative = 0.005
+    sigma_per_m: NotNegative = 0.0
+    systematic_error_m: NotNegative = 0.015
+    seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
 
-    def __post_init__(self) -> None:
-        for name in ("step_m", "sigma_m", "sigma_per_m", "systematic_error_m"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise OpticsError(f"scanner: {name} = {value:g}: want 0 or more")
-        if not 0.0 < self.field_of_view_deg <= 360.0:  # false for NaN, too
-            raise OpticsError(
-                f"scanner: field_of_view_deg = {self.field_of_view_deg:g}: want more than 0, "
-                "at most 360"
-            )
-        if not self.field_of_view_deg / _MOST_BEAMS < self.resolution_deg < math.inf:
-            raise OpticsError(
-                f"scanner: resolution_deg = {self.resolution_deg:g}: want more than 0, and fewer "
-                f"than {_MOST_BEAMS} beams"
-            )
-        if not 0.0 <= self.range_min_m < self.range_max_m:
-            raise OpticsError(
-                f"scanner: range_min_m = {self.range_min_m:g}, range_max_m = "
-                f"{self.range_max_m:g}: want 0 <= range_min_m < range_max_m"
-            )
-        _check_word("seed", self.seed)
+    def _check(self) -> None:
+        if self.field_of_view_deg >= MAX_BEAMS * self.resolution_deg:
+            raise self._error("resolution_deg", f"fewer than {MAX_BEAMS} beams")
+        if self.range_min_m >= self.range_max_m:
+            raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
 
     @classmethod
     def lms200(cls, resolution_deg: float = 0.5, mode: str = "mm", seed: int = 0) -> LaserScanner:
@@ -83,15 +70,17 @@ class LaserScanner:
         Args:
             resolution_deg: 1 or 0.5 over 180°, or 0.25 over 100° (an assumption).
             mode: "mm": to 8.19 m in steps of 1 mm; "cm": to 81.9 m in steps of 10 mm.
-            seed: which device.
+            seed: of the device.
 
         Raises:
             OpticsError: a resolution or mode that it does not have.
         """
         if resolution_deg not in _LMS200_FIELDS_DEG:
-            raise OpticsError(f"scanner: resolution {resolution_deg:g}°: want 1, 0.5 or 0.25")
+            raise OpticsError(
+                f"scanner.resolution_deg: expected 1, 0.5 or 0.25, got {resolution_deg:g}"
+            )
         if mode not in LMS200_MODES:
-            raise OpticsError(f"scanner: mode {mode!r}: want {' or '.join(LMS200_MODES)}")
+            raise OpticsError(f"scanner.mode: expected {' or '.join(LMS200_MODES)}, got {mode!r}")
         range_max_m, step_m = LMS200_MODES[mode]
         return cls(
             field_of_view_deg=_LMS200_FIELDS_DEG[resolution_deg],
@@ -141,14 +130,15 @@ class LaserScanner:
 
     @property
     def beams(self) -> int:
-        """How many there are."""
+        """Number of beams."""
         # 1e-9: steps that fit but for the rounding of floats
         return math.floor(self.field_of_view_deg / self.resolution_deg + 1e-9) + 1
 
     @cached_property
     def angles_deg(self) -> NDArray[np.float64]:
         """Angles (beams,) in degrees from straight ahead, positive to the left."""
-        return -0.5 * self.field_of_view_deg + self.resolution_deg * np.arange(self.beams)
+        steps = np.arange(self.beams, dtype=np.float64)
+        return -0.5 * self.field_of_view_deg + self.resolution_deg * steps
 
     @property
     def angle_min_rad(self) -> float:
@@ -167,7 +157,7 @@ class LaserScanner:
 
     @property
     def reach_m(self) -> float:
-        """Farther surfaces are out of range, whatever the noise."""
+        """Range beyond which no noise brings a surface back into range."""
         # ten sigmas happen once in 1e23 beams
         return (self.range_max_m + self.step_m + self.systematic_error_m + 10.0 * self.sigma_m) * (
             1.0 + 10.0 * self.sigma_per_m
@@ -180,10 +170,10 @@ class LaserScanner:
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 
     def measure(self, true_ranges_m: NDArray[np.float64], scan_number: int) -> NDArray[np.float64]:
-        """Ranges (beams,) in metres as the device tells them.
+        """Measured ranges (beams,) in metres.
 
-        Errors are added, the sum is rounded, and what then lies outside of the limits is told as
-        −inf or +inf. The noise depends on the seed, the number of the scan and the beam alone, so
+        Errors are added, the sum is rounded, and what then lies outside of the limits is −inf or
+        +inf. The noise depends on the seed, the number of the scan and the beam alone, so
         that any scan of a drive can be made again by itself.
 
         Args:
@@ -193,7 +183,11 @@ class LaserScanner:
         Raises:
             OpticsError: a scan number that is not a whole number of 32 bits.
         """
-        _check_word("scan_number", scan_number)
+        is_whole = isinstance(scan_number, int | np.integer) and not isinstance(scan_number, bool)
+        if not (is_whole and 0 <= scan_number <= MAX_SEED):
+            raise OpticsError(
+                f"scanner: scan_number: expected a whole number of 32 bits, got {scan_number!r}"
+            )
         hit = np.isfinite(true_ranges_m)
         ranges = np.asarray(true_ranges_m, dtype=np.float64)[hit]
         if self.sigma_m or self.sigma_per_m:
@@ -205,13 +199,7 @@ class LaserScanner:
             # divided, not multiplied: 8190 steps are then 8.19, to the last bit
             steps_a_metre = 1.0 / self.step_m
             ranges = np.rint(ranges * steps_a_metre) / steps_a_metre
-        told = np.full(len(true_ranges_m), np.inf)
-        told[hit] = np.where(ranges > self.range_max_m, np.inf, ranges)
-        told[told < self.range_min_m] = -np.inf
-        return told
-
-
-def _check_word(name: str, value: int) -> None:
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not (is_whole and 0 <= value <= _LARGEST_SEED):
-        raise OpticsError(f"scanner: {name} = {value!r}: want a whole number of at most 32 bits")
+        measured = np.full(len(true_ranges_m), np.inf)
+        measured[hit] = np.where(ranges > self.range_max_m, np.inf, ranges)
+        measured[measured < self.range_min_m] = -np.inf
+        return measured

@@ -208,7 +208,7 @@ def _mounted_scanner(mount: SensorMount, where: str) -> MountedScanner:
     try:
         scanner = _scanner(mount)
     except OpticsError as reason:
-        raise RobotFileError(f"{where}: {str(reason).removeprefix('scanner: ')}") from None
+        raise RobotFileError(f"{where}: {str(reason).removeprefix('scanner.')}") from None
     return MountedScanner(mount.name, scanner, mount.base_from_mount, mount.hides)
 
 

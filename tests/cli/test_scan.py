@@ -54,8 +54,11 @@ def test_a_seed_is_a_device(omnisim, tmp_path):
         (["courtyard", "-o", "a.txt"], "--output: expected a .csv file, got a.txt"),
         (["courtyard", "-o", "none/a.csv"], "the folder none does not exist: create it first"),
         (["courtyard", "-o", "a.csv", "--plot", "a.jpg"], "a.jpg: unknown plot format: want .png"),
-        (["courtyard", "-o", "a.csv", "--resolution", "0.3"], "want 1, 0.5 or 0.25"),
-        (["courtyard", "-o", "a.csv", "--seed", "-1"], "seed = -1: want a whole number"),
+        (
+            ["courtyard", "-o", "a.csv", "--resolution", "0.3"],
+            "scanner.resolution_deg: expected 1, 0.5 or 0.25, got 0.3",
+        ),
+        (["courtyard", "-o", "a.csv", "--seed", "-1"], "seed: expected a number ≥ 0, got -1"),
         (["courtyard", "-o", "a.csv", "--at", "nan", "0", "0"], "expected three finite numbers"),
     ],
 )

@@ -133,11 +133,11 @@ OUTSIDE, INSIDE = {"position_m": (0.0, 0.0, 1.01)}, {"position_m": (0.0, 0.0, 0.
         ([SCANNER, {**CAMERA, "name": "scan"}], "sensor 'scan': a second sensor of this name"),
         (
             [{**SCANNER, "type": "usarsim_range_scanner", "resolution_rad": 1e-9}],
-            "sensor 'scan': resolution_deg = 5.72958e-08: want more than 0, and fewer",
+            "sensor 'scan': resolution_deg: expected fewer than 100000 beams, got 5.72958e-08",
         ),
         (
             [{**SCANNER, "type": "usarsim_range_scanner", "min_range_m": 30}],
-            "sensor 'scan': range_min_m = 30, range_max_m = 20: want 0 <=",
+            "sensor 'scan': range_min_m: expected less than range_max_m = 20, got 30",
         ),
     ],
 )

@@ -48,7 +48,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         """Radius (height, width) of each pixel's disc."""
         first, last = np.float32(self.centre_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
-        return np.minimum(np.maximum(radii, np.float32(SMALLEST_PX)), np.float32(LARGEST_PX))
+        return radii.clip(np.float32(SMALLEST_PX), np.float32(LARGEST_PX))
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
         """One pass on the GPU."""

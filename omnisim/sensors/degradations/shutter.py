@@ -96,7 +96,8 @@ class Shutter(Effect, name="degradation.shutter"):
         step_s = self.duration_s / count
         if self.exposure_s is None:
             indices = np.clip(np.floor(starts / step_s), 0, count - 1)
-            return np.equal(indices, np.arange(count)[:, None]).astype(np.float32)
+            is_taken: NDArray[np.bool_] = indices == np.arange(count)[:, None]
+            return is_taken.astype(np.float32)
         begin = np.arange(count)[:, None] * step_s
         overlap = np.minimum(begin + step_s, starts + self.exposure_s) - np.maximum(begin, starts)
         overlap = np.maximum(overlap, 0.0)
