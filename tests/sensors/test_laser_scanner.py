@@ -78,7 +78,7 @@ def test_what_an_lms200_cannot_be_set_to_is_refused():
         LaserScanner.lms200(0.3)
     with pytest.raises(OpticsError, match=r"scanner\.mode: expected mm or cm, got 'km'"):
         LaserScanner.lms200(mode="km")
-    with pytest.raises(OpticsError, match="scan_number: expected .*, got -1"):
+    with pytest.raises(OpticsError, match=r"scan_number: expected .*, got -1"):
         LaserScanner().measure(np.ones(361), -1)
 
 
