@@ -64,4 +64,5 @@ def _windings(ways: NDArray[np.float64]) -> NDArray[np.float64]:
     la, lb, lc = np.linalg.norm(ways, axis=2).T
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("ij,ij->i", p, q) for p, q in ((a, b), (b, c), (c, a)))
-    return np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb) / (2.0 * math.pi)
+    angles: NDArray[np.float64] = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return angles / (2.0 * math.pi)

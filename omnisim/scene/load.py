@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
@@ -15,6 +13,7 @@ from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf import read_gltf
 from omnisim.scene.imported_scene import ImportedScene
 from omnisim.scene.labels import label_rules
+from omnisim.scene.lighting import lighting_for
 from omnisim.scene.mesh_data import LARGEST_COORDINATE
 from omnisim.scene.model import (
     MAX_LIGHTS,
@@ -27,8 +26,6 @@ from omnisim.scene.model import (
     StartPose,
     bounds_m,
 )
-from omnisim.scene.other_formats import read_other
-from omnisim.scene.punctual_lights import lighting_for
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import read_bytes, resolve_source
 from omnisim.scene.textures import TextureStore
@@ -37,10 +34,7 @@ from omnisim.scene.textures import TextureStore
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
 # Height of the effective viewpoint above the floor where nobody says: a small robot's.
 DEFAULT_HEIGHT_M = 1.0
-# What trimesh also reads and what is no scene, or an archive of files whose formats would be lost.
-_NOT_SCENES = {".dxf", ".svg", ".binvox", ".zip", ".tar.gz", ".tar.bz2", ".tgz", ".bz2", ".gz"}
-# What trimesh would write to standard error is said in our own words, as errors and notices.
-logging.getLogger("trimesh").addHandler(logging.NullHandler())
+_GLTF = {".glb", ".gltf"}
 
 
 def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
@@ -57,12 +51,10 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
     path, settings = resolve_source(source)
-    known = {f".{name}" for name in trimesh.available_formats()} - _NOT_SCENES
-    if path.suffix.lower() not in known:
-        raise SceneError(
-            f"{path}: unknown scene format {path.suffix or '(no suffix)'!r}: want one of "
-            ".glb .gltf .obj .ply .stl .dae, or a scene's .toml"
-        )
+    if path.suffix.lower() not in _GLTF:
+        from omnisim.scene.trimesh_loader import check_format  # slow to import
+
+        check_format(path)
     data = read_bytes(path)
     try:
         return _load(str(source), path, data, settings, up_axis)
@@ -75,11 +67,13 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
 def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str | None) -> Scene:
     suffix = path.suffix.lower()
     axes = world_from_file(suffix, data, settings, up_axis)
-    textures, resolver = TextureStore(), AssetResolver(path)
-    if suffix in (".glb", ".gltf"):
-        read = read_gltf(path, data, textures, resolver, axes)
+    textures, assets = TextureStore(), AssetResolver(path)
+    if suffix in _GLTF:
+        read = read_gltf(data, textures, assets, axes)
     else:
-        read = read_other(path, data, textures, resolver)
+        from omnisim.scene.other_formats import read_other  # slow to import
+
+        read = read_other(path, data, textures, assets)
     if not read.instances:
         raise SceneError("has no triangles to draw")
     instances = tuple(
@@ -88,8 +82,8 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
     )
     _check_finite(read, instances)
     if len(read.lights) > MAX_LIGHTS:
-        read.notices.append(f"has {len(read.lights)} lamps: the {MAX_LIGHTS} strongest shine")
-    missing = [f"{asset} is not there: drawn without it" for asset in resolver.missing]
+        read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
+    missing = [f"{asset} is not there: drawn without it" for asset in assets.missing]
     notices = [*missing, *textures.notices, *read.notices]
     return Scene(
         name=name,

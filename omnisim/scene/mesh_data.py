@@ -20,41 +20,48 @@ def make_mesh(
     normals: ArrayLike | None = None,
     texture_coordinates: ArrayLike | None = None,
     colors: ArrayLike | None = None,
-) -> tuple[Mesh, NDArray[np.float64]] | None:
-    """Make a mesh about the middle of its bounding box, and that middle (3,).
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """Make a mesh about the centre of its bounding box, and that centre (3,).
 
     Moving it there in float64 lets float32 hold a town in map coordinates to a micrometre.
-    None where there is no triangle. Normals or texture coordinates that are not finite, or of
-    another count than the positions, are dropped: the mesh is then flat, or in its plain colour.
+    Normals or texture coordinates that are not finite, or of another count than the positions,
+    are dropped: the mesh is then flat, or in its plain colour.
+
+    Args:
+        name: name in the file.
+        positions: (n, 3).
+        triangles: (m, 3) indices of positions; m > 0.
+        material: index of its material.
+        normals: (n, 3).
+        texture_coordinates: (n, 2).
+        colors: (n, 4).
 
     Raises:
         SceneError: a position that is not finite or too large, or a triangle without its vertex.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
-    if len(corners) == 0:
-        return None
     if corners.min() < 0 or corners.max() >= len(points):
         worst = corners.min() if corners.min() < 0 else corners.max()
         raise SceneError(f"mesh {name!r}: a triangle names vertex {worst} of {len(points)}")
     bad = ~(np.abs(points) < LARGEST_COORDINATE).all(axis=1)  # also true for NaN
     if bad.any():
         raise SceneError(
-            f"mesh {name!r}: vertex {int(np.argmax(bad))} is {points[np.argmax(bad)].tolist()}: "
-            f"want finite numbers below {LARGEST_COORDINATE:g} "
-            f"({int(bad.sum())} of {len(points)} vertices are not)"
+            f"mesh {name!r}: vertex {int(np.argmax(bad))}: expected finite numbers below "
+            f"{LARGEST_COORDINATE:g}, got {points[np.argmax(bad)].tolist()} "
+            f"({int(bad.sum())} of {len(points)} vertices)"
         )
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     mesh = Mesh(
         name=name,
-        positions=np.ascontiguousarray(points - middle, dtype=np.float32),
+        positions=np.ascontiguousarray(points - center, dtype=np.float32),
         triangles=np.ascontiguousarray(corners, dtype=np.uint32),
         material=material,
         normals=_per_vertex(normals, len(points), 3),
         texture_coordinates=_per_vertex(texture_coordinates, len(points), 2),
         colors=_per_vertex(colors, len(points), 4),
     )
-    return mesh, middle
+    return mesh, center
 
 
 def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
@@ -74,8 +81,8 @@ def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32
     return np.ascontiguousarray(values[:, :4])
 
 
-def translate(matrix: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pose (4, 4) of a mesh whose origin was translate to `middle` (3,)."""
+def translate(matrix: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose (4, 4) times a translation by `offset` (3,)."""
     result = np.array(matrix, dtype=np.float64)
-    result[:3, 3] += result[:3, :3] @ middle
+    result[:3, 3] += result[:3, :3] @ offset
     return result

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.imported_scene import ImportedScene, load_with_trimesh
+from omnisim.scene.imported_scene import ImportedScene
 from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
-from omnisim.scene.obj_text import plain_obj
+from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
+from omnisim.scene.trimesh_loader import load_with_trimesh
 from omnisim.srgb import linear_from_srgb
 
 # What a surface without any colour looks like: a light grey of 80 % on the screen.
@@ -31,16 +33,18 @@ _OPAQUE_FROM = 0.999
 
 
 def read_other(
-    path: Path, data: bytes, textures: TextureStore, resolver: AssetResolver
+    path: Path, data: bytes, textures: TextureStore, assets: AssetResolver
 ) -> ImportedScene:
     """Read a file of any format but glTF.
 
     Raises:
-        SceneError: damaged vertices or indices, or nothing that trimesh can make sense of.
+        SceneError: damaged vertices or indices, or nothing that trimesh can read.
     """
+    given = {}
     if path.suffix.lower() == ".obj":
-        data, resolver.material_files = plain_obj(data)
-    loaded = load_with_trimesh(path, data, resolver)
+        data, names = plain_obj(data)
+        given[MATERIAL_FILES] = _material_files(names, assets)
+    loaded = load_with_trimesh(path, data, assets, given)
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
@@ -48,31 +52,43 @@ def read_other(
     for name, geometry in loaded.geometry.items():
         if not isinstance(geometry, trimesh.Trimesh):
             notices.append("points and lines are not drawn")
-        elif (made := _mesh(name, geometry, len(materials))) is not None:
-            index_of[name] = (len(meshes), made[1])
-            meshes.append(made[0])
-            materials.append(_material(name, geometry.visual, textures, resolver))
+        elif len(geometry.faces):
+            mesh, center = _mesh(name, geometry, len(materials))
+            index_of[name] = (len(meshes), center)
+            meshes.append(mesh)
+            materials.append(_material(name, geometry.visual, textures, assets))
     instances = []
     for node in loaded.graph.nodes_geometry:
         file_from_mesh, geometry_name = loaded.graph[node]
         if geometry_name in index_of:
-            mesh, middle = index_of[geometry_name]
-            instances.append(Instance(str(node), mesh, translate(file_from_mesh, middle)))
+            index, center = index_of[geometry_name]
+            instances.append(Instance(str(node), index, translate(file_from_mesh, center)))
     return ImportedScene(tuple(meshes), tuple(materials), tuple(instances), notices)
 
 
-def _mesh(
-    name: str, geometry: trimesh.Trimesh, material: int
-) -> tuple[Mesh, NDArray[np.float64]] | None:
-    positions, triangles, visual = geometry.vertices, geometry.faces, geometry.visual
+def _material_files(names: list[str], assets: AssetResolver) -> bytes:
+    """All material files that an OBJ's `mtllib` lines name, as one."""
+    parts = []
+    for line in names:
+        # "a.mtl b.mtl" is two files, "my file.mtl" is one
+        for name in [line] if assets.has(line) else line.split():
+            with suppress(FileNotFoundError):
+                parts.append(plain_mtl(assets.read(name)))
+    return b"\n".join(parts)
+
+
+def _mesh(name: str, geometry: trimesh.Trimesh, material: int) -> tuple[Mesh, NDArray[np.float64]]:
+    visual = geometry.visual
+    positions: NDArray[np.float64] = np.asarray(geometry.vertices)
+    triangles: NDArray[np.int64] = np.asarray(geometry.faces)
     normals = geometry._cache.cache.get("vertex_normals")  # present where the file has them
     coordinates = colors = None
     if isinstance(visual, trimesh.visual.TextureVisuals):
         if visual.uv is not None and len(visual.uv) == len(positions):
             coordinates = _texture_coordinates(visual)
-    elif visual.kind == "vertex":
+    elif visual is not None and visual.kind == "vertex":
         colors = _linear_colors(visual.vertex_colors)
-    elif visual.kind == "face" and len(triangles):
+    elif visual is not None and visual.kind == "face":
         # one colour a triangle: each gets vertices of its own
         colors = np.repeat(_linear_colors(visual.face_colors), 3, axis=0)
         positions, normals = positions[triangles].reshape(-1, 3), None
@@ -96,7 +112,7 @@ def _pair(words: Sequence[str] | None, default: float) -> list[float]:
 
 
 def _material(
-    mesh_name: str, visual: Any, textures: TextureStore, resolver: AssetResolver
+    mesh_name: str, visual: Any, textures: TextureStore, assets: AssetResolver
 ) -> Material:
     if not isinstance(visual, trimesh.visual.TextureVisuals):
         grey = 1.0 if visual.kind in ("vertex", "face") else PLAIN_GREY
@@ -112,7 +128,7 @@ def _material(
     if getattr(image, "format", None) is None:
         image = None  # trimesh's stand-in for a missing material, not a picture from a file
     texture = None if image is None else textures.texture(image, name)
-    hole_map = _hole_map(extra, resolver)
+    hole_map = _hole_map(extra, assets)
     if hole_map is not None:
         white = Texture(np.full((*hole_map.shape, 4), 255, dtype=np.uint8))
         texture = _with_alpha(texture or white, hole_map)
@@ -150,12 +166,12 @@ def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0) if math.isfinite(value) else 1.0
 
 
-def _hole_map(extra: dict[str, Any], resolver: AssetResolver) -> NDArray[np.uint8] | None:
+def _hole_map(extra: dict[str, Any], assets: AssetResolver) -> NDArray[np.uint8] | None:
     """MTL's `map_d` as levels (height, width) uint8."""
     if not extra.get("map_d"):
         return None
     try:
-        pixels = rgba8(Image.open(io.BytesIO(resolver.get(" ".join(extra["map_d"])))))
+        pixels = rgba8(Image.open(io.BytesIO(assets.read(" ".join(extra["map_d"])))))
     except (OSError, ValueError, SyntaxError):  # missing: the resolver has noted its name
         return None
     holes = pixels[..., 3]

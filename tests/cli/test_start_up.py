@@ -8,10 +8,10 @@ import pytest
 
 from omnisim.cli.app import main
 
-# What only others need: plots, reports, other formats than glTF, oracles. (trimesh, which reads
-# scenes, imports scipy.)
+# What only others need: plots, reports, other formats than glTF, oracles.
 SELDOM = (
-    "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba", "pyrender", "pycolmap",
+    "trimesh", "networkx", "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba",
+    "pyrender", "pycolmap",
 )  # fmt: skip
 # The same of our own: built of many tables, of which the paper's camera needs none.
 SELDOM_OURS = ("omnisim.calibration", "omnisim.plots", "omnisim.sensors.sensor_file")

@@ -5,8 +5,8 @@ import pytest
 
 from omnisim.cameras import pixel_grid
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.scene.lighting import _illuminance
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
-from omnisim.scene.punctual_lights import _illuminance
 from omnisim.sensors import OmniCamera, Renderer
 from tests.scenes import scene_of
 

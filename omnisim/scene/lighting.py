@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-from omnisim.errors import SceneError
 from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
 # A white surface with no lamp near it is still seen: what stands in for light from all around.
@@ -38,49 +35,6 @@ def default_lighting() -> Lighting:
         for direction, color, intensity in DEFAULT_LAMPS
     )
     return Lighting(DEFAULT_AMBIENT, lights)
-
-
-def read_lights(
-    loaded: trimesh.Scene, header: dict[str, Any], world_from_file: NDArray[np.float64]
-) -> tuple[Light, ...]:
-    """Lamps of the file in the world frame.
-
-    Source: KHR_lights_punctual; a lamp shines along the −z of its node.
-    """
-    entries = header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
-    kinds = {kind.value for kind in LightKind}
-    lights = []
-    in_scene = set(loaded.graph.nodes)
-    for number, node in enumerate(header.get("nodes", [])):
-        index = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
-        if type(index) is not int or not 0 <= index < len(entries) or str(number) not in in_scene:
-            continue
-        data = entries[index]
-        world_from_light = world_from_file @ loaded.graph.get(str(number))[0]
-        axis = -world_from_light[:3, 2]
-        if data.get("type") not in kinds or not axis.any():
-            continue
-        spot = data.get("spot", {})
-        red, green, blue = data.get("color", (1.0, 1.0, 1.0))
-        reach = float(data.get("range", math.inf))
-        numbers = (red, green, blue, data.get("intensity", 1.0), *spot.values())
-        if not (np.isfinite(numbers).all() and np.isfinite(world_from_light).all()):
-            raise SceneError(f"nodes[{number}]: its lamp has a number that is not finite")
-        lights.append(
-            Light(
-                LightKind(data["type"]),
-                (float(red), float(green), float(blue)),
-                float(data.get("intensity", 1.0)),
-                position_m=world_from_light[:3, 3],
-                direction=axis / np.linalg.norm(axis),
-                range_m=reach if reach > 0.0 else math.inf,
-                cone_cosines=(
-                    math.cos(spot.get("innerConeAngle", 0.0)),
-                    math.cos(spot.get("outerConeAngle", math.pi / 4.0)),
-                ),
-            )
-        )
-    return tuple(lights)
 
 
 def lighting_for(
@@ -137,8 +91,10 @@ def _illuminance(
 ) -> NDArray[np.float64]:
     """Lux (n,) at surfaces, either side; the reference of `shaders/scene/lighting.glsl`."""
     level = light.intensity * max(light.color)
+    falloff: NDArray[np.float64]
     if light.kind is LightKind.DIRECTIONAL:
-        return level * np.abs(normals @ light.direction)
+        falloff = np.abs(normals @ light.direction)
+        return level * falloff
     away = centres - light.position_m
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
     away = away / distance[:, None]
