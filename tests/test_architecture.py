@@ -25,7 +25,7 @@ LAYERS = (
     {"ground_truth"},
     {"image_files"},
     {"poses"},
-    {"atomic_file", "frames", "cube", "srgb", "resources", "toml_file"},
+    {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file"},
     {"parameters"},
     {"errors", "version"},
 )

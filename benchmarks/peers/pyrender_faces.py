@@ -17,7 +17,7 @@ from benchmarks.peers.face_maps import FaceMaps, averaged, linear_from_levels
 from benchmarks.peers.peer import SENSOR, Peer
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.scene.model import AlphaMode, Scene
-from omnisim.srgb import srgb_from_linear
+from omnisim.srgb import srgb8_from_linear
 from omnisim.validation.oracles.pyrender_rasteriser import (
     FAR_M,
     NEAR_M,
@@ -60,7 +60,7 @@ class PyrenderFaces(Peer):
         self._draw(world_from_rig, faces)
         self._renderer.viewport_width = self._renderer.viewport_height = FACE_PX
         linear = averaged(linear_from_levels(faces), len(FACES))
-        return np.rint(255.0 * srgb_from_linear(linear)).astype(np.uint8)
+        return srgb8_from_linear(linear)
 
     def _draw(self, world_from_rig: NDArray[np.float64], faces: NDArray[np.uint8]) -> None:
         """Faces side by side."""

@@ -19,7 +19,7 @@ from benchmarks.peers.peer import SENSOR
 from benchmarks.peers.quality import CAPTURES, psnr_db, references
 from omnisim.scene import load_scene
 from omnisim.sensors import Stage
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.srgb import LINEAR_FROM_SRGB8, srgb8_from_linear
 
 POSES, LOOKED_AT = 10, 4
 JUDGED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)
@@ -28,7 +28,7 @@ JUDGED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COL
 def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The picture (height, width, 3) of 64 rays a pixel, averaged in linear light."""
     camera = SENSOR.model
-    levels = linear_from_srgb(np.arange(256) / 255.0)
+    levels = LINEAR_FROM_SRGB8
     total = np.zeros((camera.height_px, camera.width_px, 3))
     count = np.zeros((camera.height_px, camera.width_px, 1))
     shifts = (np.arange(CAPTURES) + 0.5) / CAPTURES - 0.5
@@ -41,7 +41,7 @@ def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint
             count += racer.rays.valid[..., None]
     racer.rays.look_through(camera)
     mean = total / np.maximum(count, 1.0)
-    return np.rint(255.0 * srgb_from_linear(mean)).astype(np.uint8)
+    return srgb8_from_linear(mean)
 
 
 def main(scene: str) -> None:

@@ -17,7 +17,7 @@ from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import View, birdseye_view, cylinder_view, perspective_view
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.picture_file import TakenPicture, read_picture
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.version import __version__
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
@@ -164,8 +164,7 @@ def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:
     """Convert uint8 sRGB to linear floats; floats are linear already."""
     if pixels.dtype != np.uint8:
         return pixels.astype(np.float32, copy=False)
-    table: NDArray[np.float32] = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
-    return np.take(table, pixels)
+    return linear_from_srgb8(pixels)
 
 
 def _with_alpha(
@@ -175,7 +174,7 @@ def _with_alpha(
     pixels = np.empty((*valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
     for row, color_row in zip(pixels, colors, strict=True):  # by rows: a large view stays small
         fits = is_float or colors.dtype == np.uint8
-        row[:, :3] = color_row if fits else np.rint(255.0 * srgb_from_linear(color_row))
+        row[:, :3] = color_row if fits else srgb8_from_linear(color_row)
     pixels[..., 3] = np.where(valid, 1.0 if is_float else 255, 0)
     return pixels
 

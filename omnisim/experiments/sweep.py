@@ -29,13 +29,12 @@ from omnisim.robot.odometry import OdometryErrors
 from omnisim.sensors.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.sensors.degradations.defocus import covered_share
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 
 NEAR_M = 4.0
 SEEDS = 5  # of the wheels, at each level
 READ_NOISE_E = 5.0
-_LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
-_SRGB = np.rint(255.0 * srgb_from_linear(np.linspace(0.0, 1.0, 4096))).astype(np.uint8)
+_SRGB = srgb8_from_linear(np.linspace(0.0, 1.0, 4096))
 Light = NDArray[np.float32]  # (height, width, 4) linear, the fourth 1 where the scene is shown
 
 
@@ -208,7 +207,9 @@ def degraded(
     step: int,
 ) -> NDArray[np.uint8]:
     """A picture (height, width, 3), sRGB, with one degradation."""
-    light = np.concatenate((_LINEAR[picture], shown[..., None].astype(np.float32)), axis=-1)
+    light = np.concatenate(
+        (linear_from_srgb8(picture), shown[..., None].astype(np.float32)), axis=-1
+    )
     light = cause.apply(light, geometry, level, step)
     steps = np.rint(np.clip(light[..., :3], 0.0, 1.0) * np.float32(len(_SRGB) - 1))
     rgba = np.concatenate((_SRGB[steps.astype(np.int32)], shown[..., None] * np.uint8(255)), axis=2)

@@ -30,7 +30,7 @@ from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write
 from omnisim.ground_truth.labels import Labels
 from omnisim.ground_truth.previews import preview
 from omnisim.image_files import write_image, write_numbers
-from omnisim.srgb import srgb_from_linear
+from omnisim.srgb import srgb8_from_linear
 
 RANGE_STEPS_PER_M = 1000
 _LARGEST = 2**16 - 1
@@ -120,7 +120,7 @@ def _write(
                       .astype(np.uint16))  # fmt: skip
         return [path.name], {"zero": 32768, "steps_per_unit": 32767}
     if name == "albedo":
-        write_image(path, np.rint(255.0 * srgb_from_linear(values)).astype(np.uint8))
+        write_image(path, srgb8_from_linear(values))
         return [path.name], {}
     if name == "flow":
         write_flo(path.with_suffix(".flo"), values)

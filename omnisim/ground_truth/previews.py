@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.labels import Labels, distinct_color
-from omnisim.srgb import srgb_from_linear
+from omnisim.srgb import srgb8_from_linear
 
 _NOTHING = np.array([0, 0, 0], dtype=np.uint8)
 # From near to far: yellow, orange, red, violet, dark blue.
@@ -35,7 +35,7 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
         "position": _positions,
         "normals": _normals,
         "normals_camera": _normals,
-        "albedo": lambda rgb: np.rint(255.0 * srgb_from_linear(rgb)).astype(np.uint8),
+        "albedo": srgb8_from_linear,
         "semantic": lambda ids: _class_colors(ids, labels),
         "instance": _numbers,
         "flow": _flow,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from omnisim.perception.panorama import Panorama
 from omnisim.perception.regions import Region
 from omnisim.scene.model import Landmark
-from omnisim.srgb import linear_from_srgb
+from omnisim.srgb import LINEAR_FROM_SRGB8
 
 # Noise of an edge in pixels: measured on drives, of which see the experiments' page.
 EDGE_SIGMA_PX = 0.2
@@ -26,7 +26,6 @@ COLUMN_SIGMA_PX = 0.15
 WIDE_COLUMN_SIGMA_PX = 0.3
 MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
 LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
-_LINEAR = linear_from_srgb(np.arange(256) / 255.0)
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ def measure_pillar(
     """
     column, core = _axis(lower, upper)
     rows = slice(max(upper.top - 3, 0), min(lower.bottom + lower.mask.shape[0] + 3, len(pixels)))
-    profile = _LINEAR[pixels[rows, core]].mean(axis=1)
+    profile = LINEAR_FROM_SRGB8[pixels[rows, core]].mean(axis=1)
     middle = _edge_between(profile, _inner(upper, rows.start), _inner(lower, rows.start))
     below = slice(
         lower.bottom - rows.start + 2,
@@ -224,7 +223,7 @@ def _lower_edges(
     """Rows, with fractions, where columns end whose lowest rows are `bottom`."""
     steps = np.arange(-2, 3)  # no farther: the next thing, a line, may be narrow
     rows = np.clip(bottom[:, None] + steps, 0, len(pixels) - 1)
-    profile = _LINEAR[pixels[rows, columns[:, None] % pixels.shape[1]]]
+    profile = LINEAR_FROM_SRGB8[pixels[rows, columns[:, None] % pixels.shape[1]]]
     inside, outside = profile[:, :1], profile[:, -1:]
     change = inside - outside
     contrast = np.maximum((change * change).sum(axis=-1), 1e-3)

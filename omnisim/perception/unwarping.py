@@ -13,19 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.bilinear import corner_and_weights
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.errors import OpticsError
-from omnisim.perception.bilinear import corner_and_weights
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 
 MOST_SAMPLES = 8  # to a side of a view's pixel
 # A view is made in bands of rows, so that what is in between stays small, at 24 bytes a sample.
 BAND_SAMPLES = 1 << 21
 MOST_KEPT_SAMPLES = 1 << 24
-# An 8-bit value's linear one, and back: linear steps of 1/65535 are finer than any 8-bit step.
-_LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
-_STEPS = 65535
-_SRGB = np.rint(255.0 * srgb_from_linear(np.arange(_STEPS + 1) / _STEPS)).astype(np.uint8)
+_STEPS = 65535  # linear steps of 1/65535 are finer than any step of 8-bit sRGB
+_SRGB = srgb8_from_linear(np.arange(_STEPS + 1) / _STEPS)
 
 
 class _Band(NamedTuple):
@@ -102,7 +100,9 @@ class Unwarping:
                 f"{self._shape[1]} × {self._shape[0]}"
             )
         is_encoded = picture.dtype == np.uint8
-        linear = _LINEAR[picture] if is_encoded else picture.astype(np.float32, copy=False)
+        linear = (
+            linear_from_srgb8(picture) if is_encoded else picture.astype(np.float32, copy=False)
+        )
         flat = linear.reshape(-1, picture.shape[2])
         result = np.zeros((*self.valid.shape, picture.shape[2]), dtype=picture.dtype)
         width = self._shape[1]

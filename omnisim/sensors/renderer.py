@@ -26,7 +26,7 @@ from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import SensorRenderer, Stage
-from omnisim.srgb import srgb_from_linear
+from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
 
 
@@ -237,10 +237,7 @@ class Renderer(SensorRenderer[CameraPasses]):
             cube = passes.whole_cube()
             cube.render(self._last_view.world_from_rig, self._last_view.world_from_objects)
             linear = {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
-        return {
-            name: np.rint(255.0 * srgb_from_linear(pixels)).astype(np.uint8)
-            for name, pixels in linear.items()
-        }
+        return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
 
     def _metadata(
         self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]

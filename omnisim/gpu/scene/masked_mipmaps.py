@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.srgb import linear_from_srgb8, srgb_from_linear
 
-_TABLE = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
 _SEARCH_STEPS = 12  # halvings of an interval of 16: to 4/1000, one step of 8 bits
 
 
@@ -21,8 +20,8 @@ def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.
     Source: Castaño, "Computing alpha mipmaps", 2010.
     """
     alpha = pixels[..., 3].astype(np.float32) / 255.0
-    color = _TABLE[pixels[..., :3]] * alpha[..., None]
-    plain = _TABLE[pixels[..., :3]]  # where a block is all hole
+    color = linear_from_srgb8(pixels[..., :3]) * alpha[..., None]
+    plain = linear_from_srgb8(pixels[..., :3])  # where a block is all hole
     covered = float((alpha >= cutoff).mean())
     levels = []
     while max(alpha.shape) > 1:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.bilinear import corner_and_weights, interpolate
 from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import Number
 from omnisim.sensors.degradations.effect import OpticalEffect
@@ -48,34 +49,21 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
         """The reference in NumPy."""
         result = picture.copy()
         for channel, scale in ((0, self.red_scale), (2, self.blue_scale)):
-            places = geometry.offsets_px() * np.float32(1.0 / scale)
-            places += np.array(geometry.centre_px, dtype=np.float32)
-            looked_up = _bilinear(picture[..., channel], picture[..., 3], places)
+            positions = geometry.offsets_px() * np.float32(1.0 / scale)
+            positions += np.array(geometry.centre_px, dtype=np.float32)
+            sampled = _sample_valid(picture[..., channel], picture[..., 3], positions)
             result[..., channel] = np.where(
-                np.isnan(looked_up) | (picture[..., 3] < 0.5), picture[..., channel], looked_up
+                np.isnan(sampled) | (picture[..., 3] < 0.5), picture[..., channel], sampled
             )
         return result
 
 
-def _bilinear(
-    values: NDArray[np.float32], valid: NDArray[np.float32], places_px: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Values (height, width) at places (height, width, 2); NaN where nothing valid is near."""
-    height, width = values.shape
-    corner = np.floor(places_px)
-    share = places_px - corner
-    column, row = corner[..., 0].astype(int), corner[..., 1].astype(int)
-    total = np.zeros(values.shape, dtype=np.float32)
-    weights = np.zeros(values.shape, dtype=np.float32)
-    for down in (0, 1):
-        for right in (0, 1):
-            u, v = column + right, row + down
-            inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-            u, v = np.clip(u, 0, width - 1), np.clip(v, 0, height - 1)
-            weight = share[..., 0] if right else np.float32(1.0) - share[..., 0]
-            weight = weight * (share[..., 1] if down else np.float32(1.0) - share[..., 1])
-            weight = np.where(inside & (valid[v, u] > 0.5), weight, np.float32(0.0))
-            total += weight * values[v, u]
-            weights += weight
-    found = weights > 0.0
-    return np.where(found, total / np.where(found, weights, np.float32(1.0)), np.float32(np.nan))
+def _sample_valid(
+    values: NDArray[np.float32], valid: NDArray[np.float32], positions_px: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Values (height, width) between valid neighbours of positions; NaN where there is none."""
+    weight = np.pad((valid > 0.5).astype(np.float32), 1)  # nothing is valid beyond the border
+    corner, weights, _ = corner_and_weights(positions_px + np.float32(1.0), weight.shape)
+    total = interpolate(weight * np.pad(values, 1), corner, weights)
+    share = interpolate(weight, corner, weights)
+    return np.where(share > 0.0, total / np.where(share > 0.0, share, 1.0), np.nan)

@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bilinear import sample
 from omnisim.cameras import CylindricalCamera
 from omnisim.frame import Frame
-from omnisim.perception.bilinear import sample
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import cylinder_view
 from omnisim.plots.style import gallery

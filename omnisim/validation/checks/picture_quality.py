@@ -7,15 +7,15 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim import bilinear
 from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index, face_tangents
-from omnisim.perception import bilinear
 from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.psnr import psnr_db
 
@@ -158,4 +158,4 @@ def _shimmer(
 
 
 def _encoded(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
-    return np.rint(255.0 * srgb_from_linear(np.nan_to_num(picture))).astype(np.uint8)
+    return srgb8_from_linear(np.nan_to_num(picture))

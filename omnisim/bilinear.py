@@ -1,4 +1,4 @@
-"""Bilinear interpolation between a picture's pixels."""
+"""Bilinear interpolation between pixels."""
 
 from __future__ import annotations
 
@@ -9,10 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def corner_and_weights(
-    positions_px: NDArray[np.float64], shape: tuple[int, int]
+    positions_px: NDArray[np.floating[Any]], shape: tuple[int, int]
 ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-    """Flat index (h, w) of the upper left of four neighbours, their weights (4, h, w), and whether
-    all four are in the picture."""
+    """Upper left of the four neighbours of positions, and their weights.
+
+    Args:
+        positions_px: (..., 2), u right and v down.
+        shape: height and width of the picture.
+
+    Returns:
+        Flat index (...) into the picture, weights (4, ...), and a mask (...): all four neighbours
+        are in the picture.
+    """
     height, width = shape
     last = (width - 1, height - 1)
     # a view of the picture itself must not lose its border to rounding
@@ -26,6 +34,17 @@ def corner_and_weights(
     return first[..., 1] * width + first[..., 0], weights.astype(np.float32), inside
 
 
+def interpolate(
+    picture: NDArray[Any], corner: NDArray[np.intp], weights: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Values (...) of a picture (height, width) between neighbours, see `corner_and_weights`."""
+    flat, width = picture.reshape(-1), picture.shape[1]
+    values = np.zeros(corner.shape)
+    for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
+        values += weight * flat.take(corner + step, mode="clip")
+    return values
+
+
 def sample(picture: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64]:
     """Values (...) of a picture (height, width) at positions (..., 2), u right and v down.
 
@@ -34,7 +53,4 @@ def sample(picture: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64
     height, width = picture.shape
     positions = np.clip(np.asarray(positions_px, dtype=np.float64), 0.0, (width - 1, height - 1))
     corner, weights, _ = corner_and_weights(positions, (height, width))
-    values = np.zeros(corner.shape)
-    for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
-        values += weight * picture.reshape(-1).take(corner + step, mode="clip")
-    return values
+    return interpolate(picture, corner, weights)
