@@ -12,7 +12,7 @@ import numpy as np
 from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.poses import pose
-from omnisim.sensors.optical_flow import HIDDEN, OUTSIDE, VISIBLE
+from omnisim.sensors.optical_flow import OCCLUDED, OUTSIDE, VISIBLE
 from tests.ray_casting import RayCaster
 
 LENSES = {
@@ -157,8 +157,8 @@ def compare(scene, oracle, renderer, now, after):
     hidden = back.ranges_m < (1.0 - 1e-3) * np.where(seen, distance_m, np.inf)
     fate = frame.channels["occluded"][valid]
     judged = (fate != OUTSIDE) & seen
-    told, true = fate[judged] == HIDDEN, hidden[judged]
-    assert np.isin(fate, (VISIBLE, HIDDEN, OUTSIDE)).all()
+    told, true = fate[judged] == OCCLUDED, hidden[judged]
+    assert np.isin(fate, (VISIBLE, OCCLUDED, OUTSIDE)).all()
     both_hidden = (told & true).sum()
     return {
         "range": float((error <= 1e-3).mean()),

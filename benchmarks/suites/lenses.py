@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,9 @@ from benchmarks.timer import take_turns
 from omnisim import poses
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.gpu.atlas.tile_plan import plan_tiles
-from omnisim.gpu.capture.capture_pass import LensCapture
+from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import open_context
-from omnisim.gpu.pipeline import Pipeline
+from omnisim.gpu.pipeline import Pipeline, ScenePoses
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
@@ -49,7 +48,7 @@ def run(options: Options) -> dict[str, Any]:
     scene = load_scene(options.scenes[0] if options.scenes else SCENE)  # one is enough
     context = open_context(options.device)
     pipelines = _pipelines(context, scene)
-    viewpoint = poses.pose(scene.start.position_m)
+    viewpoint = ScenePoses(poses.pose(scene.start.position_m))
 
     def frame_of(pipeline: Pipeline) -> Any:
         def work() -> None:
@@ -134,10 +133,7 @@ def _pipelines(context: Any, scene: Scene) -> dict[str, Pipeline]:
     for camera in CAMERA_EXAMPLES.values():
         if camera.model_name not in pipelines:
             lens = _in_picture(camera, fine)
-            pipelines[camera.model_name] = Pipeline(
-                context, lens, lens.rig_from_optical, cube, partial(LensCapture, context, lens),
-                SUPERSAMPLING,
-            )  # fmt: skip
+            pipelines[camera.model_name] = Pipeline(cube, PixelMap(context, lens), SUPERSAMPLING)
     return pipelines
 
 

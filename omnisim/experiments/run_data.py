@@ -19,7 +19,7 @@ from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Landmark
-from omnisim.sensors.coverage import covered_pixels
+from omnisim.sensors.valid_mask import valid_mask
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
 
 
@@ -158,7 +158,7 @@ def _read_mount(path: Path) -> CameraMount:
         camera = camera_from_parameters(told["camera"])
         base_from_optical = check_pose(told["base_from_optical"])
         polygons = told["polygons"] if isinstance(told["polygons"], int) else None
-        return CameraMount(camera, base_from_optical, covered_pixels(camera, polygons))
+        return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except OmnisimError as reason:

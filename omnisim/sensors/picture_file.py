@@ -13,8 +13,8 @@ from omnisim.cameras import CentralCamera, camera_from_parameters
 from omnisim.errors import OmnisimError, OutputError
 from omnisim.image_files import read_image
 from omnisim.poses import check_pose
-from omnisim.sensors.coverage import covered_pixels
 from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.valid_mask import valid_mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
             f"{camera.width_px} × {camera.height_px}"
         )
     try:
-        covered = covered_pixels(camera, polygons)
+        covered = valid_mask(camera, polygons)
     except OmnisimError as reason:
         raise OutputError(f"{path}: its metadata: {reason}") from None
     if stored.shape[2] in (2, 4):

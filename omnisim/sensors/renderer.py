@@ -1,10 +1,10 @@
-"""A sensor in a scene: poses in, frames out."""
+"""Renderer of a camera in a scene: poses in, frames out."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from functools import partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,18 +14,18 @@ from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS,
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
-from omnisim.gpu.pipeline import Pipeline, check_picture_size
+from omnisim.gpu.capture.pixel_map import PixelMap
+from omnisim.gpu.pipeline import Pipeline, Readback, ScenePoses, check_picture_size
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.ground_truth import check_channels
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.sensors.capturing import capture_of, faces_of
+from omnisim.sensors.degraded_camera import DegradedCamera, FrameRequest
 from omnisim.sensors.ground_truth import GroundTruth
-from omnisim.sensors.imperfect_camera import ImperfectCamera
 from omnisim.sensors.motion import Motion
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.optical_flow import View
 from omnisim.sensors.stage import SensorRenderer, Stage
+from omnisim.sensors.tiles import sensor_tiles
 from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
 
@@ -38,10 +38,10 @@ class CameraPasses:
         sensor: the camera.
         hidden: names of the body's instances that are not drawn.
         unlit: whether to show plain base colours, without lights.
-        imperfect: the camera's degradation.
+        seed: of the camera's noise.
 
     Attributes:
-        cube, pipeline: of the picture.
+        cube: the virtual cameras.
     """
 
     def __init__(
@@ -50,35 +50,39 @@ class CameraPasses:
         sensor: OmniCamera,
         hidden: Collection[str],
         unlit: bool,
-        imperfect: ImperfectCamera,
+        seed: int | str,
     ):
         self._stage, self._sensor = stage, sensor
         self._hidden, self._unlit = hidden, unlit
-        self._whole_cube: CubePass | None = None
         self._ground_truth: GroundTruth | None = None
-        camera = sensor.captured_camera
+        camera, is_ideal = sensor.captured_camera, sensor.degradation.is_ideal
         check_picture_size(stage.context, camera.width_px, camera.height_px)
         density = sensor.texels_per_pixel / sensor.supersampling
-        plan = faces_of(sensor, camera, density, sensor.face_size_px, subdivide=True)
+        plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
         self.cube = self._cube_pass(plan)
-        self.pipeline = Pipeline(
-            stage.context,
-            camera,
-            camera.rig_from_optical,
+        self._pipeline = Pipeline(
             self.cube,
-            partial(capture_of, stage, sensor, camera),
+            PixelMap(stage.context, camera, sensor.polygons),
             sensor.supersampling,
-            imperfect.make_pass(stage),
+            "f2" if is_ideal else "f4",
         )
+        self._degraded = None if is_ideal else DegradedCamera(stage, sensor, seed, self._pipeline)
 
+    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
+        """Take a picture; also return the metadata of its degradation."""
+        if self._degraded is not None:
+            picture, metadata = self._degraded.take(request)
+            return picture, {"degradation": metadata}
+        poses = request.poses(self._stage, self._sensor, request.world_from_base)
+        return self._pipeline.render(poses, request.linear), {}
+
+    @cached_property
     def whole_cube(self) -> CubePass:
-        """Faces drawn to their edges, each in one piece."""
-        if self._whole_cube is None:
-            self._whole_cube = self._cube_pass(whole_faces(self.cube.plan))
-        return self._whole_cube
+        """Virtual cameras of whole faces, each in one piece."""
+        return self._cube_pass(whole_faces(self.cube.plan))
 
     def ground_truth(self, albedo: bool) -> GroundTruth:
-        """Channels, with albedo if it is asked for."""
+        """Ground truth, able to render albedo if it is asked for."""
         if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
             self._ground_truth = GroundTruth(self._stage, self._sensor, self._hidden, albedo)
             self._stage.context.gc()
@@ -132,22 +136,13 @@ class Renderer(SensorRenderer[CameraPasses]):
         seed: int | str = 0,
     ):
         self.camera = OmniCamera() if camera is None else camera
-        self._imperfect = ImperfectCamera(self.camera, seed)
         self._unlit = unlit
-        self._last_view: View | None = None
-        super().__init__(
-            scene,
-            body,
-            hidden,
-            device,
-            partial(
-                CameraPasses,
-                sensor=self.camera,
-                hidden=frozenset(hidden),
-                unlit=unlit,
-                imperfect=self._imperfect,
-            ),
-        )
+        self._last_poses: ScenePoses | None = None
+
+        def make_passes(stage: Stage) -> CameraPasses:
+            return CameraPasses(stage, self.camera, frozenset(hidden), unlit, seed)
+
+        super().__init__(scene, body, hidden, device, make_passes)
 
     def render(
         self,
@@ -185,41 +180,27 @@ class Renderer(SensorRenderer[CameraPasses]):
         base = check_pose(world_from_base)
         after_base = None if next_base is None else check_pose(next_base)
         if "flow" in names and after_base is None:
-            raise OutputError("channel 'flow': leads to the next picture: want next_base")
-        world_from_rig = base @ self.camera.base_from_rig
-        metadata = self._metadata(base, world_from_rig)
-        stage = self._stage
+            raise OutputError("channel 'flow': expected next_base, got none")
+        if next_object_poses is None:
+            next_object_poses = object_poses
+        request = FrameRequest(base, object_poses, linear, motion, frame_number, exposure_ev)
+        stage, channels, labels = self._stage, {}, None
         with self._current() as passes:
-            moving = stage.object_poses_at(base, object_poses)
-            if self.camera.degradation.is_ideal:
-                picture = passes.pipeline.render(world_from_rig, linear, moving)
-            else:
-                picture, metadata["degradation"] = self._imperfect.take(
-                    passes.pipeline,
-                    stage,
-                    base,
-                    object_poses,
-                    linear,
-                    motion,
-                    frame_number,
-                    exposure_ev,
-                )
-            channels, labels = {}, None
+            poses = request.poses(stage, self.camera, base)
+            picture, degradation = passes.take(request)
             if names:
-                truth = passes.ground_truth("albedo" in names)
+                ground_truth = passes.ground_truth("albedo" in names)
                 after = None
                 if after_base is not None:
-                    after = View(
+                    after = ScenePoses(
                         after_base @ self.camera.base_from_rig,
-                        stage.object_poses_at(
-                            after_base,
-                            object_poses if next_object_poses is None else next_object_poses,
-                        ),
+                        stage.object_poses_at(after_base, next_object_poses),
                     )
-                channels = truth.channels(names, View(world_from_rig, moving), after)
-                labels = truth.labels
-        self._last_view = View(world_from_rig, moving)
-        if "flow" in names:
+                channels = ground_truth.channels(names, poses, after)
+                labels = ground_truth.labels
+        self._last_poses = poses
+        metadata = self._metadata(base, poses.world_from_rig) | degradation
+        if "flow" in names and after_base is not None:
             metadata["next_world_from_base"] = after_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels)
 
@@ -232,10 +213,10 @@ class Renderer(SensorRenderer[CameraPasses]):
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
         """
         with self._current() as passes:
-            if self._last_view is None:
+            if self._last_poses is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
-            cube = passes.whole_cube()
-            cube.render(self._last_view.world_from_rig, self._last_view.world_from_objects)
+            cube = passes.whole_cube
+            cube.render(*self._last_poses)
             linear = {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
 

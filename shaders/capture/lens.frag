@@ -1,10 +1,10 @@
-// The exact capture: each pixel's ray by the camera model, no mesh. CAMERA_MODEL is the model's
-// file; MIRRORED turns its depth round (`cameras/mirrored.py`). The target's first row is the top row
-// of the picture.
+// Exact capture: each pixel's ray by the camera model, no mesh. CAMERA_MODEL is the model's file;
+// MIRRORED negates its depth (`cameras/mirrored.py`). EMIT is the file of what is written. The
+// target's first row is the top row of the picture.
 #version 430 core
 
 #include CAMERA_MODEL
-#include "capture/emit.glsl"
+#include EMIT
 
 void main() {
     vec3 ray;

@@ -1,9 +1,9 @@
-// The capture of the mirror's mesh: the point of the flat polygon that the pixel sees, projected
-// from the effective viewpoint onto the cube (the paper's section 2.3).
+// Capture of the mirror's mesh: the point of the flat polygon that the pixel sees, projected from the
+// effective viewpoint onto the cube (the paper's section 2.3). EMIT is the file of what is written.
 #version 430 core
 
 in vec3 v_ray;
-#include "capture/emit.glsl"
+#include EMIT
 
 void main() {
     emit(true, v_ray);

@@ -1,38 +1,35 @@
-// The picture's pixels: the mean of their captured pixels that see something, linear, and encoded in
-// sRGB. A pixel is valid where at least half of its captured pixels are.
-// With STORED_LOOKUPS each of them is a place in the atlas, found once, as it does not depend on
-// the camera's pose. Otherwise they were drawn, into a finer picture.
-// SUPERSAMPLING: captured pixels to a side of a pixel; known when this is compiled, so that the
-// loops unroll.
+// Picture's pixels: the mean of their valid samples, linear, and encoded in sRGB. A pixel is valid
+// where at least half of its samples are.
+// With REMAP a sample is one of the atlas at a UV of a table, with MIP_LEVELS at a level of another.
+// Without, samples were drawn into a finer picture.
+// SUPERSAMPLING: samples to a side of a pixel; known when this is compiled, so that the loops unroll.
 #version 430 core
 
-const int CAPTURED = SUPERSAMPLING * SUPERSAMPLING;
-#ifdef STORED_LOOKUPS
-// Those of a pixel one after the other, row by row: atlas coordinates, below 0 where not valid.
-layout(std430, binding = 5) readonly buffer Places { vec2 places[]; };
-#ifdef LEVELS
+const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
+uniform sampler2D u_samples;  // the atlas, or the finer picture
+#ifdef REMAP
+// Those of a pixel one after the other, row by row; below 0 where not valid.
+layout(std430, binding = 5) readonly buffer Uvs { vec2 uvs[]; };
+#ifdef MIP_LEVELS
 layout(std430, binding = 6) readonly buffer Levels { float levels[]; };
 #endif
-uniform sampler2D u_atlas;
-uniform int u_width_px;
-#else
-uniform sampler2D u_fine;
+uniform vec2 u_picture_size_px;
 #endif
 layout(location = 0) out vec4 out_encoded;
 layout(location = 1) out vec4 out_linear;
 #include "common/srgb.glsl"
 
-vec4 captured(ivec2 pixel, ivec2 part) {
-#ifdef STORED_LOOKUPS
-    int at = (pixel.y * u_width_px + pixel.x) * CAPTURED + part.y * SUPERSAMPLING + part.x;
-#ifdef LEVELS
-    vec3 color = textureLod(u_atlas, places[at], levels[at]).rgb;
+vec4 sample_at(ivec2 pixel, ivec2 part) {
+#ifdef REMAP
+    int at = (pixel.y * int(u_picture_size_px.x) + pixel.x) * SAMPLES + part.y * SUPERSAMPLING + part.x;
+#ifdef MIP_LEVELS
+    vec3 color = textureLod(u_samples, uvs[at], levels[at]).rgb;
 #else
-    vec3 color = texture(u_atlas, places[at]).rgb;  // has no levels, and is quicker so
+    vec3 color = texture(u_samples, uvs[at]).rgb;  // has no levels, and is quicker so
 #endif
-    return places[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
+    return uvs[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
 #else
-    return texelFetch(u_fine, pixel * SUPERSAMPLING + part, 0);  // 0 where not valid
+    return texelFetch(u_samples, pixel * SUPERSAMPLING + part, 0);  // 0 where not valid
 #endif
 }
 
@@ -41,8 +38,8 @@ void main() {
     vec4 total = vec4(0.0);
     for (int row = 0; row < SUPERSAMPLING; ++row)
         for (int column = 0; column < SUPERSAMPLING; ++column)
-            total += captured(pixel, ivec2(column, row));
-    bool valid = 2.0 * total.a >= float(CAPTURED);
+            total += sample_at(pixel, ivec2(column, row));
+    bool valid = 2.0 * total.a >= float(SAMPLES);
     out_linear = valid ? vec4(total.rgb / total.a, 1.0) : vec4(0.0);
     out_encoded = vec4(srgb_from_linear(clamp(out_linear.rgb, 0.0, 1.0)), out_linear.a);
 }

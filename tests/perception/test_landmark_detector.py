@@ -13,7 +13,7 @@ from omnisim.perception.color_model import BINS, ColorModel, bin_of
 from omnisim.perception.landmark_detector import LandmarkDetector
 from omnisim.perception.panorama import CameraMount, Panorama
 from omnisim.perception.regions import find_regions
-from omnisim.sensors.coverage import covered_pixels
+from omnisim.sensors.valid_mask import valid_mask
 
 PLACES = [(-0.6, 0.4, 25.0), (1.9, -1.2, 130.0), (-2.2, 1.3, -100.0)]
 HEIGHT_M = 0.65
@@ -38,7 +38,7 @@ def _model(colors=tuple(COLORS)):
 def _mount(sensor):
     raised = sensor.base_from_optical.copy()
     raised[2, 3] = HEIGHT_M
-    return CameraMount(sensor.model, raised, covered_pixels(sensor.model, sensor.polygons))
+    return CameraMount(sensor.model, raised, valid_mask(sensor.model, sensor.polygons))
 
 
 @pytest.fixture(scope="module")

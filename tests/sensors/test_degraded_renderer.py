@@ -128,11 +128,11 @@ def test_an_ideal_camera_is_the_same_picture_and_no_pass_more():
     ideal = OmniCamera().resized(90)
     with Stage(scene) as stage, Renderer(stage, ideal) as plain:
         expected = plain.render(pose, linear=True)
-        assert plain._passes.pipeline._degradation is None
+        assert plain._passes._degraded is None
         assert "degradation" not in expected.metadata
         with Renderer(stage, ideal.with_degradation(preset("ideal")), seed=5) as other:
             same = other.render(pose, linear=True, frame_number=3)
-            assert other._passes.pipeline._degradation is None
+            assert other._passes._degraded is None
         # what is encoded as it always is has the same bytes through the chain, too
         encoding = Degradation(encoding=Encoding())
         with Renderer(stage, ideal.with_degradation(encoding)) as through:

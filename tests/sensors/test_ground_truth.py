@@ -17,7 +17,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
-from omnisim.sensors.optical_flow import HIDDEN, NOTHING_SEEN, OUTSIDE, VISIBLE
+from omnisim.sensors.optical_flow import INVALID, OCCLUDED, OUTSIDE, VISIBLE
 from tests.gpu.sheets import sheet
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 from tests.vehicles import body, box, checkered, surroundings
@@ -251,7 +251,7 @@ def test_flow_is_the_reprojection_of_what_the_exact_rays_hit(lens):
     fate = frame.channels["occluded"]
     inside = known & np.all((there.positions_px >= -0.5), axis=-1)
     inside &= np.all(there.positions_px < (lens.width_px - 0.5, lens.height_px - 0.5), axis=-1)
-    assert (fate[~valid] == NOTHING_SEEN).all()
+    assert (fate[~valid] == INVALID).all()
     assert (fate[inside] == VISIBLE).all()  # a room hides nothing of itself
     assert (fate[valid & ~inside] == OUTSIDE).all()
 
@@ -301,7 +301,7 @@ def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
     doubtful = np.abs(enters - leaves) < 1e-4
     fate = frame.channels["occluded"]
     assert hidden.sum() > 150
-    np.testing.assert_array_equal((fate == HIDDEN)[~doubtful], hidden[~doubtful])
+    np.testing.assert_array_equal((fate == OCCLUDED)[~doubtful], hidden[~doubtful])
 
 
 def test_nothing_flows_by_the_turn_alone():
@@ -343,7 +343,7 @@ def test_unknown_channels_and_flow_to_nowhere_are_refused():
             renderer.render(pose(), also=("rang",))
         with pytest.raises(OutputError, match="did you mean 'range'"):
             renderer.render(pose(), also=("depth",))
-        with pytest.raises(OutputError, match="'flow': leads to the next picture: want next_base"):
+        with pytest.raises(OutputError, match="'flow': expected next_base, got none"):
             renderer.render(pose(), also=("flow",))
 
 

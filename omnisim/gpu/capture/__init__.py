@@ -1,1 +1,1 @@
-"""The capture: from the atlas to the camera's pixels."""
+"""Capture: from a camera's pixels to rays, to texels of the atlas, to the picture."""

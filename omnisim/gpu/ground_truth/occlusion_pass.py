@@ -1,4 +1,4 @@
-"""What gets hidden: which points of a picture are behind something from the next viewpoint."""
+"""Occlusion of a picture's points from the next viewpoint."""
 
 from __future__ import annotations
 
@@ -8,32 +8,27 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError
-from omnisim.gpu.capture.capture_pass import connect_cube
-from omnisim.gpu.capture.ray_table import RayTable
+from omnisim.gpu.capture.pixel_map import RAYS_UNIT, PixelMap
+from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers, flush
-from omnisim.gpu.ground_truth.hit_tables import (
-    DrawItemTable,
-    connect_places,
-    connect_tables,
-    use_tables,
-)
+from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
+from omnisim.gpu.memory import fits_on_gpu
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import columns_first
+from omnisim.gpu.uniforms import columns_first, uniform
 
-_RAYS, _HITS_NOW, _SURFACES_NOW = 1, 4, 5  # texture units
+_POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
 
 
 class OcclusionPass:
-    """Looks the points that rays hit up from another viewpoint; everything is made once.
+    """Casts a ray from the next viewpoint to each hit point; everything is made once.
 
     Args:
-        context: where.
-        visibility: which triangles are visible; drawn anew, from the other viewpoint.
-        rays: of the pixels.
-        now: what the rays hit.
+        context: of OpenGL.
+        visibility: which triangles are visible; drawn anew, from the next viewpoint.
+        pixels: with the rays.
+        hits: of the current viewpoint.
 
     Raises:
         GraphicsError: no memory for it.
@@ -43,40 +38,25 @@ class OcclusionPass:
         self,
         context: moderngl.Context,
         visibility: VisibilityPass,
-        rays: RayTable,
-        now: RayHitPass,
+        pixels: PixelMap,
+        hits: RayHitPass,
     ):
-        self._visibility = visibility
-        self._rays, self._now = rays, now
-        program = build_program(context, "capture/picture.vert", "ground_truth/next_view.frag")
-        connect_cube(program, visibility.plan, np.eye(3))
-        connect_places(program, visibility)
-        connect_tables(program, visibility)
-        for name, unit in (
-            ("u_rays", _RAYS),
-            ("u_hits_now", _HITS_NOW),
-            ("u_surfaces_now", _SURFACES_NOW),
-        ):
-            program[name] = unit
-        self._rig_from_viewpoint = program["u_rig_from_viewpoint"]
-        self._vertex_array = rays.vertex_array(program)
-        try:
-            hidden = context.renderbuffer(rays.size, 1, dtype="u1")
-            self._target = context.framebuffer([hidden])
-        except moderngl.Error as reason:
-            raise GraphicsError(
-                f"flow of {rays.size[0]} × {rays.size[1]} px does not fit on this GPU ({reason}): "
-                "make the picture smaller"
-            ) from None
+        self._visibility, self._pixels, self._hits = visibility, pixels, hits
+        program = build_program(context, "capture/picture.vert", "ground_truth/occlusion.frag")
+        self._tables = HitTables(context, visibility)
+        self._tables.bind_program(program, np.eye(3))
+        uniform(program, "u_rays").value = RAYS_UNIT
+        uniform(program, "u_points").value = _POINTS_UNIT
+        uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
+        self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
+        self._vertex_array = valid_pixels_array(context, program, pixels.valid)
+        width, height = pixels.size_px
+        with fits_on_gpu(f"flow of {width} × {height} px", "make the picture smaller"):
+            occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
+            self._target = context.framebuffer([occluded])
         # once: nothing is ever drawn where there is no ray
         self._target.use()
         clear_integers(0)
-        draws = visibility.buffers.draw_items
-        self._draws = DrawItemTable(context, draws)
-        self._object_plus_one = np.array(
-            [0 if draw.object_index is None else draw.object_index + 1 for draw in draws],
-            dtype=np.intp,
-        )
 
     def render(
         self,
@@ -84,33 +64,29 @@ class OcclusionPass:
         world_from_objects: Sequence[NDArray[np.float64]],
         next_from_current: NDArray[np.float64],
     ) -> None:
-        """Start to look; `read` has what is found.
+        """Start to draw; `read` waits for it.
 
         Args:
             world_from_rig: (4, 4) next pose.
             world_from_objects: (4, 4) each, the dynamic objects' next poses.
-            next_from_current: (1 + objects, 4, 4), from this viewpoint to the next one, both in the
-                axes of the world: of the static scene, then of each dynamic object.
+            next_from_current: (n, 3, 4) of each draw item, from the current viewpoint frame to
+                the next one.
         """
-        visibility = self._visibility
-        placement = visibility.buffers.instance_transforms(
-            world_from_rig[:3, 3], world_from_objects
-        )
-        visibility.render(world_from_rig, placement)
-        self._draws.write(placement, next_from_current[self._object_plus_one, :3])
+        buffers = self._visibility.buffers
+        transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        self._visibility.render(world_from_rig, transforms)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._target.use()
-        use_tables(visibility, self._draws)
-        self._rays.rays.use(_RAYS)
-        self._now.hits.use(_HITS_NOW)
-        self._now.surfaces.use(_SURFACES_NOW)
-        if self._vertex_array is not None:
-            self._vertex_array.render(moderngl.TRIANGLES)
+        self._tables.update(transforms, next_from_current)
+        self._pixels.rays.use(RAYS_UNIT)
+        self._hits.points.use(_POINTS_UNIT)
+        self._hits.primitives.use(_PRIMITIVES_UNIT)
+        self._vertex_array.render()
         flush()
 
     def read(self) -> NDArray[np.bool_]:
-        """Which pixels' (height, width) points are hidden."""
-        width, height = self._rays.size
-        hidden = np.empty((height, width), dtype=np.bool_)
-        self._target.read_into(hidden.view(np.uint8), components=1, dtype="u1")
-        return hidden
+        """Read which pixels' (height, width) points are occluded."""
+        width, height = self._pixels.size_px
+        occluded = np.empty((height, width), dtype=np.bool_)
+        self._target.read_into(occluded.view(np.uint8), components=1, dtype="u1")
+        return occluded

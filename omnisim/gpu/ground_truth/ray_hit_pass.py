@@ -1,4 +1,4 @@
-"""What the rays of a picture hit: which triangle, how far, and how it is turned; exactly."""
+"""Hits of a picture's rays: triangle, point, range, normal and base colour; exact."""
 
 from __future__ import annotations
 
@@ -9,94 +9,79 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError
-from omnisim.gpu.capture.capture_pass import connect_cube
-from omnisim.gpu.capture.ray_table import RayTable
+from omnisim.gpu.capture.pixel_map import RAYS_UNIT, PixelMap
+from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers
-from omnisim.gpu.ground_truth.hit_tables import (
-    DrawItemTable,
-    connect_places,
-    connect_tables,
-    use_tables,
-)
+from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
+from omnisim.gpu.memory import fits_on_gpu
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import columns_first
+from omnisim.gpu.uniforms import columns_first, uniform
 
 _VERTICES, _INDICES = range(2)  # bindings
-_RAYS, _ALBEDO_ATLAS, _PLACES = 1, 4, 5  # texture units
-_HITS, _SURFACES = range(2)  # attachments; normals and plain colours follow
+_ALBEDO_UNIT = 4
+_POINTS, _PRIMITIVES = range(2)  # attachments; normals and albedos follow
 
 
-class Surfaces(NamedTuple):
-    """What each pixel's ray hits; first row at the top.
+class Hits(NamedTuple):
+    """Hits of each pixel's ray; first row at the top.
 
-    "Here" has the world's axes and its origin in the effective viewpoint.
+    The viewpoint frame has the world's axes and its origin in the effective viewpoint.
     """
 
-    hits: NDArray[np.float32]  # (height, width, 4), the points and ranges below
-    draws_plus_one: NDArray[np.uint32]  # (height, width), 1 + number of the draw; 0: nothing is hit
-    normals: NDArray[np.float32] | None  # (height, width, 3), here, unit; 0: nothing is hit
-    albedos: NDArray[np.float32] | None  # (height, width, 3) linear RGB; 0: nothing is hit
+    points_and_ranges_m: NDArray[np.float32]  # (height, width, 4), see below
+    draws_plus_one: NDArray[np.uint32]  # (height, width), 1 + draw item; 0: nothing is hit
+    normals: NDArray[np.float32]  # (height, width, 3), viewpoint frame, unit; 0: nothing is hit
+    albedos: NDArray[np.float32]  # (height, width, 3) linear RGB; 0: nothing is hit
 
     @property
     def points_m(self) -> NDArray[np.float32]:
-        """Points (height, width, 3), here; where nothing is hit, directions."""
-        return self.hits[..., :3]
+        """Points (height, width, 3), viewpoint frame; where nothing is hit, directions."""
+        return self.points_and_ranges_m[..., :3]
 
     @property
     def ranges_m(self) -> NDArray[np.float32]:
         """Ranges (height, width); +inf: nothing is hit."""
-        return self.hits[..., 3]
+        return self.points_and_ranges_m[..., 3]
 
 
-class _Lookup(NamedTuple):
-    """What looks rays up, for what is asked for."""
+class _Variant(NamedTuple):
+    """Program for some of the channels, and where it draws them."""
 
     target: moderngl.Framebuffer
     viewpoint_from_optical: moderngl.Uniform
-    vertex_array: moderngl.VertexArray | None
+    vertex_array: moderngl.VertexArray
 
 
 class RayHitPass:
-    """Looks the rays of a picture up in the visible triangles; everything is made once.
+    """Intersects the rays of a picture with the visible triangles; everything is made once.
 
     Args:
-        context: where.
+        context: of OpenGL.
         visibility: which triangles are visible.
-        rays: of the pixels.
-        rig_from_optical: (3, 3).
+        pixels: with the rays.
 
     Attributes:
-        hits: texture; where each ray hits, here, and the range; see `Surfaces`.
-        surfaces: texture; 1 + number of the draw, and number of its triangle.
+        points: texture of points and ranges, see `Hits`.
+        primitives: texture of 1 + draw item, and triangle in it.
 
     Raises:
         GraphicsError: a picture or a scene that does not fit on the GPU.
     """
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        visibility: VisibilityPass,
-        rays: RayTable,
-        rig_from_optical: NDArray[np.float64],
-    ):
-        self._visibility, self._rays = visibility, rays
-        self._context, self._rig_from_optical = context, rig_from_optical
+    def __init__(self, context: moderngl.Context, visibility: VisibilityPass, pixels: PixelMap):
+        self._context, self._visibility, self._pixels = context, visibility, pixels
         visibility.buffers.check_readable("to look up what its pixels show")
-        size = rays.size
-        try:
-            self.hits = context.texture(size, 4, dtype="f4")
-            self.surfaces = context.texture(size, 2, dtype="u4")
-            self._places = context.texture(size, 4, dtype="f4")
-        except moderngl.Error as reason:
-            raise _too_large(size, reason) from None
-        for texture in (self.hits, self.surfaces, self._places):
+        width, height = pixels.size_px
+        self._what = f"ground truth of {width} × {height} px"
+        with fits_on_gpu(self._what, "make the picture smaller"):
+            self._rays = pixels.rays
+            self.points = context.texture(pixels.size_px, 4, dtype="f4")
+            self.primitives = context.texture(pixels.size_px, 2, dtype="u4")
+        for texture in (self.points, self.primitives):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._find_places()
-        self._lookups: dict[tuple[bool, bool], _Lookup] = {}
-        self._draws = DrawItemTable(context, visibility.buffers.draw_items)
+        self._variants: dict[tuple[bool, bool], _Variant] = {}
+        self._tables = HitTables(context, visibility)
 
     def render(
         self,
@@ -104,97 +89,68 @@ class RayHitPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         normals: bool = False,
         albedos: bool = False,
-    ) -> Surfaces:
-        """Look up all rays up from a pose (4, 4), dynamic objects at theirs.
+    ) -> Hits:
+        """Intersect all rays from a pose (4, 4), dynamic objects at theirs.
 
-        The last two are made where they are asked for; plain colours only where the visibility can
-        have some.
+        Normals and albedos have no rows where they are not asked for; albedos need a `visibility`
+        with some.
         """
         visibility, buffers = self._visibility, self._visibility.buffers
-        placement = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        visibility.render(world_from_rig, placement, albedos)
-        self._draws.write(placement, placement.normal_from_mesh)
-        viewpoint_from_optical = world_from_rig[:3, :3] @ self._rig_from_optical
-        lookup = self._lookup(normals, albedos)
-        lookup.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
-        lookup.target.use()
-        use_tables(visibility, self._draws)
-        self._rays.rays.use(_RAYS)
-        self._places.use(_PLACES)
-        if albedos:
-            visibility.albedo_atlas.use(_ALBEDO_ATLAS)
+        transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        visibility.render(world_from_rig, transforms, albedos)
+        if (normals, albedos) not in self._variants:
+            self._variants[normals, albedos] = self._variant(normals, albedos)
+        variant = self._variants[normals, albedos]
+        viewpoint_from_optical = world_from_rig[:3, :3] @ self._pixels.camera.rig_from_optical
+        variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
+        variant.target.use()
+        self._tables.update(transforms, transforms.normal_from_mesh)
+        self._rays.use(RAYS_UNIT)
+        if albedos and visibility.albedo_atlas is not None:
+            visibility.albedo_atlas.use(_ALBEDO_UNIT)
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.triangles.indices.bind_to_storage_buffer(_INDICES)
-        if lookup.vertex_array is not None:
-            lookup.vertex_array.render(moderngl.TRIANGLES)
-        return self._read(lookup.target, normals, albedos)
+        variant.vertex_array.render()
+        return self._read(variant.target, normals, albedos)
 
-    def _lookup(self, normals: bool, albedos: bool) -> _Lookup:
-        """What looks up what is asked for: made when it is first asked for."""
-        if (normals, albedos) not in self._lookups:
-            self._lookups[normals, albedos] = self._make_lookup(normals, albedos)
-        return self._lookups[normals, albedos]
-
-    def _make_lookup(self, normals: bool, albedos: bool) -> _Lookup:
-        context, size = self._context, self._rays.size
+    def _variant(self, normals: bool, albedos: bool) -> _Variant:
+        context, size = self._context, self._pixels.size_px
         program = build_program(
             context,
             "capture/picture.vert",
-            "ground_truth/surfaces.frag",
+            "ground_truth/hits.frag",
             (*(("NORMALS",) if normals else ()), *(("ALBEDO",) if albedos else ())),
         )
-        connect_tables(program, self._visibility)
-        program["u_rays"] = _RAYS
-        program["u_places"] = _PLACES
-        if albedos:
-            program["u_albedos"] = _ALBEDO_ATLAS
-        try:
-            attachments: list[moderngl.Texture | moderngl.Renderbuffer] = [self.hits, self.surfaces]
+        self._tables.bind_program(program, self._pixels.camera.rig_from_optical)
+        uniform(program, "u_rays").value = RAYS_UNIT
+        attachments: list[moderngl.Texture | moderngl.Renderbuffer]
+        attachments = [self.points, self.primitives]
+        with fits_on_gpu(self._what, "make the picture smaller"):
             if normals:
                 attachments.append(context.renderbuffer(size, 4, dtype="f4"))
             if albedos:
+                uniform(program, "u_albedos").value = _ALBEDO_UNIT
                 attachments.append(context.renderbuffer(size, 4, dtype="f2"))
             target = context.framebuffer(attachments)
-        except moderngl.Error as reason:
-            raise _too_large(size, reason) from None
         # once: nothing is ever drawn where there is no ray
         target.use()
         target.clear(0.0, 0.0, 0.0, np.inf)
-        clear_integers(_SURFACES)
-        vertex_array = self._rays.vertex_array(program)
-        return _Lookup(target, program["u_viewpoint_from_optical"], vertex_array)
+        clear_integers(_PRIMITIVES)
+        array = valid_pixels_array(context, program, self._pixels.valid)
+        return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
 
-    def _find_places(self) -> None:
-        """Find where in the atlas the rays look: once, as no pose changes it."""
-        files = "capture/picture.vert", "ground_truth/places.frag"
-        program = build_program(self._context, *files)
-        connect_cube(program, self._visibility.plan, self._rig_from_optical)
-        connect_places(program, self._visibility)
-        program["u_rays"] = _RAYS
-        draws = self._rays.vertex_array(program)
-        self._context.framebuffer([self._places]).use()
-        self._rays.rays.use(_RAYS)
-        if draws is not None:
-            draws.render(moderngl.TRIANGLES)
-
-    def _read(self, target: moderngl.Framebuffer, normals: bool, albedos: bool) -> Surfaces:
-        width, height = self._rays.size
-        hits = np.empty((height, width, 4), dtype=np.float32)
-        surfaces = np.empty((height, width, 2), dtype=np.uint32)
-        target.read_into(hits, components=4, attachment=_HITS, dtype="f4")
-        target.read_into(surfaces, components=2, attachment=_SURFACES, dtype="u4")
-        extra: list[NDArray[np.float32] | None] = []
-        attachment = _SURFACES
+    def _read(self, target: moderngl.Framebuffer, normals: bool, albedos: bool) -> Hits:
+        width, height = self._pixels.size_px
+        points = np.empty((height, width, 4), dtype=np.float32)
+        primitives = np.empty((height, width, 2), dtype=np.uint32)
+        target.read_into(points, components=4, attachment=_POINTS, dtype="f4")
+        target.read_into(primitives, components=2, attachment=_PRIMITIVES, dtype="u4")
+        channels = []
+        attachment = _PRIMITIVES
         for is_asked_for in (normals, albedos):
-            extra.append(np.empty((height, width, 3), np.float32) if is_asked_for else None)
+            channel = np.empty((height if is_asked_for else 0, width, 3), dtype=np.float32)
             if is_asked_for:
                 attachment += 1
-                target.read_into(extra[-1], components=3, attachment=attachment, dtype="f4")
-        return Surfaces(hits, surfaces[..., 0], *extra)
-
-
-def _too_large(size: tuple[int, int], reason: moderngl.Error) -> GraphicsError:
-    return GraphicsError(
-        f"ground truth of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
-        "make the picture smaller"
-    )
+                target.read_into(channel, components=3, attachment=attachment, dtype="f4")
+            channels.append(channel)
+        return Hits(points, primitives[..., 0], *channels)

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.degradation_pass import Step, UniformValue
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
@@ -57,6 +57,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         mosaic = Step("bayer_mosaic", {"u_red_at": RED_AT[self.pattern]})
         if self.demosaic == "none":
             return [mosaic]
+        uniforms: dict[str, UniformValue]
         uniforms = {"u_red_at": RED_AT[self.pattern], "u_malvar": self.demosaic == "malvar"}
         return [mosaic, Step("bayer_demosaic", uniforms)]
 

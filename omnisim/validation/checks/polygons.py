@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
-from omnisim.gpu.capture.capture_pass import Emit, MirrorMeshCapture
+from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import open_context
-from omnisim.gpu.pipeline import capture_rays
-from omnisim.mirrors import tessellate
 from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
 from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
@@ -83,9 +81,7 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera, polygons: int) -> NDArr
     context = open_context(fixture.device)
     try:
         with context:
-            mesh = tessellate(camera.mirror, polygons)
-            capture = MirrorMeshCapture(context, camera, mesh, emit=Emit.RAY)
-            rays, seen = capture_rays(context, camera, capture)
+            rays, seen = PixelMap(context, camera, polygons).read_rays()
     finally:
         context.release()
     shown = camera.pixel_from_ray(rays[seen].astype(np.float64))

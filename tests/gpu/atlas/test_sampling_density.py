@@ -9,7 +9,7 @@ from omnisim import OmniCamera
 from omnisim.cube import face_index, face_tangents
 from omnisim.gpu.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.gpu.atlas.tile_plan import MAX_TILES, plan_tiles
-from omnisim.sensors.capturing import faces_of
+from omnisim.sensors.tiles import sensor_tiles
 from tests.camera_examples import CAMERA_EXAMPLES
 
 examples = pytest.mark.parametrize("name", CAMERA_EXAMPLES)
@@ -99,6 +99,6 @@ def test_cores_do_not_overlap():
 def test_the_papers_camera_draws_few_texels_for_a_pixel(polygons):
     sensor = OmniCamera(polygons=polygons).with_quality("fast")
     density = sensor.texels_per_pixel / sensor.supersampling
-    plan = faces_of(sensor, sensor.captured_camera, density, subdivide=True)
+    plan = sensor_tiles(sensor, sensor.captured_camera, density, subdivide=True)
     rim_px = 0.5 * sensor.model.width_px
     assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MOST_TEXELS

@@ -13,7 +13,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.poses import pose
 from omnisim.scene import load_scene
-from omnisim.sensors.capturing import faces_of
+from omnisim.sensors.tiles import sensor_tiles
 from tests.scenes import room, scene_of
 
 TURNS = len(cluster_culling.WORTH_A_TURN)
@@ -33,7 +33,7 @@ def test_the_picture_is_the_same_as_without_leaving_out_anything(context, sample
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
     buffers = SceneBuffers(context, scene)
     surfaces = SurfacePrograms(buffers, scene.lighting)
-    plan = faces_of(sensor, sensor.model, 1.0, None, subdivide=True)
+    plan = sensor_tiles(sensor, sensor.model, 1.0, subdivide=True)
 
     def cube_pass(plain):
         return CubePass(

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
-from omnisim.gpu.capture.capture_pass import Emit, LensCapture, MirrorMeshCapture, searches_for_rays
-from omnisim.gpu.pipeline import capture_rays
+from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.mirrors import HyperbolicMirror, tessellate
 from omnisim.mirrors.mesh_error import mesh_error
 from tests.camera_examples import CAMERA_EXAMPLES
@@ -18,7 +17,7 @@ def _angles(one, other):
 
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 def test_glsl_rays_are_the_reference(context, camera):
-    rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit=Emit.RAY))
+    rays, valid = PixelMap(context, camera).read_rays()
     reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     # At a fold the ray turns infinitely fast with the pixel, and validity may differ where the
     # domain ends at the pixel's centre, to rounding: a float counts a picture in 1/50000 px.
@@ -35,31 +34,17 @@ def _at_the_edge_of_the_domain(camera, within_px=0.01):
     return around.any(axis=-1) & ~around.all(axis=-1)
 
 
-def test_rays_that_are_searched_for_are_kept_and_the_same(context):
-    """A picture of what lies in each direction, with kept rays and without."""
-    searched = {
-        name for name, camera in CAMERA_EXAMPLES.items() if searches_for_rays(camera.model_name)
-    }
-    assert {"kannala-brandt-tum-vi", "unified-kitti-360", "radial-table"} <= searched
-    assert not {"hyperbolic-paper", "perspective", "eucm", "equisolid-full-sphere"} & searched
-    camera = CAMERA_EXAMPLES["kannala-brandt-to-its-fold"]
-    kept = np.frombuffer(_kept(LensCapture(context, camera)).read(), np.float32)
-    kept = kept.reshape(camera.height_px, camera.width_px, 4)
-    rays, valid = capture_rays(context, camera, LensCapture(context, camera, emit=Emit.RAY))
-    np.testing.assert_array_equal(kept[..., :3], rays)
-    np.testing.assert_array_equal(kept[..., 3] > 0.5, valid)
-    assert _kept(LensCapture(context, CAMERA_EXAMPLES["eucm"])) is None
-
-
-def _kept(capture):
-    return capture._stored_rays
+def test_rays_are_kept_where_they_take_an_iteration(context):
+    maps = {name: PixelMap(context, camera) for name, camera in CAMERA_EXAMPLES.items()}
+    kept = {name for name, pixels in maps.items() if pixels.kept_rays is not None}
+    assert {"kannala-brandt-tum-vi", "unified-kitti-360", "radial-table"} <= kept
+    assert not {"hyperbolic-paper", "perspective", "eucm", "equisolid-full-sphere"} & kept
+    assert PixelMap(context, CAMERA_EXAMPLES["hyperbolic-paper"], 64).kept_rays is None
 
 
 def _mesh_error_px(context, polygons):
     camera = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 360, 360)
-    mesh = tessellate(camera.mirror, polygons)
-    capture = MirrorMeshCapture(context, camera, mesh, emit=Emit.RAY)
-    rays, seen = capture_rays(context, camera, capture)
+    rays, seen = PixelMap(context, camera, polygons).read_rays()
     assert 0.85 < seen.sum() / camera.ray_from_pixel(pixel_grid(360, 360)).valid.sum() <= 1.0
     # the mesh may see a little past the rim: between two vertices it is nearer to the axis
     theta = np.arccos(np.clip(-rays[seen][:, 2].astype(np.float64), -1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Which pixels of a picture show the scene."""
+"""Mask of a picture's pixels that show the scene."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, HyperbolicCamera, pixel_grid
 from omnisim.mirrors.tessellation import sectors_and_rings
 
-BAND_PIXELS = 1 << 20  # rows are looked at in bands, so that what is in between stays small
+BLOCK_PIXELS = 1 << 20  # computed at a time, to bound the memory of intermediate arrays
 
 
-def covered_pixels(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]:
+def valid_mask(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]:
     """Mask (height, width) of the pixels that are sure to show the scene.
 
     Args:
@@ -28,13 +28,13 @@ def covered_pixels(camera: CentralCamera, polygons: int | None) -> NDArray[np.bo
     if polygons is not None and isinstance(camera, HyperbolicCamera):
         sectors, _ = sectors_and_rings(polygons)
         inner_radius_px = camera.rim_radius_px * math.cos(math.pi / sectors)
-    covered = np.empty((camera.height_px, camera.width_px), dtype=bool)
-    step = max(1, BAND_PIXELS // camera.width_px)
+    mask = np.empty((camera.height_px, camera.width_px), dtype=np.bool_)
+    step = max(1, BLOCK_PIXELS // camera.width_px)
     for first in range(0, camera.height_px, step):
-        rows = covered[first : first + step]
+        rows = mask[first : first + step]
         pixels = pixel_grid(camera.width_px, len(rows)) + (0.0, first)
         rows[:] = camera.ray_from_pixel(pixels).valid
         if isinstance(camera, HyperbolicCamera):
             radii_px = np.linalg.norm(pixels - camera.principal_point_px, axis=-1)
             rows &= radii_px <= inner_radius_px
-    return covered
+    return mask

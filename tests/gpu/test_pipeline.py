@@ -1,7 +1,5 @@
 """Every camera model in a room whose colours are computed without any renderer."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,8 @@ from omnisim import poses
 from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index
 from omnisim.gpu.atlas.tile_plan import plan_tiles
-from omnisim.gpu.capture.capture_pass import LensCapture
-from omnisim.gpu.pipeline import Pipeline
+from omnisim.gpu.capture.pixel_map import PixelMap
+from omnisim.gpu.pipeline import Pipeline, ScenePoses
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
@@ -30,8 +28,7 @@ def _render(context, camera):
         context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
         near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
     )  # fmt: skip
-    capture = partial(LensCapture, context, camera)
-    return Pipeline(context, camera, camera.rig_from_optical, cube, capture).render(POSE).rgba
+    return Pipeline(cube, PixelMap(context, camera)).render(ScenePoses(POSE)).rgba
 
 
 @examples

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.gpu.capture.coverage import ROWS, covering
+from omnisim.gpu.capture.valid_pixels import STRIP_PX, covering_triangles
 
 
 def _covered(triangles, shape):
@@ -35,25 +35,25 @@ MASKS = {
 
 @pytest.mark.parametrize("valid", MASKS.values(), ids=MASKS.keys())
 def test_every_valid_pixel_is_covered_once(valid):
-    corners = covering(valid)
+    corners = covering_triangles(valid)
     assert corners.min() >= 0.0
     assert np.all(corners.max(axis=0) <= valid.shape[::-1])
     count = _covered(corners.reshape(-1, 3, 2), valid.shape)
     assert np.all(count[valid] == 1)
     assert count.max() == 1  # nothing is drawn twice
     # rows without anything are left out, if there are enough of them
-    for top in range(0, len(valid), ROWS):
-        if not valid[top : top + ROWS].any():
-            assert not count[top : top + ROWS].any()
+    for top in range(0, len(valid), STRIP_PX):
+        if not valid[top : top + STRIP_PX].any():
+            assert not count[top : top + STRIP_PX].any()
 
 
 def test_a_disc_is_covered_closely():
     """A band of rows is as wide as the disc is in the widest of them."""
     valid = _disc(400, 500, 190.0)
-    count = _covered(covering(valid).reshape(-1, 3, 2), valid.shape)
+    count = _covered(covering_triangles(valid).reshape(-1, 3, 2), valid.shape)
     # each of four quarters is a staircase with treads of a band: half a band at each side of it
-    assert count.sum() <= valid.sum() + 4 * 190 * ROWS
+    assert count.sum() <= valid.sum() + 4 * 190 * STRIP_PX
 
 
 def test_nothing_valid_takes_nothing():
-    assert covering(np.zeros((30, 20), dtype=bool)).shape == (0, 2)
+    assert covering_triangles(np.zeros((30, 20), dtype=bool)).shape == (0, 2)

@@ -1,4 +1,4 @@
-"""Looks that are found once, beside looks that are found in every frame; and what they cost."""
+"""Pictures by a table of UVs, beside pictures by drawn samples; and what they cost."""
 
 import dataclasses
 import math
@@ -7,18 +7,23 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.cameras import EquidistantCamera, EquirectangularCamera
-from omnisim.gpu.capture.remap_table import MOST_BYTES, RemapTable
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera, KannalaBrandtCamera
+from omnisim.gpu.capture import picture_pass
+from omnisim.gpu.capture.picture_pass import MAX_TABLE_BYTES, RemapPass, fits_table
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from tests.gpu.sheets import mixed_scene
 
 SIZE_PX = 120
 FISHEYE = EquidistantCamera(SIZE_PX, SIZE_PX, 36.0, (59.5, 59.5), theta_max_rad=math.radians(95.0))
+KEPT_RAYS = KannalaBrandtCamera(
+    SIZE_PX, SIZE_PX, (36.0, 36.0), (59.5, 59.5), (3.5e-3, 7e-4, -2e-3, 2e-4)
+)
 CAMERAS = {
     "exact mirror": OmniCamera(polygons=None).resized(SIZE_PX),
     "mesh": OmniCamera(polygons=64).resized(SIZE_PX),
     "fisheye": OmniCamera(model=FISHEYE, polygons=None),
+    "kept rays": OmniCamera(model=KEPT_RAYS, polygons=None),
     "equirectangular": OmniCamera(model=EquirectangularCamera(160, 80), polygons=None),
 }
 
@@ -30,7 +35,7 @@ def _at_start(stage, camera):
 
 def _take(stage, camera):
     with Renderer(stage, camera) as renderer:
-        has_table = renderer._passes.pipeline._lookups is not None
+        has_table = isinstance(renderer._passes._pipeline._picture_pass, RemapPass)
         return renderer.render(_at_start(stage, camera)).rgba, has_table
 
 
@@ -44,7 +49,7 @@ def test_the_same_is_seen_with_and_without_a_table(camera, monkeypatch):
             stored, has_table = _take(stage, finer)
             assert has_table
             with monkeypatch.context() as patch:
-                patch.setattr(RemapTable, "fits", lambda *_: False)
+                patch.setattr(picture_pass, "fits_table", lambda _: False)
                 live, has_table = _take(stage, finer)
             assert not has_table
             assert np.array_equal(stored[..., 3], live[..., 3])
@@ -53,11 +58,9 @@ def test_the_same_is_seen_with_and_without_a_table(camera, monkeypatch):
 
 
 def test_a_table_is_as_large_as_its_limit_at_most():
-    side = math.isqrt(MOST_BYTES // 8)
-    assert RemapTable.fits((side, side), 1)
-    assert not RemapTable.fits((side + 1, side + 1), 1)
-    assert RemapTable.fits((side // 3, side // 3), 3)
-    assert not RemapTable.fits((side // 3 + 1, side // 3 + 1), 3)
+    side = math.isqrt(MAX_TABLE_BYTES // 8)
+    assert fits_table(side**2)
+    assert not fits_table((side + 1) ** 2)
 
 
 class Notes:
@@ -95,7 +98,7 @@ def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
                 with monkeypatch.context() as patch:
                     notes[polygons] = Notes(patch)
                     renderer.render(_at_start(stage, camera))
-                table = renderer._passes.pipeline._lookups._places.size
+                table = renderer._passes._pipeline._picture_pass.table_bytes
                 assert table == 8 * 200 * 200 * camera.supersampling**2
     few, many = notes.values()
     assert len(few.drawn) > 10  # in the faces and the picture

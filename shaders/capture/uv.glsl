@@ -1,16 +1,14 @@
-// vec3 lookup_of_ray(vec3 ray): where in the atlas to look for what is seen in a direction:
-// texture coordinates and mip level. The ray is in the optical frame, of any length.
-// vec3 color_from_ray(vec3 ray): what is found there, linear RGB.
-// The tiles stand beside each other in one atlas; each was drawn a little wider than it is looked
-// up, so that no lookup crosses into its neighbour.
+// vec3 uv_level_from_ray(vec3 ray): texture coordinates in the atlas, and mip level, of a ray in the
+// optical frame, of any length; from its derivatives.
+// The tiles stand beside each other in one atlas; each was drawn a little wider than it is read, so
+// that no fetch crosses into its neighbour.
 
-#include "capture/cube_faces.glsl"
+#include "capture/tiles.glsl"
 
-uniform sampler2D u_atlas;
 uniform float u_max_level;   // of the atlas's mip levels
 uniform float u_level_bias;  // added to the level at which a texel is as wide as the pixel
 
-vec3 lookup_of_ray(vec3 ray) {
+vec3 uv_level_from_ray(vec3 ray) {
     // Derivatives of the ray are smooth across the cube's edges, those of coordinates are not.
     vec3 rig = u_rig_from_optical * ray;
     vec3 rig_dx = dFdx(rig), rig_dy = dFdy(rig);
@@ -23,14 +21,9 @@ vec3 lookup_of_ray(vec3 ray) {
     vec2 tangent_dx = (dx.xy - tangent * dx.z) / local.z;
     vec2 tangent_dy = (dy.xy - tangent * dy.z) / local.z;
     float squared = max(dot(tangent_dx, tangent_dx), dot(tangent_dy, tangent_dy));
-    float texels = u_tile_texels[tile] * sqrt(max(squared, 1e-20));
+    float texels = u_tile_px_per_tan[tile] * sqrt(max(squared, 1e-20));
     float level = clamp(log2(texels) + u_level_bias, 0.0, u_max_level);
 
-    tangent = clamp(tangent, u_tile_window[tile].xy, u_tile_window[tile].zw);
-    return vec3(u_tile_place[tile].xy + tangent * u_tile_place[tile].zw, level);
-}
-
-vec3 color_from_ray(vec3 ray) {
-    vec3 lookup = lookup_of_ray(ray);
-    return textureLod(u_atlas, lookup.xy, lookup.z).rgb;
+    tangent = clamp(tangent, u_tile_padded_region[tile].xy, u_tile_padded_region[tile].zw);
+    return vec3(u_uv_from_tangent[tile].xy + tangent * u_uv_from_tangent[tile].zw, level);
 }

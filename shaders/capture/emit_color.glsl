@@ -1,0 +1,13 @@
+// void emit(bool valid, vec3 ray): writes the atlas's linear colour, and alpha 1 where the ray is
+// valid.
+
+#include "capture/uv.glsl"
+uniform sampler2D u_atlas;
+layout(location = 0) out vec4 out_color;
+
+void emit(bool valid, vec3 ray) {
+    // for every pixel, so that derivatives exist at the border too
+    vec3 uv_level = uv_level_from_ray(ray);
+    vec3 color = textureLod(u_atlas, uv_level.xy, uv_level.z).rgb;
+    out_color = valid ? vec4(color, 1.0) : vec4(0.0);
+}

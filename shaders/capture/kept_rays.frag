@@ -1,0 +1,10 @@
+// Exact capture by rays that are kept: for camera models that find them by iteration.
+#version 430 core
+
+uniform sampler2D u_rays;  // xyz, and 1 where valid
+#include EMIT
+
+void main() {
+    vec4 ray = texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0);
+    emit(ray.w > 0.5, ray.xyz);
+}

@@ -1,0 +1,112 @@
+// Hit intersect(vec3 texel, vec3 ray): nearest triangle that a ray from the viewpoint hits, exactly.
+// bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range): any nearer triangle than that,
+//     but for the primitive to ignore.
+// Texels are those of `texel.glsl`; rays are of unit length, in the viewpoint frame.
+//
+// The atlas says which triangles are seen around the ray. Those, and adjacent ones where the ray just
+// misses, are intersected with the ray itself, and the nearest one counts: nothing is blended, no
+// texel's edge is seen, and the distance is as exact as floats are.
+
+#include "ground_truth/texel_block.glsl"
+#include "ground_truth/triangle.glsl"
+
+const uint NO_TRIANGLE = 0xFFFFFFFFu;
+const uint MAX_STEPS = 3u;  // over edges, from a triangle that the ray misses
+// Triangles adjacent to one whose plane is farther than that behind a hit are not searched.
+const float FARTHER = 1.1;
+const float INFINITE = uintBitsToFloat(0x7F800000u);
+// A ray between two triangles may miss both by rounding, a micrometre at 20 m: it hits the nearer.
+const float EDGE_RAD = 2e-7;
+
+uniform vec2 u_depth_limits_m;  // near and far plane of the faces
+
+struct Hit {
+    uvec2 primitive;   // 1 + draw item, and triangle in it; 0: nothing is hit
+    uint triangle_id;  // where a texel shows it, else 0
+    float range;       // infinite: nothing is hit
+    vec3 weights;      // of the corners, not normalised
+    vec3 normal;       // of the plane, towards the viewpoint, not of unit length
+};
+
+// any_hit, a constant: return the first hit nearer than max_range, other than the one to ignore.
+Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
+    ivec2 own_texel = ivec2(floor(texel.xy));
+    vec2 limits = u_depth_limits_m / texel.z;  // along the ray
+    Hit hit, miss;  // the nearest that the ray hits; what it misses by least
+    hit.primitive = miss.primitive = uvec2(0u);
+    hit.triangle_id = miss.triangle_id = 0u;
+    hit.range = max_range;
+    bool hits = false;
+    float least_rad = 1.0;
+    uint ids[TEXELS] = ids_around(own_texel);
+    uint candidates = distinct_texels(ids);
+    uvec2 own_primitive = primitive_at(ids[OWN]);
+    if (any_hit && own_primitive == ignored) {  // it occludes nothing of itself
+        candidates &= ~1u;
+        hits = true;
+    }
+    uvec2 adjacent = uvec2(0u);  // beyond the edge by which the last one was missed
+    uint steps = 0u;
+    while (candidates != 0u || adjacent.x != 0u) {
+        uvec2 primitive = adjacent;
+        bool is_adjacent = adjacent.x != 0u;
+        bool is_own = false;
+        uint triangle_id = 0u;
+        if (!is_adjacent) {
+            is_own = (candidates & 1u) != 0u;
+            uint at = is_own ? OWN : uint(findLSB(candidates)) - 1u;
+            candidates &= candidates - 1u;
+            triangle_id = texelFetch(u_triangle_ids, own_texel + texel_offset(at), 0).x;
+            primitive = primitive_at(triangle_id);
+            if (primitive == hit.primitive) hit.triangle_id = triangle_id;
+            steps = 0u;
+        }
+        adjacent = uvec2(0u);
+        uvec4 draw_item = draw_item_at(primitive.x - 1u);
+        // a masked triangle has holes: it is hit where its own texel shows it
+        if ((draw_item.y & MASKED) != 0u && !is_own) continue;
+        Triangle t = triangle_of(draw_item, matrix_at(primitive.x - 1u, VIEWPOINT_FROM_MESH), primitive.y);
+        bool is_back = t.is_clockwise != ((draw_item.y & FLIPS_WINDING) != 0u);
+        if (is_adjacent && is_back && (draw_item.y & DOUBLE_SIDED) == 0u) continue;
+        Crossing crossing = intersect_triangle(t, ray);
+        bool may_be_nearer = crossing.range < FARTHER * hit.range;
+        if (crossing.outside_rad >= EDGE_RAD && steps < MAX_STEPS && may_be_nearer) {
+            uvec2 next = uvec2(primitive.x, crossing.adjacent);
+            // those that were intersected before tell nothing new
+            if (crossing.adjacent != NO_TRIANGLE && next != own_primitive && next != hit.primitive)
+                adjacent = next;
+            ++steps;
+        }
+        if (crossing.range < limits.x || crossing.range > limits.y) continue;
+        if (crossing.outside_rad < EDGE_RAD) {
+            hits = true;
+            bool is_nearer = crossing.range < hit.range;
+            bool ends = any_hit && crossing.range < max_range && primitive != ignored;
+            if (is_nearer || ends) {
+                hit = Hit(primitive, triangle_id, crossing.range, crossing.weights, t.normal);
+                if (ends) return hit;
+            }
+        } else if (crossing.outside_rad < least_rad) {
+            least_rad = crossing.outside_rad;
+            // the point of the triangle that is nearest to the ray, more or less
+            vec3 weights = max(crossing.weights, vec3(0.0));
+            weights /= max(weights.x + weights.y + weights.z, 1e-30);
+            float range = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
+            miss = Hit(primitive, triangle_id, range, weights, t.normal);
+        }
+    }
+    bool shows_nothing = false;
+    for (uint at = 0u; at < TEXELS; ++at) shows_nothing = shows_nothing || ids[at] == 0u;
+    // A triangle too small to show in any texel: the adjacent one that the ray misses by least.
+    if (!hits && !shows_nothing && miss.primitive.x != 0u) hit = miss;
+    return hit;
+}
+
+Hit intersect(vec3 texel, vec3 ray) {
+    return trace(texel, ray, uvec2(0u), INFINITE, false);
+}
+
+bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range) {
+    Hit hit = trace(texel, ray, ignored, max_range, true);
+    return hit.primitive.x != 0u && hit.primitive != ignored && hit.range < max_range;
+}

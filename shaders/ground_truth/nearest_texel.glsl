@@ -1,0 +1,24 @@
+// ivec2 nearest_texel(vec3 texel, Hit hit): texel around a ray's own that shows what it hits, or else
+// one of its draw item, or else any that shows something; the nearest.
+
+// Squares of texels, more than there are around: the rest is as far away as that.
+const float OTHER_TRIANGLE = 16.0, OTHER_ITEM = 32.0;
+
+ivec2 nearest_texel(vec3 texel, Hit hit) {
+    ivec2 own_texel = ivec2(floor(texel.xy)), nearest = own_texel;
+    uint ids[TEXELS] = ids_around(own_texel);
+    float least = INFINITE;
+    for (uint at = 0u; at < TEXELS; ++at) {
+        if (ids[at] == 0u) continue;  // nothing is shown there
+        vec2 away = vec2(own_texel + texel_offset(at)) + 0.5 - texel.xy;
+        float distance = at == OWN ? 0.0 : dot(away, away);  // its own is the nearest
+        // too small to show, or just beyond an edge: one of the same draw item, or else any
+        if (ids[at] != hit.triangle_id)
+            distance += primitive_at(ids[at]).x == hit.primitive.x ? OTHER_TRIANGLE : OTHER_ITEM;
+        if (distance < least) {
+            least = distance;
+            nearest = own_texel + texel_offset(at);
+        }
+    }
+    return nearest;
+}

@@ -1,0 +1,35 @@
+// uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around one; 0: nothing.
+// uint distinct_texels(uint ids[TEXELS]): bits of those whose triangle none before them shows. Bit 0 is
+//     the block's own, in its middle, then come all, row by row: what its own ray hits spares the
+//     search behind it.
+
+uniform usampler2D u_triangle_ids;  // as visibility.frag writes them
+
+const int WIDTH = 3;
+const uint TEXELS = uint(WIDTH * WIDTH), OWN = TEXELS / 2u;
+
+ivec2 texel_offset(uint at) {
+    return ivec2(int(at) % WIDTH, int(at) / WIDTH) - WIDTH / 2;
+}
+
+uint[TEXELS] ids_around(ivec2 texel) {
+    uint ids[TEXELS];
+    for (uint at = 0u; at < TEXELS; ++at)
+        ids[at] = texelFetch(u_triangle_ids, texel + texel_offset(at), 0).x;
+    return ids;
+}
+
+uint distinct_texels(uint ids[TEXELS]) {
+    uint distinct = ids[OWN] == 0u ? 0u : 1u;
+    for (uint at = 0u; at < TEXELS; ++at) {
+        uint id = ids[at];
+        bool is_new = id != 0u && id != ids[OWN];
+        uint row = at / uint(WIDTH), column = at % uint(WIDTH);
+        if (column > 0u) is_new = is_new && id != ids[at - 1u];
+        if (row > 0u) is_new = is_new && id != ids[at - uint(WIDTH)];
+        if (row > 0u && column < uint(WIDTH) - 1u)
+            is_new = is_new && id != ids[at - uint(WIDTH) + 1u];
+        if (is_new) distinct |= 2u << at;
+    }
+    return distinct;
+}
