@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
@@ -35,7 +35,8 @@ def panels(
 
 def plain_log(axis: Axis, base: int = 10) -> None:
     """A logarithmic axis with numbers as people write them."""
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    set_scale = axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale
+    set_scale("log")
     steps = (1.0, 2.0, 5.0) if base == 10 else (1.0,)
     axis.set_major_locator(LogLocator(base, steps))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.cube import FACE_FROM_RIG
-from omnisim.gpu.uniforms import columns_first
+from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.scene import Scene
 from omnisim.scene.model import AlphaMode
 
@@ -94,7 +94,7 @@ def count_seen_triangles(
             if not shown.any():
                 continue
             face_from_viewpoint = face_from_rig @ world_from_rig[:3, :3].T
-            program["u_face_from_viewpoint"].write(columns_first(face_from_viewpoint))
+            uniform(program, "u_face_from_viewpoint").write(columns_first(face_from_viewpoint))
             target.use()
             target.clear(depth=0.0)
             for vertex_array, flags, number in draws:
@@ -102,8 +102,8 @@ def count_seen_triangles(
                 program["u_first"] = number
                 vertex_array.render(moderngl.TRIANGLES)
             target.read_into(numbers, components=4)
-            seen += np.count_nonzero(np.unique(numbers[shown]))
-    return int(seen)
+            seen += int(np.count_nonzero(np.unique(numbers[shown])))
+    return seen
 
 
 def _shown(camera: CentralCamera, face: int, face_px: int) -> NDArray[np.bool_]:

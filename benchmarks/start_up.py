@@ -59,19 +59,20 @@ def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, A
         path = Path(folder) / "frame.png"
         render(scene, path, options.device)
         for _ in options.progress(range(starts), "start-up", starts):
-            for what, found in runs.items():
-                found.append(render(scene, path, options.device, cached=what == CACHED))
+            for what, done in runs.items():
+                done.append(render(scene, path, options.device, cached=what == CACHED))
             for phase, seconds in phase_seconds(scene, path, options.device).items():
                 phases[phase].append(seconds)
     rows: list[dict[str, Any]] = [
         {"kind": "start-up", "what": what, "rounds": starts,
-         **_middle("seconds", [run.seconds for run in found]),
-         **_middle("processor_seconds", [run.processor_seconds for run in found])}
-        for what, found in runs.items()
+         **_middle("seconds", [run.seconds for run in done]),
+         **_middle("processor_seconds", [run.processor_seconds for run in done])}
+        for what, done in runs.items()
     ]  # fmt: skip
-    for phase, seconds in phases.items():
-        row = {"kind": "start-up phase", "what": phase, "rounds": starts}
-        rows.append(row | _middle("seconds", seconds))
+    rows += [
+        {"kind": "start-up phase", "what": phase, "rounds": starts, **_middle("seconds", found)}
+        for phase, found in phases.items()
+    ]
     return rows
 
 

@@ -38,14 +38,14 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     done(IMPORTS)
     scene = load_scene(scene_name)
     done(SCENE)
-    open_context = stage.open_context
+    open_context = vars(stage)["open_context"]
 
     def noted(*arguments: Any, **options: Any) -> Any:
         context = open_context(*arguments, **options)
         done(CONTEXT)
         return context
 
-    stage.open_context = noted
+    vars(stage)["open_context"] = noted
     with Stage(scene, device=device) as on_stage:
         done(UPLOAD)
         camera = OmniCamera()

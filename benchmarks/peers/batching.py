@@ -1,17 +1,19 @@
-"""One mesh a material, in the axes of the world: what engines make of geometry that never moves."""
+"""Static batching: one mesh per material, in world coordinates."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections import defaultdict
+from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.scene.model import AlphaMode, Instance, Mesh, Scene
 
 
 def batched(scene: Scene) -> Scene:
-    """The scene with the instances of each material in one mesh; blended ones stay as they are.
+    """Scene with the instances of each material in one mesh; blended ones stay as they are.
 
     Within a material the instances keep their order.
     """
@@ -24,13 +26,13 @@ def batched(scene: Scene) -> Scene:
             instances.append(dataclasses.replace(instance, mesh=len(meshes)))
             meshes.append(mesh)
             continue
-        look = (
+        key = (
             mesh.material,
             mesh.normals is None,
             mesh.texture_coordinates is None,
             mesh.colors is None,
         )
-        parts[look].append(in_world(mesh, instance))
+        parts[key].append(in_world(mesh, instance))
     for same in parts.values():
         instances.append(Instance(same[0].name, len(meshes), np.eye(4)))
         meshes.append(_joined(same))
@@ -38,7 +40,7 @@ def batched(scene: Scene) -> Scene:
 
 
 def in_world(mesh: Mesh, instance: Instance) -> Mesh:
-    """An instance's mesh with its positions, normals and winding as they are in the world."""
+    """Mesh of an instance with its positions, normals and winding in world coordinates."""
     matrix = instance.world_from_mesh
     linear = matrix[:3, :3]
     triangles, normals = mesh.triangles, mesh.normals
@@ -63,9 +65,16 @@ def _joined(meshes: list[Mesh]) -> Mesh:
     triangles = [
         mesh.triangles + np.uint32(first) for mesh, first in zip(meshes, firsts, strict=True)
     ]
-    joined = {
-        name: np.concatenate([getattr(mesh, name) for mesh in meshes])
-        for name in ("positions", "normals", "texture_coordinates", "colors")
-        if getattr(meshes[0], name) is not None
-    }
-    return dataclasses.replace(meshes[0], triangles=np.concatenate(triangles), **joined)
+
+    def join(arrays: Iterable[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
+        found = [array for array in arrays if array is not None]
+        return np.concatenate(found) if found else None
+
+    return dataclasses.replace(
+        meshes[0],
+        positions=np.concatenate([mesh.positions for mesh in meshes]),
+        triangles=np.concatenate(triangles),
+        normals=join(mesh.normals for mesh in meshes),
+        texture_coordinates=join(mesh.texture_coordinates for mesh in meshes),
+        colors=join(mesh.colors for mesh in meshes),
+    )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.embree_rays import EmbreeRays
 from benchmarks.peers.hit_colors import HitColors
-from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.peer import CAMERA, Peer, PicturePeer
 from omnisim.scene.model import Scene
 
 MOST_LAYERS = 16  # surfaces on one ray that something behind is seen through
@@ -21,7 +21,7 @@ class EmbreeGeometry(Peer):
     name = "Embree, geometry"
 
     def __init__(self, scene: Scene):
-        self._rays = EmbreeRays(scene, SENSOR.model)
+        self._rays = EmbreeRays(scene, CAMERA)
         self.texels = self._rays.count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -29,7 +29,7 @@ class EmbreeGeometry(Peer):
         return self._rays.cast(world_from_rig)
 
 
-class EmbreeColors(Peer):
+class EmbreeColors(PicturePeer):
     """The picture: what is hit, lit and textured in NumPy.
 
     A ray goes on where it hits a hole, the back of a surface that has none, or glass.
@@ -41,7 +41,7 @@ class EmbreeColors(Peer):
     name = "Embree, colour"
 
     def __init__(self, scene: Scene):
-        self.rays = EmbreeRays(scene, SENSOR.model)
+        self.rays = EmbreeRays(scene, CAMERA)
         self.texels = self.rays.count
         self._colors = HitColors(scene)
         self._background = np.array(scene.background, dtype=np.float32)

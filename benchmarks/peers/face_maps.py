@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.peer import SENSOR, mirror_rays
+from benchmarks.peers.peer import CAMERA, mirror_rays
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cube import face_index, face_tangents
 from omnisim.srgb import linear_from_srgb
@@ -36,7 +36,7 @@ class FaceMaps:
         """The picture (height, width, 3), between four texels; black where it is not valid."""
         import cv2
 
-        picture = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR)
+        picture = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
         picture[self._outside] = 0
         return picture
 
@@ -61,7 +61,7 @@ def _fine_bands(
     """The same for the finer picture that the reference is averaged from, in bands of rows."""
     import dataclasses
 
-    fine = SENSOR.model.scaled(CAPTURES)
+    fine = CAMERA.scaled(CAPTURES)
     u, v = fine.principal_point_px
     rows = fine.height_px // _BANDS
     return [
@@ -85,7 +85,7 @@ def averaged(linear_faces: NDArray[np.float32], faces: int) -> NDArray[np.float3
 
     parts = []
     for x, y, valid in _fine_bands(len(linear_faces), faces):
-        captured = cv2.remap(linear_faces, x, y, cv2.INTER_LINEAR)
+        captured = cv2.remap(linear_faces, x, y, cv2.INTER_LINEAR).astype(np.float32, copy=False)
         captured[~valid] = 0.0
         counts = _blocks(valid[..., None].astype(np.float32))
         parts.append(_blocks(captured) / np.maximum(counts, 1.0))
@@ -95,7 +95,8 @@ def averaged(linear_faces: NDArray[np.float32], faces: int) -> NDArray[np.float3
 def _blocks(fine: NDArray[np.float32]) -> NDArray[np.float32]:
     height, width, channels = fine.shape
     blocks = fine.reshape(height // CAPTURES, CAPTURES, width // CAPTURES, CAPTURES, channels)
-    return blocks.sum(axis=(1, 3))
+    sums: NDArray[np.float32] = blocks.sum(axis=(1, 3))
+    return sums
 
 
 def linear_from_levels(levels: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
 from omnisim.gpu.scene.scene_buffers import DrawItem, SceneBuffers, is_blended
 from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
-from omnisim.gpu.uniforms import columns_first
+from omnisim.gpu.uniforms import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
 
 SHADERS = Path(__file__).parent / "shaders"
@@ -110,7 +110,7 @@ class ObjectDrawing:
         context.enable_direct(FRAMEBUFFER_SRGB)
         context.depth_func = DEPTH_FUNCTION
         context.cull_face = "back"
-        context.blend_func = (
+        context.blend_func = (  # type: ignore[assignment]  # the stub knows no factors of alpha
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
         clip_from_viewpoint = CLIP_FROM_FACE.copy()
@@ -148,12 +148,12 @@ class _Brush:
     def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
         program = surface.program
         self._vertex_array = buffers.vertex_array(program)
-        self._clip_from_mesh = program["u_clip_from_mesh"]
-        self._base_color = program["u_base_color"]
-        self._alpha_cutoff = program.get("u_alpha_cutoff", None)
+        self._clip_from_mesh = uniform(program, "u_clip_from_mesh")
+        self._base_color = uniform(program, "u_base_color")
+        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
         # what has no lamps has neither
-        self._viewpoint_from_mesh = program.get("u_viewpoint_from_mesh", None)
-        self._normal_from_mesh = program.get("u_normal_from_mesh", None)
+        self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
+        self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
         self._material: Material | None = None
 
     def place(

@@ -10,7 +10,7 @@ from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
 from benchmarks.peers.gazebo import GazeboWay
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.paper import PaperWay
-from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.peer import SENSOR, Peer, PicturePeer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
 from omnisim.sensors import OmniCamera
@@ -74,7 +74,12 @@ class Field(Closing):
             self.close()
             raise
 
+    @property
+    def pictures(self) -> dict[str, PicturePeer]:
+        """Racers that make a picture, by name."""
+        return {name: peer for name, peer in self.peers.items() if isinstance(peer, PicturePeer)}
+
     def close(self) -> None:
-        """Give back what the racers hold."""
+        """Release the racers' resources."""
         for peer in self.peers.values():
             peer.close()

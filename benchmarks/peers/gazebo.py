@@ -19,9 +19,9 @@ from benchmarks.peers.face_target import (
     peer_program,
     srgb_texture,
 )
-from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.peer import CAMERA, PicturePeer
 from omnisim.gpu.gl_functions import gl_function
-from omnisim.gpu.uniforms import columns_first
+from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.scene.model import Scene
 
 FACE_PX = 512
@@ -44,7 +44,7 @@ FACE_FROM_CUBE: NDArray[np.float64] = np.array(
 _SIDES: NDArray[np.float64] = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], dtype=float)
 
 
-class GazeboWay(Peer):
+class GazeboWay(PicturePeer):
     """One texture that is drawn into, one cube map that is looked up."""
 
     name = "Gazebo's way"
@@ -59,7 +59,7 @@ class GazeboWay(Peer):
         self._target = face_target(context, drawn)
         self._cube = context.texture_cube((FACE_PX, FACE_PX), 4, internal_format=SRGB8_ALPHA8)
         self._cube.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        camera = SENSOR.model
+        camera = CAMERA
         size = (camera.width_px, camera.height_px)
         self._picture = context.framebuffer(
             [context.texture(size, 4, internal_format=SRGB8_ALPHA8)]
@@ -69,7 +69,8 @@ class GazeboWay(Peer):
         for name, value in camera.uniforms().items():
             program[name] = value
         program["u_cube"] = 0
-        program["u_cube_from_optical"].write(columns_first(CUBE_FROM_RIG @ camera.rig_from_optical))
+        cube_from_optical = CUBE_FROM_RIG @ camera.rig_from_optical
+        uniform(program, "u_cube_from_optical").write(columns_first(cube_from_optical))
         self._warp = context.vertex_array(program, [])
         self._copy = gl_function("glCopyImageSubData", *[ctypes.c_uint] * 2, *[ctypes.c_int] * 13)
 

@@ -97,7 +97,8 @@ class HitColors:
         weights = np.stack((1.0 - u - v, u, v), axis=1)
 
         def between(corners: Floats) -> Floats:
-            return np.einsum("nk,nkc->nc", weights, corners[triangles])
+            values: Floats = np.einsum("nk,nkc->nc", weights, corners[triangles])
+            return values
 
         material = world.materials[triangles]
         color = self._base[material] * self._table.lookup(
@@ -127,7 +128,8 @@ class HitColors:
         total = np.empty_like(normals)
         total[:] = lighting.ambient
         for light in lighting.lights:
-            color = np.float32(light.intensity * lighting.exposure) * np.float32(light.color)
+            intensity = np.float32(light.intensity * lighting.exposure)
+            color = intensity * np.array(light.color, dtype=np.float32)
             axis = light.direction.astype(np.float32)
             if light.kind is LightKind.DIRECTIONAL:
                 level = np.maximum(-np.einsum("ij,j->i", normals, axis), 0.0)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.peer import Peer
+from benchmarks.peers.peer import PicturePeer
 from omnisim.sensors import OmniCamera, Renderer, Stage
 
 
-class Omnisim(Peer):
+class Omnisim(PicturePeer):
     """A renderer on a stage."""
 
     def __init__(self, stage: Stage, sensor: OmniCamera, name: str, unlit: bool = False):

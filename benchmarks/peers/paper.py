@@ -18,7 +18,7 @@ from benchmarks.peers.face_target import (
     peer_program,
     srgb_texture,
 )
-from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.peer import CAMERA, PicturePeer
 from omnisim.cube import (
     CELL_TANGENT,
     FACE_FROM_RIG,
@@ -35,7 +35,7 @@ FACE_PX = 360
 FACES = tuple(range(5))  # all but the one that looks up
 
 
-class PaperWay(Peer):
+class PaperWay(PicturePeer):
     """Five framebuffers, no culling, no sorting; then the mesh of 1024 polygons."""
 
     name = "the paper's way"
@@ -47,7 +47,7 @@ class PaperWay(Peer):
         self._targets = [face_target(context, texture) for texture in self._textures]
         self.texels = len(FACES) * FACE_PX**2
         self.triangles = len(FACES) * int(self._drawing.counts.sum())
-        camera = SENSOR.model
+        camera = CAMERA
         self._size = (camera.width_px, camera.height_px)
         self._picture = context.framebuffer(
             [context.texture(self._size, 4, internal_format=SRGB8_ALPHA8)]
@@ -62,7 +62,7 @@ class PaperWay(Peer):
 
     def _mirror_parts(self) -> list[moderngl.VertexArray]:
         """The mirror, cut along the edges of the cube: one vertex array a face."""
-        mirror = SENSOR.model.mirror
+        mirror = CAMERA.mirror
         mesh = unfold(mirror, tessellate(mirror, PAPER_POLYGONS))
         cells = mesh.texture_coordinates * (LAYOUT_COLUMNS, LAYOUT_ROWS)
         # a triangle's cell is that of its middle: at the seams vertices lie on a cell's edge

@@ -1,4 +1,4 @@
-"""What every racer is to the race: a pose in, a picture out."""
+"""Interface of all racers: a pose in, a frame out."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.mirrors import HyperbolicMirror
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.omnicamera import PAPER_SIZE_PX
 from omnisim.sensors.stage import Closing
 
 # The frame that all race for: the paper's camera, 360 × 360 px, rim at 105°.
-SENSOR = OmniCamera(polygons=None)
+CAMERA = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
+SENSOR = OmniCamera(CAMERA, polygons=None)
 
 
 class Peer(Closing):
-    """One way to the frame; everything that does not change with the pose is made once.
+    """One way to compute the frame; everything that does not change with the pose is made once.
 
     Attributes:
         name: in the report.
-        texels: pixels of the virtual cameras, or rays, that a frame computes colours for; None:
-            not known.
+        texels: pixels of the virtual cameras, or rays, per frame; None: not known.
         triangles: submitted for the last frame; None: not known, or not a matter of triangles.
     """
 
@@ -30,11 +32,19 @@ class Peer(Closing):
     triangles: int | None = None
 
     @abstractmethod
-    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The picture (height, width, 3 or 4), sRGB, first row at the top, from a pose (4, 4)."""
+    def render(self, world_from_rig: NDArray[np.float64]) -> object:
+        """Compute a frame from a pose (4, 4)."""
 
     def close(self) -> None:
-        """Give back what it holds: most have nothing that the context does not end with."""
+        """Release resources; most hold none that the context does not end with."""
+
+
+class PicturePeer(Peer):
+    """A peer whose frame is a picture."""
+
+    @abstractmethod
+    def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Picture (height, width, 3 or 4), sRGB, first row at the top, from a pose (4, 4)."""
 
 
 def mirror_rays(camera: HyperbolicCamera) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.face_maps import FaceMaps, averaged, linear_from_levels
-from benchmarks.peers.peer import SENSOR, Peer
+from benchmarks.peers.peer import CAMERA, PicturePeer
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.scene.model import AlphaMode, Scene
 from omnisim.srgb import srgb8_from_linear
@@ -30,7 +30,7 @@ FACES = tuple(range(5))  # all but the one that looks up
 REFERENCE_FACE_PX = 4 * FACE_PX  # each texel of four samples, as pyrender always has
 
 
-class PyrenderFaces(Peer):
+class PyrenderFaces(PicturePeer):
     """Its own scene and context; maps for OpenCV."""
 
     def __init__(self, scene: Scene, lit: bool, device: int | None = None):
@@ -42,7 +42,7 @@ class PyrenderFaces(Peer):
         pinhole = pyrender.PerspectiveCamera(0.5 * np.pi, NEAR_M, FAR_M, aspectRatio=1.0)
         self._camera = self._stage.add(pinhole)
         self._renderer = _offscreen(lit, device)
-        self._maps = FaceMaps(SENSOR.model, FACE_PX, len(FACES))
+        self._maps = FaceMaps(CAMERA, FACE_PX, len(FACES))
         self._faces = np.empty((FACE_PX, len(FACES) * FACE_PX, 3), dtype=np.uint8)
         self.texels = len(FACES) * FACE_PX**2
         self.triangles = len(FACES) * scene.triangle_count

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.ours import Omnisim
-from benchmarks.peers.peer import SENSOR, Peer, mirror_rays
+from benchmarks.peers.peer import CAMERA, SENSOR, PicturePeer, mirror_rays
 from omnisim.sensors import Stage
+from omnisim.validation.psnr import psnr_of_levels_db
 
 CAPTURES = 8  # to a side of a pixel
 REFERENCE = dataclasses.replace(SENSOR, supersampling=CAPTURES, texels_per_pixel=float(CAPTURES))
@@ -32,17 +32,15 @@ def psnr_db(picture: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
     Those are the ones whose middle the mirror reflects into, and that alpha, where there is one,
     does not call empty.
     """
-    _, where = mirror_rays(SENSOR.model)
+    _, where = mirror_rays(CAMERA)
     for one in (picture, reference):
         if one.shape[2] == 4:
             where = where & (one[..., 3] > 0)
-    apart = picture[where][:, :3].astype(np.float64) - reference[where][:, :3]
-    error = float(np.mean(apart**2))
-    return BEST_DB if error == 0.0 else min(BEST_DB, 10.0 * math.log10(255.0**2 / error))
+    return min(BEST_DB, psnr_of_levels_db(picture[where][:, :3], reference[where][:, :3]))
 
 
 def measured_db(
-    peer: Peer, poses: NDArray[np.float64], against: list[NDArray[np.uint8]]
+    peer: PicturePeer, poses: NDArray[np.float64], against: list[NDArray[np.uint8]]
 ) -> NDArray[np.float64]:
     """PSNR (n,) of a peer's pictures from poses (n, 4, 4)."""
     return np.array(

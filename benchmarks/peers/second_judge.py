@@ -15,7 +15,7 @@ from benchmarks.peers import field
 from benchmarks.peers.embree import EmbreeColors
 from benchmarks.peers.field import Field
 from benchmarks.peers.path import race_poses
-from benchmarks.peers.peer import SENSOR
+from benchmarks.peers.peer import CAMERA
 from benchmarks.peers.quality import CAPTURES, psnr_db, references
 from omnisim.scene import load_scene
 from omnisim.sensors import Stage
@@ -27,19 +27,18 @@ JUDGED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COL
 
 def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The picture (height, width, 3) of 64 rays a pixel, averaged in linear light."""
-    camera = SENSOR.model
     levels = LINEAR_FROM_SRGB8
-    total = np.zeros((camera.height_px, camera.width_px, 3))
-    count = np.zeros((camera.height_px, camera.width_px, 1))
+    total = np.zeros((CAMERA.height_px, CAMERA.width_px, 3))
+    count = np.zeros((CAMERA.height_px, CAMERA.width_px, 1))
     shifts = (np.arange(CAPTURES) + 0.5) / CAPTURES - 0.5
     for right in shifts:
         for down in shifts:
-            u, v = camera.principal_point_px
-            shifted = dataclasses.replace(camera, principal_point_px=(u - right, v - down))
+            u, v = CAMERA.principal_point_px
+            shifted = dataclasses.replace(CAMERA, principal_point_px=(u - right, v - down))
             racer.rays.look_through(shifted)
             total += levels[racer.render(pose)] * racer.rays.valid[..., None]
             count += racer.rays.valid[..., None]
-    racer.rays.look_through(camera)
+    racer.rays.look_through(CAMERA)
     mean = total / np.maximum(count, 1.0)
     return srgb8_from_linear(mean)
 
@@ -50,8 +49,8 @@ def main(scene: str) -> None:
         pose = race_poses(stage, POSES)[LOOKED_AT]
         ours = references(stage, pose[None])[0]
         with Field(stage) as racers:
-            pictures = {name: racers.peers[name].render(pose) for name in JUDGED}
-            judge = racers.peers[field.EMBREE_COLOR]
+            pictures = {name: racers.pictures[name].render(pose) for name in JUDGED}
+            judge = racers.pictures[field.EMBREE_COLOR]
             assert isinstance(judge, EmbreeColors)
             theirs = by_embree(judge, pose)
     print(f"{scene}: our reference against Embree's: {psnr_db(ours, theirs):.1f} dB")

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from benchmarks.probes.probe import Probe, repeated
+from omnisim.gpu.uniforms import uniform
 
 _DRAWS = 256
 _TARGET_PX = 16
@@ -47,9 +48,9 @@ def submission_probes(context: moderngl.Context) -> list[Probe]:
         texture = context.texture((1, 1), 4, bytes(4))
         # of each draw: indices, instances, first index, first vertex, first instance
         listed = context.buffer(np.tile(np.array([3, 1, 0, 0, 0], dtype="<u4"), (_DRAWS, 1)))
-    uniforms = [program[f"u_{name}_from_mesh"] for name in ("clip", "here", "normal")]
+    uniforms = [uniform(program, f"u_{name}_from_mesh") for name in ("clip", "viewpoint", "normal")]
     matrices = [np.eye(size, dtype=np.float32) for size in (4, 4, 3)]
-    color = program["u_base_color"]
+    color = uniform(program, "u_base_color")
 
     def matrix() -> None:
         uniforms[0].write(matrices[0])
@@ -61,8 +62,8 @@ def submission_probes(context: moderngl.Context) -> list[Probe]:
         vertex_array.render(moderngl.TRIANGLES, vertices=3)
 
     def draw_with_state() -> None:
-        for uniform, value in zip(uniforms, matrices, strict=True):
-            uniform.write(value)
+        for matrix_uniform, value in zip(uniforms, matrices, strict=True):
+            matrix_uniform.write(value)
         color.value = (0.5, 0.5, 0.5, 1.0)
         texture.use(0)
         vertex_array.render(moderngl.TRIANGLES, vertices=3)

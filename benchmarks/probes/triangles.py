@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.probes.probe import Probe, repeated
+from omnisim.gpu.uniforms import uniform
 
 _SIDE = 128  # squares of two triangles to a side
 _TARGET_PX = 192  # so nine pixels to four squares
@@ -54,6 +55,8 @@ def triangle_probes(context: moderngl.Context) -> list[Probe]:
     vertices, triangles = _grid()
     with context:
         program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        clip_from_mesh = uniform(program, "u_clip_from_mesh")
+        viewpoint_from_mesh = uniform(program, "u_viewpoint_from_mesh")
         color = context.renderbuffer((_TARGET_PX, _TARGET_PX), 4, dtype="f2")
         depth = context.depth_renderbuffer((_TARGET_PX, _TARGET_PX))
         target = context.framebuffer([color], depth)
@@ -72,8 +75,8 @@ def triangle_probes(context: moderngl.Context) -> list[Probe]:
                 context.depth_func = ">"
                 context.front_face = "ccw"
                 context.cull_face = "back"
-                program["u_clip_from_mesh"].write(matrix)
-                program["u_viewpoint_from_mesh"].write(matrix)
+                clip_from_mesh.write(matrix)
+                viewpoint_from_mesh.write(matrix)
                 vertex_array.render(moderngl.TRIANGLES)
 
             return draw

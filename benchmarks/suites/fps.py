@@ -31,6 +31,7 @@ from omnisim.reports.measure import Measure
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.validation.fixture import mirror_camera
 
 POLYGONS = (16, 64, 256, 1024, 4096)
 EXACT = "exact"
@@ -111,7 +112,7 @@ def lines(report: dict[str, Any]) -> list[str]:
             f"{f'FPS/FPS({POLYGONS[0]}) (95 %)':23}{'processor':>9}{'mesh off by':>13}"
         )
         told += [f"  {_title(row):16} {_told(row)}" for row in rows]
-    return told + bound_lines(report) + report["remarks"]
+    return [*told, *bound_lines(report), *report["remarks"]]
 
 
 def plot(report: dict[str, Any], path: Path) -> None:
@@ -179,7 +180,7 @@ def _frame(
 
 def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
     """How far each mesh shifts what it shows, on average, as a share of the picture's width."""
-    mirror = vehicle.camera().sensor.model.mirror
+    mirror = mirror_camera(vehicle.camera().sensor).mirror
     errors = {
         str(polygons): mesh_error(mirror, tessellate(mirror, polygons), rim_radius_px=0.5).mean_px
         for polygons in POLYGONS

@@ -45,13 +45,16 @@ def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
             if row["sensor"] == "camera" and (row["size_px"], row["setting"]) == (size_px, setting)
         ]
         meshes = [row for row in camera if row["polygons"] != "exact"]
-        look = {"color": COLORS[setting], "marker": MARKERS.get(size_px, "^"), "capsize": 2.5}
-        axes.errorbar(
-            [row["polygons"] for row in meshes], *_fps(meshes), **look,
-            label=f"view and camera, {size_px}² {setting}",
-        )  # fmt: skip
         exact = [row for row in camera if row["polygons"] == "exact"]
-        axes.errorbar([EXACT_AT] * len(exact), *_fps(exact), linestyle="none", **look)
+        for found, line, label in (
+            (meshes, "-", f"view and camera, {size_px}² {setting}"),
+            (exact, "none", None),
+        ):
+            polygons = [row["polygons"] if found is meshes else EXACT_AT for row in found]
+            axes.errorbar(
+                polygons, *_fps(found), linestyle=line, label=label,
+                color=COLORS[setting], marker=MARKERS.get(size_px, "^"), capsize=2.5,
+            )  # fmt: skip
     axes.set_xscale("log", base=2)
     counts = sorted({row["polygons"] for row in rows if isinstance(row["polygons"], int)})
     axes.set_xticks([*counts, EXACT_AT], [*map(str, counts), "exact"])

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import moderngl
 import numpy as np
 
 from benchmarks.options import Options
@@ -50,7 +52,7 @@ def run(options: Options) -> dict[str, Any]:
     pipelines = _pipelines(context, scene)
     viewpoint = ScenePoses(poses.pose(scene.start.position_m))
 
-    def frame_of(pipeline: Pipeline) -> Any:
+    def frame_of(pipeline: Pipeline) -> Callable[[], None]:
         def work() -> None:
             pipeline.render(viewpoint)
             context.finish()
@@ -62,7 +64,7 @@ def run(options: Options) -> dict[str, Any]:
         options.rounds, options.warm_up, options.progress, "lenses",
     )  # fmt: skip
     cheapest = timings.cheapest()
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "lens": name,
             **timings.row(name),
@@ -119,7 +121,7 @@ def plot(report: dict[str, Any], path: Path) -> None:
     write_plot(path, figure)
 
 
-def _pipelines(context: Any, scene: Scene) -> dict[str, Pipeline]:
+def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
     buffers = SceneBuffers(context, scene)
     fine = SIZE_PX * SUPERSAMPLING
     # the faces of a picture of the whole sphere: every lens finds all its directions there
@@ -137,14 +139,14 @@ def _pipelines(context: Any, scene: Scene) -> dict[str, Pipeline]:
     return pipelines
 
 
-def _in_picture(camera: Any, size_px: int) -> CentralCamera:
-    """A camera as fine as the picture, in the middle of it."""
+def _in_picture(camera: CentralCamera, size_px: int) -> CentralCamera:
+    """Camera scaled to the picture, its principal point in the middle."""
     scaled = camera.scaled(size_px / max(camera.width_px, camera.height_px))
+    assert dataclasses.is_dataclass(scaled)
     changes: dict[str, Any] = {"width_px": size_px, "height_px": size_px}
-    if hasattr(scaled, "principal_point_px"):
+    if any(field.name == "principal_point_px" for field in dataclasses.fields(scaled)):
         changes["principal_point_px"] = _middle(size_px)
-    changed: CentralCamera = dataclasses.replace(scaled, **changes)
-    return changed
+    return dataclasses.replace(scaled, **changes)
 
 
 def _middle(size_px: int) -> tuple[float, float]:

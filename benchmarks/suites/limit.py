@@ -20,7 +20,7 @@ faces so small that nothing is left to fill.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -146,7 +146,7 @@ def _machine_probes(context: moderngl.Context) -> list[Probe]:
 def _take_turns(
     probes: Sequence[Probe], frames: Sequence[LimitedFrame], options: Options
 ) -> Timings:
-    turns = {probe.name: probe.work for probe in probes}
+    turns: dict[str, Callable[[], object]] = {probe.name: probe.work for probe in probes}
     for frame in frames:
         turns[frame.name] = frame.frame.render
         turns[f"{frame.name}, in parts"] = frame.take_apart

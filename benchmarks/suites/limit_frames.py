@@ -112,9 +112,9 @@ class LimitedFrame:
         paired = Timings(
             {
                 "whole": whole,
-                "in parts": sum(parts.values()),
+                "in parts": np.sum(list(parts.values()), axis=0),
                 "after the faces": parts["capture"] + parts["readback"],
-                "limit": sum(limits.values()),
+                "limit": np.sum(list(limits.values()), axis=0),
                 "limit of virtual_cameras": limits["texels"] + limits["triangles"],
                 "limit of capture": limits["lookups"],
                 "limit of readback": limits["readback"],
@@ -122,7 +122,7 @@ class LimitedFrame:
             },
             {
                 "whole": timings.processor_seconds[self.name],
-                "limit": sum(processor_limits.values()),
+                "limit": np.sum(list(processor_limits.values()), axis=0),
             },
         )
         faces = self.counts.virtual_cameras

@@ -20,7 +20,8 @@ from benchmarks.peers import field
 from benchmarks.peers.field import Field
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.path import race_poses
-from benchmarks.peers.peer import SENSOR
+from benchmarks.peers.peer import CAMERA, SENSOR
+from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.peers.quality import TRUTH, measured_db, references
 from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import load_scenes
@@ -71,21 +72,21 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
                 ours = (*field.LADDER, field.UNLIT)
                 slow_ones = [one for one in racers.peers if one in (*ours, *SLOW)]
                 groups = [(fast_ones, options), (slow_ones, options.fewer(TIMES_FEWER))]
-                timings = {}
+                timings: dict[str, tuple[Timings, int]] = {}
                 for group, turns in groups:
                     timed = _timings(stage, racers, group, path, turns, f"peers: {name}")
                     timings |= {one: (timed, turns.rounds) for one in group if one not in timings}
                 quality = _quality(stage, racers, path, looked_at, options)
                 as_good = {one: _as_good(one, quality) for one in racers.peers}
                 rows += [
-                    {"scene": name, **_row(one, racers, timings, quality, as_good.get(one))}
+                    {"scene": name, **_row(one, racers, timings, quality, as_good)}
                     for one in field.NAMES
                 ]
                 bounds += _bounds(name, timings, quality, as_good)
             report = make_report(
                 "peers", options, stage.context, rows, bounds,
-                picture_px=SENSOR.model.width_px,
-                theta_max_deg=float(np.degrees(SENSOR.model.mirror.theta_max_rad)),
+                picture_px=CAMERA.width_px,
+                theta_max_deg=float(np.degrees(CAMERA.mirror.theta_max_rad)),
                 poses=poses,
             )  # fmt: skip
     return report
@@ -150,10 +151,10 @@ def _quality(
     lit = dict(zip(numbers, references(stage, path[numbers]), strict=True))
     unlit = dict(zip(few, references(stage, path[few], unlit=True), strict=True))
     quality: Quality = {}
-    names = [name for name in racers.peers if name != field.EMBREE]  # triangles are no picture
-    for at in options.progress(range(len(names)), "peers: quality", len(names)):
-        name, peer = names[at], racers.peers[names[at]]
-        if name == field.PYRENDER:
+    pictures = list(racers.pictures.items())
+    for at in options.progress(range(len(pictures)), "peers: quality", len(pictures)):
+        name, peer = pictures[at]
+        if name == field.PYRENDER and isinstance(peer, PyrenderFaces):
             against = {number: peer.reference(path[number]) for number in few}
         else:
             against = unlit if TRUTHS.get(name) else lit
@@ -181,11 +182,12 @@ def _row(
     racers: Field,
     timings: dict[str, tuple[Timings, int]],
     quality: Quality,
-    ratio_to: str | None,
+    as_good: dict[str, str],
 ) -> dict[str, Any]:
     if name in racers.missing:
         return {"racer": name, "missing": racers.missing[name]}
     timed, rounds = timings[name]
+    ratio_to = as_good[name]
     values = list(quality.get(name, {}).values())
     return {
         "racer": name,
@@ -246,7 +248,7 @@ def _margin_db(ours: dict[int, float], theirs: dict[int, float]) -> float:
 
 def _told(row: dict[str, Any]) -> str:
     if row["missing"] is not None:
-        return row["missing"]
+        return str(row["missing"])
     times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
     ratio = f"{row['ratio']:.2f} ({row['ratio_low']:.2f} – {row['ratio_high']:.2f})"
     quality = [_number(row[key], ".1f") for key in ("psnr_db", "psnr_worst_db")]

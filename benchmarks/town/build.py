@@ -131,13 +131,13 @@ def _mesh(name: str, material: int, texture_m: float, parts: list[Part]) -> Mesh
     """All that a block has of one material, whose texture is so wide."""
     bases = np.cumsum([0, *(len(part.positions) for part in parts)], dtype=np.uint32)
     triangles = [part.triangles + base for part, base in zip(parts, bases, strict=False)]
-    coordinates = np.concatenate([part.texture_coordinates for part in parts])
+    coordinates_m = np.concatenate([part.texture_coordinates for part in parts])
     return Mesh(
         name,
         np.concatenate([part.positions for part in parts]),
         np.concatenate(triangles),
         material,
-        texture_coordinates=coordinates / np.float32(texture_m),
+        texture_coordinates=(coordinates_m / np.float32(texture_m)).astype(np.float32, copy=False),
     )
 
 

@@ -49,8 +49,9 @@ class Pieces:
         """An upright prism, or a cone cut off, without its ends."""
         angles = np.arange(sides + 1) * 2.0 * np.pi / sides
         ring = np.stack((np.cos(angles), np.sin(angles), np.zeros(sides + 1)), axis=-1)
-        low = foot + radii_m[0] * ring
-        high = foot + radii_m[1] * ring + np.array([0.0, 0.0, height_m])
+        base = np.asarray(foot, dtype=np.float64)
+        low = base + radii_m[0] * ring
+        high = base + radii_m[1] * ring + np.array([0.0, 0.0, height_m])
         for at in range(sides):
             self.quad(material, low[at], low[at + 1], high[at + 1], high[at])
 

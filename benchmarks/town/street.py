@@ -6,6 +6,7 @@ A plot lies about its house; the road is along x at −y, and its middle is the 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.town.pieces import Part, Pieces
 
@@ -51,8 +52,8 @@ def tree() -> dict[str, Part]:
         (0.0, 0.0, 3.6, 1.5), (0.8, 0.3, 2.9, 1.0), (-0.7, 0.5, 3.0, 1.1), (0.1, -0.8, 2.8, 1.0),
         (0.2, 0.2, 4.8, 0.9),
     )  # fmt: skip
-    for turn, (x, y, z, radius) in enumerate(clumps):
-        for corners in _icosahedron(0.7 * turn):
+    for index, (x, y, z, radius) in enumerate(clumps):
+        for corners in _icosahedron(0.7 * index):
             pieces.quad("leaves", *(corners * (radius, radius, 0.85 * radius) + (x, y, z)))
     return pieces.parts()
 
@@ -67,8 +68,8 @@ def lamp() -> dict[str, Part]:
     return pieces.parts()
 
 
-def _icosahedron(turn_rad: float) -> np.ndarray:
-    """Its 20 triangles (20, 3, 3), corners at distance 1, turned about z."""
+def _icosahedron(yaw_rad: float) -> NDArray[np.float64]:
+    """Triangles (20, 3, 3) with corners at distance 1, turned about z."""
     g = 0.5 * (1.0 + np.sqrt(5.0))
     corners = np.array(
         [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g),
@@ -79,6 +80,7 @@ def _icosahedron(turn_rad: float) -> np.ndarray:
          (11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9),
          (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
     )  # fmt: skip
-    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     about_z = np.array([(cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)])
-    return (corners / np.hypot(1.0, g) @ about_z.T)[sides]
+    triangles: NDArray[np.float64] = (corners / np.hypot(1.0, g) @ about_z.T)[sides]
+    return triangles

@@ -1,8 +1,9 @@
-"""How far two pictures are apart, and how much of it is noise."""
+"""Peak signal-to-noise ratio of two pictures, and its noise floor."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,24 +12,29 @@ from omnisim.srgb import srgb_from_linear
 
 
 def psnr_db(
-    first: NDArray[np.floating], second: NDArray[np.floating], where: NDArray[np.bool_]
+    first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
 ) -> float:
     """Peak signal-to-noise ratio of two pictures (height, width, 3), linear RGB, as 8-bit sRGB.
 
-    Only pixels `where` (height, width) count. Infinite where they are equal; rounding alone
+    Only pixels in the mask (height, width) count. Infinite where they are equal; rounding alone
     leaves 56 dB between pictures that are merely almost so.
     """
-    levels = [np.rint(255.0 * srgb_from_linear(picture[where])) for picture in (first, second)]
-    error = float(np.mean((levels[0] - levels[1]) ** 2))
+    one, other = (np.rint(255.0 * srgb_from_linear(values[mask])) for values in (first, second))
+    return psnr_of_levels_db(one, other)
+
+
+def psnr_of_levels_db(first: NDArray[Any], second: NDArray[Any]) -> float:
+    """Peak signal-to-noise ratio of 8-bit levels (...), 0 to 255; infinite where all are equal."""
+    error = float(np.mean((first.astype(np.float64) - second) ** 2))
     return math.inf if error == 0.0 else 10.0 * math.log10(255.0**2 / error)
 
 
 def noise_floor_db(
-    first: NDArray[np.floating], second: NDArray[np.floating], where: NDArray[np.bool_]
+    first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
 ) -> float:
     """PSNR that its noise alone leaves between a sampled picture and a perfect one.
 
     Two pictures sampled with different seeds differ by the noise of both: twice the variance of
     either, 3 dB.
     """
-    return psnr_db(first, second, where) + 10.0 * math.log10(2.0)
+    return psnr_db(first, second, mask) + 10.0 * math.log10(2.0)
