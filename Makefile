@@ -1,16 +1,13 @@
-# Two commands do everything on a fresh Debian or Ubuntu machine with Python and make:
-#   make demo   installs what is missing and renders a first picture
-#   make test   installs what is missing and runs the tests
-# And one proves the geometry:
-#   make validate
-# And one repeats the paper's experiments, a robot that finds itself:
-#   make experiments
-# And one tells what it costs, and races others:
-#   make bench
+# On a fresh Debian or Ubuntu machine with Python and make, each target installs missing dependencies:
+#   make demo          renders a first picture
+#   make test          runs linters and tests
+#   make validate      validates the geometry
+#   make experiments   repeats the paper's experiments in self-localization
+#   make bench         measures performance, also that of other renderers
 
 .PHONY: help demo test validate experiments bench readme gallery sheets lint setup system clean
 
-# The first Python that is new enough; say PYTHON=... to choose another.
+# The first Python that is new enough; override with PYTHON=...
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
 	&& { echo "$$python"; break; }; done)
@@ -19,16 +16,17 @@ BIN := $(VENV)/bin
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 help:
-	@echo "Each installs what is missing first."
-	@echo "make demo         render a first picture"
-	@echo "make test         run the tests"
-	@echo "make validate     prove the geometry: out/validation"
-	@echo "make experiments  repeat the paper's experiments: out/experiments"
-	@echo "make bench        the paper's Fig. 10, and the race against others: out/benchmarks"
-	@echo "make readme       prove the geometry, and put numbers and figures into README"
-	@echo "make gallery      render one scene through every camera model: omnisim/cameras/gallery"
-	@echo "make sheets       every channel of ground truth, every degradation: omnisim/sensors/sheets"
-	@echo "make clean        remove what these made"
+	@echo "Each target installs missing dependencies first."
+	@echo "make demo         render a first picture: out/courtyard.png"
+	@echo "make test         run linters and tests"
+	@echo "make lint         run ruff and mypy"
+	@echo "make validate     validate the geometry: out/validation"
+	@echo "make experiments  repeat the paper's experiments in self-localization: out/experiments"
+	@echo "make bench        measure performance, also of other renderers: out/benchmarks"
+	@echo "make readme       validate, and update README's measures and figures"
+	@echo "make gallery      render a scene through every camera model: omnisim/cameras/gallery"
+	@echo "make sheets       render every channel and degradation: omnisim/sensors/sheets"
+	@echo "make clean        remove the environment and all outputs"
 
 demo: setup
 	@mkdir -p out
@@ -46,7 +44,7 @@ experiments: setup
 	@mkdir -p out
 	$(BIN)/omnisim experiments -o out/experiments
 
-# Ends with an error where a bound does not hold, after all suites have run.
+# Fails if a bound does not hold, after all suites have run.
 bench: setup
 	$(BIN)/python -m benchmarks all -o out/benchmarks
 
@@ -74,8 +72,8 @@ $(VENV)/.installed: pyproject.toml constraints.txt | system
 		--constraint constraints.txt --editable '.[dev,oracles,video]'
 	@touch $@
 
-# What pip cannot install: OpenGL, what Mitsuba needs, and on Debian also Python's own venv. Nothing
-# is installed where nothing is missing.
+# System packages that pip cannot install: OpenGL, Mitsuba's libatomic, and on Debian Python's venv.
+# Without missing ones this does nothing.
 system:
 	@if [ -z "$(PYTHON)" ]; then \
 		echo "omnisim needs Python 3.11 or newer: sudo apt-get install python3"; exit 1; fi

@@ -1,4 +1,4 @@
-"""omnisim: pictures from omnidirectional cameras that can be trusted to a tenth of a pixel.
+"""Simulator of omnidirectional cameras, accurate to a tenth of a pixel.
 
 scene = omnisim.load_scene("courtyard")
 with omnisim.Renderer(scene, omnisim.OmniCamera()) as renderer:
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from omnisim.sensors.motion import Twist
     from omnisim.simulation.vehicle import Vehicle
 
-# Imported when first used: `import omnisim` is instant, and `omnisim --help` needs no GPU library.
-_HOMES = {
+# Modules of the names, imported at first use: `import omnisim` is fast, and `omnisim --help` needs
+# no GPU library.
+_MODULES = {
     "Calibration": "omnisim.calibration",
     "calibration_of": "omnisim.calibration",
     "load_calibration": "omnisim.calibration",
@@ -71,8 +72,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module 'omnisim' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(_MODULES[name]), name)

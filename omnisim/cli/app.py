@@ -35,7 +35,7 @@ INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
 
 app = typer.Typer(
     name="omnisim",
-    help="Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel.",
+    help="Simulator of omnidirectional cameras, accurate to a tenth of a pixel.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     add_completion=False,
@@ -236,7 +236,7 @@ def _options(
         ),
     ] = False,
 ) -> None:
-    """Pictures from omnidirectional cameras that can be trusted to a tenth of a pixel."""
+    """Parse the options of `omnisim` itself."""
 
 
 def main() -> None:
