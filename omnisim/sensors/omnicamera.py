@@ -26,7 +26,7 @@ from omnisim.sensors.quality import (
 )
 
 if TYPE_CHECKING:
-    from omnisim.sensors.sensor_file import SensorFile
+    from omnisim.sensors.sensor_file import SensorSettings
 
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
@@ -125,21 +125,21 @@ class OmniCamera:
         return cls._from_settings(parse_sensor(table, source))
 
     @classmethod
-    def _from_settings(cls, settings: SensorFile) -> OmniCamera:
+    def _from_settings(cls, settings: SensorSettings) -> OmniCamera:
         mounting, virtual = settings.mounting, settings.virtual_cameras
         return cls(
-            model=settings.make_camera(),
-            polygons=settings.polygon_count,
+            model=settings.model,
+            polygons=settings.polygons,
             base_from_rig=poses.pose(
                 mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
             ),
-            face_size_px=virtual.face_size_px,
+            face_size_px=None if virtual.size_px == "auto" else virtual.size_px,
             near_m=virtual.near_m,
             far_m=virtual.far_m,
             samples=virtual.samples,
             supersampling=settings.quality.supersampling,
             texels_per_pixel=settings.quality.texels_per_pixel,
-            degradation=settings.make_degradation(),
+            degradation=settings.degradation,
         )
 
     def resized(self, size_px: int) -> OmniCamera:

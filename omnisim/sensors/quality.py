@@ -1,9 +1,8 @@
-"""How finely a picture is captured, by a name or by numbers.
+"""Capture quality: texels of the virtual cameras and samples per pixel, by a name or by numbers.
 
-Both numbers are about one thing, jagged edges and lost detail, at two places: the virtual cameras
-take so many texels to a side of the picture's finest pixels, and the capture looks so many times to
-a side of each pixel and averages. The names are settings where neither is finer than the other can
-show.
+Both numbers are about jagged edges and lost detail, at two places: texels to a side of the
+picture's finest pixels, and samples to a side of each pixel, which are averaged. The names are
+settings where neither is finer than the other can show.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side 
 QualityName = Literal["fast", "default", "fine"]
 
 
-class Quality(NamedTuple):
-    """How finely a picture is captured.
+class CaptureQuality(NamedTuple):
+    """Texels and samples of a capture.
 
     Attributes:
-        supersampling: captured pixels to a side of a pixel of the picture.
+        supersampling: samples to a side of a pixel of the picture.
         texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels.
     """
 
@@ -30,16 +29,16 @@ class Quality(NamedTuple):
     texels_per_pixel: float
 
 
-QUALITIES: dict[str, Quality] = {
-    "fast": Quality(2, 1.0),
-    "default": Quality(3, 2.9),
-    "fine": Quality(4, 4.0),
+QUALITIES: dict[str, CaptureQuality] = {
+    "fast": CaptureQuality(2, 1.0),
+    "default": CaptureQuality(3, 2.9),
+    "fine": CaptureQuality(4, 4.0),
 }
 DEFAULT_QUALITY: QualityName = "default"
 
 
-def quality_named(name: str) -> Quality:
-    """What a name stands for.
+def quality_named(name: str) -> CaptureQuality:
+    """Capture quality of a name.
 
     Raises:
         OpticsError: there is no such quality.

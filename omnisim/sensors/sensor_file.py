@@ -1,16 +1,17 @@
-"""The sensor file: the paper's three groups of USARBot.ini (section 2.4) in TOML.
+"""Sensor files: the paper's three groups of USARBot.ini (section 2.4) in TOML.
 
-`paper.toml` beside this file has every key, with its default and a comment.
+`paper.toml` beside this module has every key, with its default and a comment.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeGuard
 
-from pydantic import ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
 from omnisim.errors import CalibrationError, OpticsError, SensorFileError, did_you_mean
@@ -30,7 +31,7 @@ from omnisim.sensors.quality import (
     MAX_DENSITY,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
-    Quality,
+    CaptureQuality,
     QualityName,
     quality_named,
 )
@@ -40,32 +41,36 @@ DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
-def _is_size(value: Any) -> bool:
+def _is_finite(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and value is not True and math.isfinite(value)
+
+
+def _is_size(value: object) -> bool:
     return type(value) is int and 1 <= value <= MAX_PICTURE_PX
 
 
-def _is_positive(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value) and value > 0
+def _is_positive(value: object) -> bool:
+    return _is_finite(value) and value > 0
 
 
-def _is_point(value: Any) -> bool:
-    return (
-        isinstance(value, list | tuple)
-        and len(value) == 2
-        and all(type(part) in (int, float) and math.isfinite(part) for part in value)
-    )
+def _is_point(value: object) -> bool:
+    return isinstance(value, list | tuple) and len(value) == 2 and all(map(_is_finite, value))
 
 
-PolygonCount = Annotated[Any, keyword_or("exact", "a whole number", lambda v: type(v) is int)]
-FaceSize = Annotated[Any, keyword_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
-FocalLength = Annotated[Any, keyword_or("fit", "a number > 0", _is_positive)]
-PrincipalPoint = Annotated[Any, keyword_or("centre", "[u, v] in pixels", _is_point)]
+PolygonCount = Annotated[
+    Literal["exact"] | int, keyword_or("exact", "a whole number", lambda v: type(v) is int)
+]
+FaceSize = Annotated[Literal["auto"] | int, keyword_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
+FocalLength = Annotated[Literal["fit"] | float, keyword_or("fit", "a number > 0", _is_positive)]
+PrincipalPoint = Annotated[
+    Literal["centre"] | tuple[float, float], keyword_or("centre", "[u, v] in pixels", _is_point)
+]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
 
 
-class Mounting(Table):
-    """Where the effective viewpoint sits on the vehicle, and how the sensor is turned."""
+class MountingTable(Table):
+    """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
 
     position_m: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     roll_deg: Number = 0.0
@@ -73,7 +78,7 @@ class Mounting(Table):
     yaw_deg: Number = 0.0
 
 
-class Mirror(Table):
+class MirrorTable(Table):
     """First group: the static mesh."""
 
     shape: Literal["hyperbolic"] = "hyperbolic"
@@ -83,21 +88,55 @@ class Mirror(Table):
     theta_max_deg: Number | None = None
     rim_radius_m: Positive | None = None
     polygons: PolygonCount = 1024
-    mounting: Mounting = Field(default_factory=Mounting)
+    mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
-    def _one_rim(self) -> Mirror:
+    def _one_rim(self) -> MirrorTable:
         if self.theta_max_deg is not None and self.rim_radius_m is not None:
             raise ValueError("theta_max_deg and rim_radius_m both say where the rim is: want one")
         return self
 
-    @property
-    def polygon_count(self) -> int | None:
-        """Polygons of the mesh, or None: exact."""
-        return None if self.polygons == "exact" else self.polygons
+    def make_mirror(self, source: str) -> HyperbolicMirror:
+        """The mirror.
+
+        Raises:
+            SensorFileError: values that do not fit each other.
+        """
+        shape = (self.k, self.c, self.meters_per_unit)
+        try:
+            if self.rim_radius_m is not None:
+                return HyperbolicMirror.with_rim_radius(self.rim_radius_m, *shape)
+            rim = DEFAULT_RIM_RAD
+            if self.theta_max_deg is not None:
+                rim = math.radians(self.theta_max_deg)
+            return HyperbolicMirror(*shape, rim)
+        except OpticsError as reason:
+            given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
+            if self.rim_radius_m is not None:
+                given = f"rim_radius_m = {self.rim_radius_m}"
+            elif self.theta_max_deg is not None:
+                given = f"theta_max_deg = {self.theta_max_deg}"
+            words = str(reason).removeprefix("mirror: ")
+            raise SensorFileError(f"{source}: mirror.{given}: {words}") from None
+
+    def polygon_count(self, source: str) -> int | None:
+        """Polygons of the mesh, or None: exact.
+
+        Raises:
+            SensorFileError: a count that makes no mesh.
+        """
+        if self.polygons == "exact":
+            return None
+        try:
+            sectors_and_rings(self.polygons)
+        except OpticsError as reason:
+            words = str(reason).removeprefix("mirror: ")
+            where = f"{source}: mirror.polygons = {self.polygons}"
+            raise SensorFileError(f"{where}: {words}") from None
+        return self.polygons
 
 
-class VirtualCameras(Table):
+class VirtualCamerasTable(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
@@ -107,18 +146,15 @@ class VirtualCameras(Table):
     samples: Literal[1, 2, 4, 8] = 1
 
     @model_validator(mode="after")
-    def _near_before_far(self) -> VirtualCameras:
+    def _near_before_far(self) -> VirtualCamerasTable:
         if not self.near_m < self.far_m:
-            raise ValueError(f"far_m = {self.far_m:g}: want more than near_m = {self.near_m:g}")
+            raise ValueError(
+                f"far_m: expected more than near_m = {self.near_m:g}, got {self.far_m:g}"
+            )
         return self
 
-    @property
-    def face_size_px(self) -> int | None:
-        """Texels across 90°, or None: as the picture needs."""
-        return None if self.size_px == "auto" else self.size_px
 
-
-class Camera(Table):
+class CameraTable(Table):
     """Third group: the camera that looks at the mirror."""
 
     width_px: Size = 360
@@ -128,11 +164,21 @@ class Camera(Table):
     quality: QualityName = DEFAULT_QUALITY
     supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
 
+    def make_camera(self, mirror: HyperbolicMirror) -> HyperbolicCamera:
+        """The camera below a mirror."""
+        camera = HyperbolicCamera.framed_on_rim(mirror, self.width_px, self.height_px)
+        if self.focal_length_px != "fit":
+            camera = replace(camera, focal_length_px=self.focal_length_px)
+        if self.principal_point_px != "centre":
+            camera = replace(camera, principal_point_px=self.principal_point_px)
+        return camera
 
-class Lens(Table):
-    """Instead of the first and third group: a camera model by its own parameters, or a
-    calibration file, whose path is beside the sensor file's, a camera's name in it, and whether it
-    is mirrored.
+
+class LensTable(Table):
+    """A camera in place of the first and third group.
+
+    Its own parameters, which depend on the model; or a calibration file, whose path is beside the
+    sensor file's, a camera's name in it, and whether that is mirrored.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -140,56 +186,67 @@ class Lens(Table):
     model: str | None = None
     calibration: str | None = None
     camera: str | None = None
-    mounting: Mounting = Field(default_factory=Mounting)
+    mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
-    def _model_or_calibration(self) -> Lens:
+    def _model_or_calibration(self) -> LensTable:
         if self.model is None and self.calibration is None:
-            raise ValueError("model: missing; want it, or calibration with the name of a file")
+            raise ValueError("model: missing; expected it, or calibration with the name of a file")
         return self
 
-    def make_camera(self, folder: Path) -> CentralCamera:
+    def make_camera(self, source: str) -> CentralCamera:
         """The camera of these parameters, or of the calibration file.
 
         Raises:
-            OpticsError: naming the key and what was wanted.
-            CalibrationError: the calibration file cannot be read.
+            SensorFileError: naming the key and what was expected.
         """
-        others = sorted((self.__pydantic_extra__ or {}).keys() - {"mirrored"})
+        extra = dict(self.__pydantic_extra__ or {})
         if self.calibration is not None:
-            if self.model is not None or others:
-                other = "model" if self.model is not None else others[0]
-                raise OpticsError(f"camera: {other}: calibration says it already: want one")
-            mirrored = (self.__pydantic_extra__ or {}).get("mirrored")
-            if mirrored is not None and type(mirrored) is not bool:
-                raise OpticsError(f"camera: mirrored = {mirrored!r}: want true or false")
-            # formats and fits are worth their time only to those who ask for them
-            from omnisim.calibration import load_calibration
-
-            found = load_calibration(folder / self.calibration, mirrored=mirrored)
-            return found.camera(self.camera).camera
+            return self._calibrated(self.calibration, extra, source)
         if self.camera is not None:
-            raise OpticsError("camera: camera: is a name in a calibration file: want calibration")
-        parameters = {"model": self.model, **(self.__pydantic_extra__ or {})}
-        camera = camera_from_parameters(parameters)
+            words = "is a name in a calibration file: expected calibration"
+            raise SensorFileError(f"{source}: lens.camera: {words}")
+        parameters = {"model": self.model, **extra}
+        try:
+            camera = camera_from_parameters(parameters)
+        except OpticsError as reason:
+            words = str(reason).removeprefix("camera: ")
+            raise SensorFileError(f"{source}: lens.{words}") from None
         known = camera.parameters()
-        for key in parameters:
-            if key not in known:
-                hint = did_you_mean(key, known)
-                raise OpticsError(f"camera: {key}: unknown key; {hint}")
+        for key in parameters.keys() - known.keys():
+            hint = did_you_mean(key, known)
+            raise SensorFileError(f"{source}: lens.{key}: unknown key; {hint}")
         return camera
+
+    def _calibrated(self, file: str, extra: dict[str, Any], source: str) -> CentralCamera:
+        mirrored = extra.pop("mirrored", None)
+        if self.model is not None or extra:
+            other = "model" if self.model is not None else min(extra)
+            raise SensorFileError(
+                f"{source}: lens.{other}: calibration has it: expected one of them"
+            )
+        if mirrored is not None and type(mirrored) is not bool:
+            raise SensorFileError(
+                f"{source}: lens.mirrored: expected true or false, got {mirrored!r}"
+            )
+        # formats and fits are worth their time only to those who ask for them
+        from omnisim.calibration import load_calibration
+
+        try:
+            found = load_calibration(Path(source).parent / file, mirrored=mirrored)
+            return found.camera(self.camera).camera
+        except CalibrationError as reason:
+            raise SensorFileError(f"{source}: lens.calibration: {reason}") from None
 
 
 class SensorFile(Table):
     """A whole sensor file: either a mirror and the camera that looks at it, or a lens."""
 
-    mirror: Mirror = Field(default_factory=Mirror)
-    virtual_cameras: VirtualCameras = Field(default_factory=VirtualCameras)
-    camera: Camera = Field(default_factory=Camera)
-    lens: Lens | None = None
+    mirror: MirrorTable = Field(default_factory=MirrorTable)
+    virtual_cameras: VirtualCamerasTable = Field(default_factory=VirtualCamerasTable)
+    camera: CameraTable = Field(default_factory=CameraTable)
+    lens: LensTable | None = None
     degradation: dict[str, Any] = Field(default_factory=dict)
-    _source: str = PrivateAttr("sensor")
-    _folder: Path = PrivateAttr(Path())
 
     @model_validator(mode="after")
     def _mirror_or_lens(self) -> SensorFile:
@@ -201,101 +258,57 @@ class SensorFile(Table):
                 raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")
         return self
 
-    @property
-    def mounting(self) -> Mounting:
-        """Where the effective viewpoint sits."""
-        return self.mirror.mounting if self.lens is None else self.lens.mounting
 
-    @property
-    def quality(self) -> Quality:
-        """How finely it is captured: as the name says, but for what has a key of its own."""
-        named = quality_named(self.camera.quality)
-        return Quality(
-            self.camera.supersampling or named.supersampling,
-            self.virtual_cameras.texels_per_pixel or named.texels_per_pixel,
-        )
+@dataclass(frozen=True)
+class SensorSettings:
+    """Contents of a sensor file.
 
-    @property
-    def polygon_count(self) -> int | None:
-        """Polygons of the mirror's mesh, or None: exact, as a lens is."""
-        return self.mirror.polygon_count if self.lens is None else None
+    Attributes:
+        model: the camera model, with its mirror if it has one.
+        polygons: of the mirror's mesh; None: exact.
+        mounting: on the vehicle.
+        virtual_cameras: at the effective viewpoint.
+        quality: of the capture: the named one, but for what has a key of its own.
+        degradation: of the ideal picture.
+    """
 
-    def make_camera(self) -> CentralCamera:
-        """The camera model, with its mirror if it has one.
-
-        Raises:
-            SensorFileError: what only the optics can refuse, with the key that asked for it.
-        """
-        if self.lens is not None:
-            try:
-                return self.lens.make_camera(Path(self._source).parent)
-            except CalibrationError as reason:
-                raise SensorFileError(f"{self._source}: lens.calibration: {reason}") from None
-            except OpticsError as reason:
-                words = str(reason).removeprefix("camera: ")
-                raise SensorFileError(f"{self._source}: lens.{words}") from None
-        mirror = self._make_mirror()
-        camera = HyperbolicCamera.framed_on_rim(mirror, self.camera.width_px, self.camera.height_px)
-        focal, centre = self.camera.focal_length_px, self.camera.principal_point_px
-        if focal != "fit":
-            camera = replace(camera, focal_length_px=float(focal))
-        if centre != "centre":
-            camera = replace(camera, principal_point_px=(float(centre[0]), float(centre[1])))
-        return camera
-
-    def make_degradation(self) -> Degradation:
-        """What the camera lacks to be ideal.
-
-        Raises:
-            SensorFileError: an unknown preset, or values that do not fit each other.
-        """
-        return parse_degradation(self.degradation, self._source, self._folder)
-
-    def _make_mirror(self) -> HyperbolicMirror:
-        data = self.mirror
-        shape = (data.k, data.c, data.meters_per_unit)
-        key = "rim_radius_m" if data.rim_radius_m is not None else "theta_max_deg"
-        try:
-            if data.polygon_count is not None:
-                sectors_and_rings(data.polygon_count)
-        except OpticsError as reason:
-            raise self._fault(f"mirror.polygons = {data.polygons}", reason) from None
-        try:
-            if data.rim_radius_m is not None:
-                return HyperbolicMirror.with_rim_radius(data.rim_radius_m, *shape)
-            rim = DEFAULT_RIM_RAD
-            if data.theta_max_deg is not None:
-                rim = math.radians(data.theta_max_deg)
-            return HyperbolicMirror(*shape, rim)
-        except OpticsError as reason:
-            given = getattr(data, key)
-            value = f"{math.degrees(DEFAULT_RIM_RAD):g} (default)" if given is None else given
-            raise self._fault(f"mirror.{key} = {value}", reason) from None
-
-    def _fault(self, key: str, reason: OpticsError) -> SensorFileError:
-        words = str(reason).removeprefix("mirror: ")
-        return SensorFileError(f"{self._source}: {key}: {words}")
+    model: CentralCamera
+    polygons: int | None
+    mounting: MountingTable
+    virtual_cameras: VirtualCamerasTable
+    quality: CaptureQuality
+    degradation: Degradation
 
 
-def read_sensor_file(path: Path) -> SensorFile:
+def read_sensor_file(path: Path) -> SensorSettings:
     """Read and check a sensor file.
 
     Raises:
-        SensorFileError: naming file, key, value and what was wanted.
+        SensorFileError: naming file, key, value and what was expected.
     """
-    return _checked(read_toml(path, SensorFile, SensorFileError), str(path), path.parent)
+    return _settings(read_toml(path, SensorFile, SensorFileError), str(path))
 
 
-def parse_sensor(table: dict[str, Any], source: str) -> SensorFile:
+def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
     """Check a table with the keys of a sensor file; `source` names it in messages.
 
     Raises:
-        SensorFileError: naming source, key, value and what was wanted.
+        SensorFileError: naming source, key, value and what was expected.
     """
-    return _checked(parse_table(table, SensorFile, SensorFileError, source), source, Path())
+    return _settings(parse_table(table, SensorFile, SensorFileError, source), source)
 
 
-def _checked(settings: SensorFile, source: str, folder: Path) -> SensorFile:
-    settings._source, settings._folder = source, folder
-    settings.make_camera()
-    return settings
+def _settings(file: SensorFile, source: str) -> SensorSettings:
+    model: CentralCamera
+    if file.lens is not None:
+        model, polygons, mounting = file.lens.make_camera(source), None, file.lens.mounting
+    else:
+        polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
+        model = file.camera.make_camera(file.mirror.make_mirror(source))
+    named = quality_named(file.camera.quality)
+    quality = CaptureQuality(
+        file.camera.supersampling or named.supersampling,
+        file.virtual_cameras.texels_per_pixel or named.texels_per_pixel,
+    )
+    degradation = parse_degradation(file.degradation, source, Path(source).parent)
+    return SensorSettings(model, polygons, mounting, file.virtual_cameras, quality, degradation)

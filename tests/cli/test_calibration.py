@@ -206,10 +206,10 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
     [
         ('calibration = "none.yaml"', r"s\.toml: lens\.calibration: .*none\.yaml: cannot be read"),
         ('calibration = "c.yaml"\ncamera = "left"', "no camera 'left': want one of cam0, cam1"),
-        ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: calibration says it already: want one"),
-        ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: calibration says it already"),
+        ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: calibration has it: expected one of"),
+        ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: calibration has it"),
         ('model = "eucm"\ncamera = "cam0"', r"lens\.camera: is a name in a calibration file"),
-        ("", r"lens: model: missing; want it, or calibration"),
+        ("", r"lens: model: missing; expected it, or calibration"),
     ],
 )
 def test_sensor_files_that_name_no_calibration(tmp_path, text, words):

@@ -113,7 +113,7 @@ def test_resizing_keeps_the_view():
             r"virtual_cameras\.size_px: expected 1 to 32768 or 'auto'.*, got 0",
         ),
         ("[virtual_cameras]\nnear_m = 0", "near_m: expected a number > 0.*, got 0"),
-        ("[virtual_cameras]\nfar_m = 0.01", r"far_m = 0\.01: want more than near_m = 0\.05"),
+        ("[virtual_cameras]\nfar_m = 0.01", r"far_m: expected more than near_m = 0\.05, got 0\.01"),
         ("[virtual_cameras]\nsamples = 3", "samples: expected 1, 2, 4 or 8.*, got 3"),
         ("[camera]\nwidth_px = 0", r"camera\.width_px: expected a number ≥ 1.*, got 0"),
         (
