@@ -14,7 +14,13 @@ from omnisim.cli.picture_requests import UnwarpRequest, ViewKind
 from omnisim.errors import OpticsError
 from omnisim.image_files import is_float_format, write_image
 from omnisim.perception.unwarping import Unwarping
-from omnisim.perception.views import View, birdseye_view, cylinder_view, perspective_view
+from omnisim.perception.views import (
+    View,
+    birdseye_view,
+    cylinder_view,
+    highest_elevation_deg,
+    perspective_view,
+)
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.picture_file import TakenPicture, read_picture
 from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
@@ -126,7 +132,10 @@ def _cylinder(request: UnwarpRequest, taken: TakenPicture, yaw: float) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     # as wide as the largest circle in the picture is long
     width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
-    low, high = request.elevation_deg or (-45.0, _highest_elevation_deg(taken))
+    low, high = request.elevation_deg or (
+        -45.0,
+        highest_elevation_deg(taken.camera, taken.base_from_optical),
+    )
     view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
     if request.size_px and view.camera.height_px != request.size_px[1]:
         raise OpticsError(
@@ -134,30 +143,6 @@ def _cylinder(request: UnwarpRequest, taken: TakenPicture, yaw: float) -> View:
             f"{high:g}°, got {width} × {request.size_px[1]}: change the size or --elevation"
         )
     return view
-
-
-def _highest_elevation_deg(taken: TakenPicture) -> float:
-    """Find the highest whole degree of elevation, up to 60, that is seen all around."""
-    azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
-    for elevation_deg in range(60, -60, -1):
-        elevation = math.radians(elevation_deg)
-        base = np.stack(
-            (
-                math.cos(elevation) * np.cos(azimuth),
-                math.cos(elevation) * np.sin(azimuth),
-                np.full_like(azimuth, math.sin(elevation)),
-            ),
-            axis=-1,
-        )
-        pixels = taken.camera.pixel_from_ray(base @ taken.base_from_optical)
-        inside = np.all(
-            (pixels.positions_px >= 0.0)
-            & (pixels.positions_px <= (taken.camera.width_px - 1, taken.camera.height_px - 1)),
-            axis=-1,
-        )
-        if np.all(pixels.valid & inside):
-            return float(elevation_deg)
-    return 0.0
 
 
 def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:

@@ -105,6 +105,35 @@ def birdseye_view(
     return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_DOWN)
 
 
+def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
+    """Find the highest whole degree of elevation, up to 60, that a camera sees at all azimuths.
+
+    Args:
+        camera: level or tilted.
+        base_from_optical: (3, 3) rotation from its optical frame to the vehicle's base.
+    """
+    azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
+    for elevation_deg in range(60, -60, -1):
+        elevation = math.radians(elevation_deg)
+        base = np.stack(
+            (
+                math.cos(elevation) * np.cos(azimuth),
+                math.cos(elevation) * np.sin(azimuth),
+                np.full_like(azimuth, math.sin(elevation)),
+            ),
+            axis=-1,
+        )
+        pixels = camera.pixel_from_ray(base @ base_from_optical)
+        inside = np.all(
+            (pixels.positions_px >= 0.0)
+            & (pixels.positions_px <= (camera.width_px - 1, camera.height_px - 1)),
+            axis=-1,
+        )
+        if np.all(pixels.valid & inside):
+            return float(elevation_deg)
+    return 0.0
+
+
 def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:
     if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
         raise OpticsError("view: yaw and pitch: want finite numbers")
