@@ -11,7 +11,7 @@ uniform float u_thetas_rad[NODES];  // rising; the last one again to the array's
 uniform float u_radii_px[NODES];
 uniform float u_slopes_px[NODES];   // dr/dtheta
 
-// the interval that is looked at: it begins at node_left
+// left node of the current interval
 int node_left = 0;
 
 vec4 cubic() {

@@ -1,4 +1,4 @@
-// Adds a sub-frame to what its rows have collected so far. Validity is that of the sub-frame.
+// Adds a sub-frame to the sum of those before it, row by row. Validity is that of the sub-frame.
 #version 430 core
 
 uniform sampler2D u_picture;

@@ -15,7 +15,7 @@ vec2 raw_at(ivec2 pixel) {
     return value.y > 0.5 ? value : vec2(0.0);
 }
 
-// The mean of the valid nearest pixels of a colour: beside, or if there are none, at the corners.
+// Mean of the valid nearest pixels of a colour: at the sides, or if there are none, at the corners.
 float nearest_mean(ivec2 pixel, int colour, float own) {
     for (int corners = 0; corners <= 1; ++corners) {
         vec2 total = vec2(0.0);
@@ -34,26 +34,26 @@ float nearest_mean(ivec2 pixel, int colour, float own) {
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 value = texelFetch(u_picture, pixel, 0);
-    int here = colour_of(pixel);
+    int own_colour = colour_of(pixel);
     vec2 own = value.ra;
 
     // sums of the pixels that Malvar's filters weigh alike; y counts the valid ones
-    vec2 beside = raw_at(pixel + ivec2(-1, 0)) + raw_at(pixel + ivec2(1, 0));
+    vec2 sides = raw_at(pixel + ivec2(-1, 0)) + raw_at(pixel + ivec2(1, 0));
     vec2 above = raw_at(pixel + ivec2(0, -1)) + raw_at(pixel + ivec2(0, 1));
     vec2 corners = raw_at(pixel + ivec2(-1, -1)) + raw_at(pixel + ivec2(1, -1))
         + raw_at(pixel + ivec2(-1, 1)) + raw_at(pixel + ivec2(1, 1));
-    vec2 far_beside = raw_at(pixel + ivec2(-2, 0)) + raw_at(pixel + ivec2(2, 0));
+    vec2 far_sides = raw_at(pixel + ivec2(-2, 0)) + raw_at(pixel + ivec2(2, 0));
     vec2 far_above = raw_at(pixel + ivec2(0, -2)) + raw_at(pixel + ivec2(0, 2));
-    bool whole = beside.y + above.y + corners.y + far_beside.y + far_above.y > 11.5;
+    bool whole = sides.y + above.y + corners.y + far_sides.y + far_above.y > 11.5;
 
     vec3 guess;
     if (u_malvar && whole && own.y > 0.5) {
-        float cross = 4.0 * own.x + 2.0 * (beside.x + above.x) - far_beside.x - far_above.x;
-        float row = 5.0 * own.x + 4.0 * beside.x - corners.x - far_beside.x + 0.5 * far_above.x;
-        float column = 5.0 * own.x + 4.0 * above.x - corners.x - far_above.x + 0.5 * far_beside.x;
-        float other = 6.0 * own.x + 2.0 * corners.x - 1.5 * (far_beside.x + far_above.x);
+        float cross = 4.0 * own.x + 2.0 * (sides.x + above.x) - far_sides.x - far_above.x;
+        float row = 5.0 * own.x + 4.0 * sides.x - corners.x - far_sides.x + 0.5 * far_above.x;
+        float column = 5.0 * own.x + 4.0 * above.x - corners.x - far_above.x + 0.5 * far_sides.x;
+        float other = 6.0 * own.x + 2.0 * corners.x - 1.5 * (far_sides.x + far_above.x);
         bool red_row = ((pixel.y + u_red_at.y) & 1) == 0;
-        guess = here == 1
+        guess = own_colour == 1
             ? vec3(red_row ? row : column, 0.0, red_row ? column : row)
             : vec3(other, cross, other);
         guess /= 8.0;
@@ -61,6 +61,6 @@ void main() {
         for (int colour = 0; colour < 3; ++colour)
             guess[colour] = nearest_mean(pixel, colour, own.x);
     }
-    guess[here] = own.x;
+    guess[own_colour] = own.x;
     out_value = own.y > 0.5 ? vec4(guess, value.a) : value;
 }

@@ -1,4 +1,4 @@
-// int colour_of(ivec2 pixel): which colour a pixel of the mosaic sees: 0 red, 1 green, 2 blue.
+// int colour_of(ivec2 pixel): colour of a pixel's filter in the mosaic: 0 red, 1 green, 2 blue.
 
 uniform ivec2 u_red_at;  // column and row of red in the 2 x 2 pattern
 

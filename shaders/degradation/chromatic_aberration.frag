@@ -1,4 +1,4 @@
-// Lateral chromatic aberration: each colour is looked up where its own picture shows the pixel,
+// Lateral chromatic aberration: each colour is sampled where its own picture shows the pixel,
 // bilinearly among the valid neighbours (the hardware's filter has only 8 bits of weight).
 #version 430 core
 
@@ -7,10 +7,10 @@ uniform vec2 u_centre_px;
 uniform vec3 u_inverse_scales;
 layout(location = 0) out vec4 out_value;
 
-float channel_at(vec2 place_px, int channel, float fallback) {
+float channel_at(vec2 position_px, int channel, float fallback) {
     ivec2 size = textureSize(u_picture, 0);
-    vec2 corner = floor(place_px);
-    vec2 share = place_px - corner;
+    vec2 corner = floor(position_px);
+    vec2 share = position_px - corner;
     float total = 0.0, weights = 0.0;
     for (int down = 0; down <= 1; ++down)
         for (int right = 0; right <= 1; ++right) {

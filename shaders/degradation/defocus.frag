@@ -5,11 +5,11 @@ uniform sampler2D u_picture;
 uniform float u_centre_defocus_px;
 uniform float u_rim_defocus_px;
 uniform vec2 u_limits_px;  // of the radius
-uniform int u_strips;     // that a pixel on the disc's edge is cut into
+uniform int u_strips;     // of a pixel on the disc's edge
 #include "degradation/squared_radius.glsl"
 layout(location = 0) out vec4 out_value;
 
-// How much of a pixel is in the disc around another one: strips along the shorter offset, and
+// Share of a pixel in the disc around another one: strips along the shorter offset, and
 // across them the exact chord.
 float covered_share(vec2 offset_px, float radius_px) {
     float away = length(offset_px);

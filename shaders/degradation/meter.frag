@@ -1,4 +1,4 @@
-// The light meter: sums of luminance (Rec. 709) and of valid pixels over a block of the picture.
+// Light meter: sums of luminance (Rec. 709) and of valid pixels over a block of the picture.
 #version 430 core
 
 uniform sampler2D u_picture;

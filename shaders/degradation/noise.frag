@@ -18,12 +18,12 @@ uniform float u_smallest_term;
 #include "common/random.glsl"
 layout(location = 0) out vec4 out_value;
 
-// The smallest whole number up to which the Poisson distribution has a share of its sum.
-float counted(float mean, float share) {
+// Inverse of the Poisson distribution's cumulative sum.
+float poisson_quantile(float mean, float probability) {
     float term = exp(-mean), total = term, count = 0.0;
     for (int number = 1; number < u_most_counted; ++number) {
         bool at_end = float(number) > mean && term < u_smallest_term;
-        if (share <= total || at_end)
+        if (probability <= total || at_end)
             break;
         term *= mean / float(number);
         total += term;
@@ -34,7 +34,7 @@ float counted(float mean, float share) {
 
 float poisson(float mean, uint first, uint second) {
     if (mean < u_normal_from_e)
-        return counted(mean, uniform_number(first));
+        return poisson_quantile(mean, uniform_number(first));
     float z = normal_number(first, second);
     return max(floor(mean + sqrt(mean) * z + (z * z - 1.0) / 6.0 + 0.5), 0.0);
 }

@@ -1,11 +1,12 @@
-// float theta_from_radius(float radius, float low_rad, float high_rad): the angle between two
+// float theta_from_radius(float radius, float low_rad, float high_rad): angle between two
 // bounds at which a lens has a radius. Include it after
 //     float radius_from_theta(float theta_rad), increasing between the bounds, and
 //     float slope_from_theta(float theta_rad), its derivative.
-// Newton's steps from the radius itself, in focal lengths nearly the angle, and halves of what is left where one leads out of it.
+// Newton's method from the radius itself, in focal lengths nearly the angle; a bisection where a step
+// leads out of the bracket.
 // Twin of omnisim/cameras/monotone.py.
 
-const int STEPS = 24;  // halves alone reach the last bit of a float
+const int STEPS = 24;  // bisections alone reach the last bit of a float
 
 float theta_from_radius(float radius, float low_rad, float high_rad) {
     float low = low_rad, high = high_rad, theta = clamp(radius, low_rad, high_rad);
