@@ -1,11 +1,9 @@
-"""Embree's answer to the same frame: one ray for each pixel of the mirror, on one thread.
-
-Only which triangle is hit: no colours, no antialiasing, so that it is as fast as it can be.
-"""
+"""Embree, through embreex: triangles and rays, in float32, on one thread."""
 
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,32 +12,63 @@ from benchmarks.peers.batching import in_world
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.scene import Scene
 
+if TYPE_CHECKING:
+    from embreex.rtcore_scene import Hits
+
 
 def has_embree() -> bool:
-    """Whether embreex, an optional package, is installed."""
+    """True if embreex, an optional package, is installed."""
     return find_spec("embreex") is not None
 
 
+class EmbreeMesh:
+    """Bounding volume hierarchy of triangles.
+
+    Args:
+        positions_m: (n, 3) float32 vertices.
+        triangles: (m, 3) int32.
+    """
+
+    def __init__(self, positions_m: NDArray[np.float32], triangles: NDArray[np.int32]):
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._scene = EmbreeScene()
+        self._mesh = TriangleMesh(self._scene, positions_m, triangles)  # owns the vertices
+
+    @classmethod
+    def of_corners(cls, corners_m: NDArray[np.float64]) -> EmbreeMesh:
+        """Mesh of triangles (m, 3, 3) that share no vertices."""
+        positions = corners_m.reshape(-1, 3).astype(np.float32)
+        return cls(positions, np.arange(len(positions), dtype=np.int32).reshape(-1, 3))
+
+    def triangles_hit(
+        self, origins_m: NDArray[np.float32], directions: NDArray[np.float32]
+    ) -> NDArray[np.int32]:
+        """Indices (n,) of the nearest triangles along rays (n, 3); −1: none."""
+        return self._scene.run(origins_m, directions)
+
+    def hits(self, origins_m: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
+        """Nearest triangles along rays (n, 3), with ranges and barycentric coordinates (n,)."""
+        return self._scene.run(origins_m, directions, output=True)
+
+
 class EmbreeRays:
-    """A scene and a camera's rays in it; everything that stays the same is made once.
+    """A ray for each pixel of a camera in a scene; everything constant is made once.
 
     Attributes:
-        embree: the scene, with the triangles of all instances in their order.
+        mesh: triangles of all instances in their order.
         valid: (height, width) pixels that have a ray.
     """
 
     def __init__(self, scene: Scene, camera: CentralCamera):
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
         positions, triangles, base = [], [], 0
         for instance in scene.instances:
             placed = in_world(scene.meshes[instance.mesh], instance)
             positions.append(placed.positions)
             triangles.append(placed.triangles.astype(np.int32) + np.int32(base))
             base += len(placed.positions)
-        self.embree = EmbreeScene()
-        self._mesh = TriangleMesh(self.embree, np.concatenate(positions), np.concatenate(triangles))
+        self.mesh = EmbreeMesh(np.concatenate(positions), np.concatenate(triangles))
         self.look_through(camera)
 
     def look_through(self, camera: CentralCamera) -> None:
@@ -53,13 +82,12 @@ class EmbreeRays:
 
     @property
     def count(self) -> int:
-        """Rays of a frame."""
+        """Number of rays in a frame."""
         return len(self._rays_rig)
 
     def cast(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Numbers (n,) of the triangles that are hit from a pose (4, 4); −1: none."""
-        hit: NDArray[np.int32] = self.embree.run(*self.aim(world_from_rig))
-        return hit
+        """Indices (n,) of the triangles that are hit from a pose (4, 4); −1: none."""
+        return self.mesh.triangles_hit(*self.aim(world_from_rig))
 
     def aim(
         self, world_from_rig: NDArray[np.float64]
@@ -67,7 +95,7 @@ class EmbreeRays:
         """Origins and directions (n, 3), world, from a pose (4, 4): the same arrays each time."""
         # No matrix product: of so many rays BLAS makes work for other threads, which then spin and
         # slow down whatever is timed next.
-        turn = world_from_rig[:3, :3].astype(np.float32)
-        np.einsum("nj,ij->ni", self._rays_rig, turn, out=self._directions)
+        rotation = world_from_rig[:3, :3].astype(np.float32)
+        np.einsum("nj,ij->ni", self._rays_rig, rotation, out=self._directions)
         self._origins_m[:] = world_from_rig[:3, 3]
         return self._origins_m, self._directions

@@ -1,4 +1,4 @@
-"""An independent opinion on what pixels show: their exact rays, cast by Embree through trimesh.
+"""An independent opinion on what pixels show: their exact rays, cast by Embree.
 
 By hand, all lenses and poses: python -m tests.surface_oracle ../shared/assets/small_warehouse.glb
 """
@@ -9,11 +9,12 @@ import sys
 
 import numpy as np
 
+from benchmarks.embree_rays import EmbreeMesh
 from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.poses import pose
 from omnisim.sensors.optical_flow import OCCLUDED, OUTSIDE, VISIBLE
-from tests.ray_casting import RayCaster
+from tests.ray_casting import RayCaster, first_hits
 
 LENSES = {
     "mirror": OmniCamera(polygons=None),
@@ -54,9 +55,6 @@ class Oracle:
 
     def hits(self, origin, directions):
         """What rays from (3,) along unit directions (n, 3) hit."""
-        import trimesh
-        from trimesh.ray.ray_pyembree import RayMeshIntersector
-
         triangles = self._triangles
         flat = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         mirrored = np.array(
@@ -70,11 +68,7 @@ class Oracle:
         )[self._instance]
         heights = np.einsum("ij,ij->i", flat, origin - triangles[:, 0])
         kept = np.flatnonzero(both | ((heights > 0.0) != mirrored))
-        corners = triangles[kept].reshape(-1, 3)
-        faces = np.arange(len(corners)).reshape(-1, 3)
-        caster = RayMeshIntersector(trimesh.Trimesh(corners, faces, process=False))
-        origins = np.broadcast_to(origin, directions.shape)
-        hit, rays = caster.intersects_id(origins, directions, multiple_hits=False)
+        hit, rays = first_hits(EmbreeMesh.of_corners(triangles[kept]), origin, directions)
         hit = kept[hit]
         found = Hits(
             np.full(len(directions), np.inf),

@@ -53,7 +53,7 @@ class EmbreeColors(PicturePeer):
         rays = np.arange(len(total))
         share = np.ones((len(rays), 1), dtype=np.float32)
         for _ in range(MOST_LAYERS):
-            found = self.rays.embree.run(origins_m, directions, output=True)
+            found = self.rays.mesh.hits(origins_m, directions)
             hit = np.flatnonzero(found["primID"] >= 0)
             if len(hit) < len(rays):
                 missed = np.flatnonzero(found["primID"] < 0)

@@ -15,6 +15,7 @@ from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors import Stage
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.validation.oracles import import_failure
+from omnisim.validation.psnr import psnr_of_levels_db
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 
 pytestmark = [
@@ -43,8 +44,7 @@ def _averaged_db(one, other):
     _, valid = mirror_rays(SENSOR.model)
     size = len(valid) // AVERAGED
     inside = valid.reshape(size, AVERAGED, size, AVERAGED).all(axis=(1, 3))
-    apart = (_averaged(one) - _averaged(other))[inside]
-    return 10.0 * np.log10(255.0**2 / np.mean(apart**2))
+    return psnr_of_levels_db(_averaged(one)[inside], _averaged(other)[inside])
 
 
 def _only_embree(name):

@@ -20,6 +20,7 @@ from omnisim.scene.mesh_files import write_mirror
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.renderer import unfolded_cube
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.validation.psnr import psnr_of_levels_db
 
 pytestmark = [
     pytest.mark.usefixtures("needs_opengl"),
@@ -56,11 +57,6 @@ def _pyrender_face(path, world_from_face):
     return color
 
 
-def _psnr_db(one, other):
-    error = np.mean((one.astype(np.float64) - other.astype(np.float64)) ** 2)
-    return 10.0 * np.log10(255.0**2 / error)
-
-
 def _averaged(picture):
     blocks = linear_from_srgb(picture / 255.0).reshape(
         SIZE_PX // AVERAGED, AVERAGED, SIZE_PX // AVERAGED, AVERAGED, 3
@@ -79,8 +75,8 @@ def test_face_of_the_warehouse(warehouse, name):
     world_from_face = world_from_base.copy()
     world_from_face[:3, :3] @= FACE_FROM_RIG[FACE_NAMES.index(name)].T
     theirs = _pyrender_face(warehouse, world_from_face)
-    assert _psnr_db(ours, theirs) >= 35.0
-    assert _psnr_db(_averaged(ours), _averaged(theirs)) >= 39.0
+    assert psnr_of_levels_db(ours, theirs) >= 35.0
+    assert psnr_of_levels_db(_averaged(ours), _averaged(theirs)) >= 39.0
 
 
 def test_exported_mirror_shows_our_picture(tmp_path):
@@ -120,4 +116,4 @@ def test_exported_mirror_shows_our_picture(tmp_path):
     # coordinates linearly within a polygon, and blends in sRGB.
     inside = np.hypot(*(np.indices(ours.valid.shape)[::-1] - np.reshape((u, v), (2, 1, 1))))
     inside = inside < camera.rim_radius_px - 2.0
-    assert _psnr_db(ours.rgb[inside], theirs[inside]) >= 30.0
+    assert psnr_of_levels_db(ours.rgb[inside], theirs[inside]) >= 30.0
