@@ -1,4 +1,4 @@
-"""The lamps of a glTF file (KHR_lights_punctual), and the exposure that suits them."""
+"""Lighting of a scene: exposure for the lights of a file, defaults for files without any."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
-# A white surface with no lamp near it is still seen: what stands in for light from all around.
-AMBIENT_BESIDE_LAMPS = (0.25, 0.25, 0.25)
-# With no lamps in the file: bright overcast daylight from everywhere, a sun from behind the left
-# shoulder and a weak one from the other side, so that no two walls of a corner look the same.
+# With lights in the file, a white surface that none of them reaches still shows.
+FILL_AMBIENT = (0.25, 0.25, 0.25)
+# Without: bright overcast daylight from everywhere, a sun from behind the left shoulder and a weak
+# one from the other side, so that no two walls of a corner have the same brightness.
 DEFAULT_AMBIENT = (0.38, 0.39, 0.42)
-DEFAULT_LAMPS = (
+DEFAULT_LIGHTS = (
     ((0.45, -0.30, -0.85), (1.0, 0.97, 0.90), 0.56),
     ((-0.60, 0.45, -0.30), (0.85, 0.92, 1.0), 0.18),
 )
-# So much of the lit surface is no brighter than white; what is nearer to a lamp is overexposed.
+# Share of the lit surface that is no brighter than white; the rest is overexposed.
 WHITE_SHARE = 0.9
 SAMPLED_TRIANGLES = 20_000
 
 
 def default_lighting() -> Lighting:
-    """Ambient light and two directional lamps, for files that bring none."""
+    """Ambient light and two directional lights, for files without any."""
     lights = tuple(
         Light(
             LightKind.DIRECTIONAL,
@@ -32,44 +32,41 @@ def default_lighting() -> Lighting:
             intensity,
             direction=np.array(direction) / np.linalg.norm(direction),
         )
-        for direction, color, intensity in DEFAULT_LAMPS
+        for direction, color, intensity in DEFAULT_LIGHTS
     )
     return Lighting(DEFAULT_AMBIENT, lights)
 
 
-def lighting_for(
+def expose(
     lights: tuple[Light, ...], meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
 ) -> Lighting:
-    """Lighting by the file's lamps, exposed so that most of what they light is not overexposed.
+    """Lighting by a file's lights, exposed so that most of the lit surface is not overexposed.
 
-    Files give lamps in lux and candela, for which no picture has a scale of its own. The
-    exposure makes the illuminance that nine tenths of the lit surface stay below equal to what a
-    white surface shows as white beside the ambient light. It depends on the scene alone, not on
-    the viewpoint, so that frames of a drive match. Of more than `MAX_LIGHTS` lamps those stay that
-    give the scene most light.
+    Files state lights in lux and candela, pictures have no such scale. The exposure shows as white
+    a white surface under the fill light and the illuminance that `WHITE_SHARE` of the lit surface
+    stay below. It depends on the scene alone, not on the viewpoint, so that frames of a drive
+    match. Of more than `MAX_LIGHTS` lights those stay that give the scene most light.
     """
     if not lights:
         return default_lighting()
-    centres, normals, areas = _surface_samples(meshes, instances)
-    given = np.array([_illuminance(light, centres, normals) for light in lights])
-    strongest = np.sort(np.argsort(-(given @ areas), kind="stable")[:MAX_LIGHTS])
+    centers, normals, areas = _surface_samples(meshes, instances)
+    by_light = np.array([illuminance(light, centers, normals) for light in lights])
+    strongest = np.sort(np.argsort(-(by_light @ areas), kind="stable")[:MAX_LIGHTS])
     lights = tuple(lights[index] for index in strongest)
-    illuminance = given[strongest].sum(axis=0)
-    lit = illuminance > 0.0
+    total = by_light[strongest].sum(axis=0)
+    lit = total > 0.0
     if not lit.any():
-        return Lighting(AMBIENT_BESIDE_LAMPS, lights)
-    order = np.argsort(illuminance[lit])
+        return Lighting(FILL_AMBIENT, lights)
+    order = np.argsort(total[lit])
     share = np.cumsum(areas[lit][order])
-    white = illuminance[lit][order][np.searchsorted(share, WHITE_SHARE * share[-1])]
-    return Lighting(
-        AMBIENT_BESIDE_LAMPS, lights, exposure=(1.0 - max(AMBIENT_BESIDE_LAMPS)) / float(white)
-    )
+    white = total[lit][order][np.searchsorted(share, WHITE_SHARE * share[-1])]
+    return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
 
 
 def _surface_samples(
     meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Centres (n, 3), unit normals (n, 3) and areas (n,) of triangles spread over the scene."""
+    """Centers (n, 3), unit normals (n, 3) and areas (n,) of triangles spread over the scene."""
     total = sum(len(meshes[instance.mesh].triangles) for instance in instances)
     step = max(1, total // SAMPLED_TRIANGLES)
     corners = np.concatenate(
@@ -86,8 +83,9 @@ def _surface_samples(
     return corners.mean(axis=1)[keep], doubled[keep] / length[keep, None], 0.5 * length[keep]
 
 
-def _illuminance(
-    light: Light, centres: NDArray[np.float64], normals: NDArray[np.float64]
+@np.errstate(over="ignore")
+def illuminance(
+    light: Light, centers: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Lux (n,) at surfaces, either side; the reference of `shaders/scene/lighting.glsl`."""
     level = light.intensity * max(light.color)
@@ -95,7 +93,7 @@ def _illuminance(
     if light.kind is LightKind.DIRECTIONAL:
         falloff = np.abs(normals @ light.direction)
         return level * falloff
-    away = centres - light.position_m
+    away = centers - light.position_m
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
     away = away / distance[:, None]
     falloff = np.abs(np.sum(normals * away, axis=1)) / distance**2

@@ -13,7 +13,7 @@ from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf import read_gltf
 from omnisim.scene.imported_scene import ImportedScene
 from omnisim.scene.labels import label_rules
-from omnisim.scene.lighting import lighting_for
+from omnisim.scene.lighting import expose
 from omnisim.scene.mesh_data import LARGEST_COORDINATE
 from omnisim.scene.model import (
     MAX_LIGHTS,
@@ -90,7 +90,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         meshes=read.meshes,
         materials=read.materials,
         instances=instances,
-        lighting=lighting_for(read.lights, read.meshes, instances),
+        lighting=expose(read.lights, read.meshes, instances),
         background=settings.background or DEFAULT_BACKGROUND,
         start=_start(settings, bounds_m(read.meshes, instances)),
         notices=tuple(_one_line(f"{path.name}: {notice}") for notice in dict.fromkeys(notices)),

@@ -67,7 +67,8 @@ def make_mesh(
 def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
     if values is None:
         return None
-    array = np.ascontiguousarray(values, dtype=np.float32)
+    with np.errstate(all="ignore"):
+        array = np.ascontiguousarray(values, dtype=np.float32)
     if array.shape != (count, width) or not np.isfinite(array).all():
         return None
     return array

@@ -1,86 +1,17 @@
 """glTF as files have it: exact factors, transforms, instances, textures, lamps."""
 
-import base64
-import io
 import json
 import math
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from omnisim.errors import SceneError
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, LightKind, Wrap
-
-
-def _png(pixels):
-    data = io.BytesIO()
-    Image.fromarray(np.asarray(pixels, dtype=np.uint8)).save(data, "PNG")
-    return data.getvalue()
-
-
-class GltfBuilder:
-    """A glTF file with everything inside, from plain numbers."""
-
-    def __init__(self):
-        self.blob = b""
-        self.tree = {
-            "asset": {"version": "2.0"},
-            "scene": 0,
-            "scenes": [{"nodes": []}],
-            "nodes": [],
-            "meshes": [],
-            "accessors": [],
-            "bufferViews": [],
-        }
-
-    def accessor(self, values, kind, normalized=False):
-        values = np.ascontiguousarray(values)
-        component = {"f4": 5126, "u4": 5125, "u2": 5123, "u1": 5121, "i2": 5122}
-        self.blob += b"\0" * (-len(self.blob) % 4)
-        view = {"buffer": 0, "byteOffset": len(self.blob), "byteLength": values.nbytes}
-        self.blob += values.tobytes()
-        self.tree["bufferViews"].append(view)
-        entry = {
-            "bufferView": len(self.tree["bufferViews"]) - 1,
-            "componentType": component[values.dtype.str[1:]],
-            "count": len(values),
-            "type": kind,
-        }
-        if normalized:
-            entry["normalized"] = True
-        self.tree["accessors"].append(entry)
-        return len(self.tree["accessors"]) - 1
-
-    def triangle(self, material=None, positions=None, **attributes):
-        positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]] if positions is None else positions
-        attributes["POSITION"] = self.accessor(np.asarray(positions, "<f4"), "VEC3")
-        primitive = {"attributes": attributes}
-        if material is not None:
-            primitive["material"] = material
-        self.tree["meshes"].append({"primitives": [primitive]})
-        return len(self.tree["meshes"]) - 1
-
-    def node(self, **node):
-        self.tree["nodes"].append(node)
-        self.tree["scenes"][0]["nodes"].append(len(self.tree["nodes"]) - 1)
-
-    def texture(self, pixels, **sampler):
-        uri = "data:image/png;base64," + base64.b64encode(_png(pixels)).decode()
-        self.tree.setdefault("images", []).append({"uri": uri})
-        texture = {"source": len(self.tree["images"]) - 1}
-        if sampler:
-            self.tree.setdefault("samplers", []).append(sampler)
-            texture["sampler"] = len(self.tree["samplers"]) - 1
-        self.tree.setdefault("textures", []).append(texture)
-        return len(self.tree["textures"]) - 1
-
-    def write(self, path):
-        uri = "data:application/octet-stream;base64," + base64.b64encode(self.blob).decode()
-        self.tree["buffers"] = [{"byteLength": len(self.blob), "uri": uri}]
-        path.write_text(json.dumps(self.tree))
-        return path
+from tests.scene.gltf_builder import GltfBuilder, png
 
 
 @pytest.fixture
@@ -408,7 +339,7 @@ def test_missing_texture_is_said_and_the_factor_drawn(gltf, tmp_path):
 
 
 def test_texture_file_is_found_by_its_decoded_name(gltf, tmp_path):
-    (tmp_path / "Red Brick.PNG").write_bytes(_png(np.full((2, 2, 3), 9)))
+    (tmp_path / "Red Brick.PNG").write_bytes(png(np.full((2, 2, 3), 9)))
     coordinates = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
     gltf.tree["images"] = [{"uri": "red%20brick.png"}]
     gltf.tree["textures"] = [{"source": 0}]
@@ -469,3 +400,49 @@ def test_warehouse_is_complete(warehouse):
     assert low[2] == pytest.approx(-0.09, abs=0.005)
     assert sum(material.texture is not None for material in scene.materials) == 14
     assert scene.notices == ()
+
+
+def test_nodes_below_a_mesh_of_lines_are_drawn(gltf, tmp_path):
+    lines = gltf.triangle()
+    gltf.tree["meshes"][lines]["primitives"][0]["mode"] = 3
+    gltf.node(mesh=lines, translation=[1, 0, 0], children=[1])
+    gltf.tree["nodes"].append({"mesh": gltf.triangle()})
+    scene = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z")
+    np.testing.assert_allclose(_world(scene), [[1, 0, 0], [2, 0, 0], [1, 1, 0]])
+    assert scene.notices == ("a.gltf: points and lines are not drawn",)
+
+
+def test_binary_that_calls_itself_gltf(gltf, warehouse, tmp_path):
+    (tmp_path / "a.gltf").write_bytes(warehouse.read_bytes())
+    assert load_scene(tmp_path / "a.gltf").triangle_count == 15003
+
+
+def test_draco(gltf, tmp_path, monkeypatch):
+    """A stand-in for DracoPy: ids of its own choice, faces beside the attributes."""
+    corners = np.array([[0, 0, 0], [0, 0, 2], [0, 3, 0]], "<f4")
+
+    def decode(data):
+        assert data == b"compressed"
+        attributes = [{"unique_id": 7, "data": corners}, {"unique_id": 8, "data": corners}]
+        return SimpleNamespace(attributes=attributes, faces=np.array([[2, 1, 0]]))
+
+    mesh = gltf.triangle()
+    primitive = gltf.tree["meshes"][mesh]["primitives"][0]
+    primitive["indices"] = gltf.accessor(np.arange(3, dtype="u1"), "SCALAR")
+    for accessor in gltf.tree["accessors"]:
+        del accessor["bufferView"]
+    gltf.tree["bufferViews"] = [{"buffer": 0, "byteLength": 10, "byteOffset": 2}]
+    gltf.blob = b"..compressed"
+    gltf.tree["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    primitive["extensions"] = {
+        "KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 7}}
+    }
+    gltf.node(mesh=mesh)
+    path = gltf.write(tmp_path / "a.gltf")
+    monkeypatch.setitem(sys.modules, "DracoPy", None)
+    with pytest.raises(SceneError, match="is compressed with Draco: pip install DracoPy"):
+        load_scene(path)
+    monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=decode))
+    scene = load_scene(path, up_axis="z")
+    np.testing.assert_allclose(_world(scene), corners)
+    assert scene.meshes[0].triangles.tolist() == [[2, 1, 0]]

@@ -40,7 +40,8 @@ def to_floats(values: NDArray[Any], normalized: bool) -> NDArray[np.float64]:
 
     Source: glTF 2.0, section 3.6.2.2.
     """
-    floats = values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # signalling NaNs
+        floats = values.astype(np.float64)
     if normalized and values.dtype.kind in "iu":
         return np.maximum(floats / np.iinfo(values.dtype).max, -1.0)
     return floats

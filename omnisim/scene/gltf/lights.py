@@ -32,7 +32,8 @@ def read_lights(
         entry = schema.lookup(document.lights, node.light, f"nodes[{index}].extensions.light")
         world_from_light = world_from_file @ file_from_nodes[index]
         axis = -world_from_light[:3, 2]
-        if entry.type not in _KINDS or not axis.any():
+        length = np.linalg.norm(axis)
+        if entry.type not in _KINDS or length == 0.0:
             continue
         lights.append(
             Light(
@@ -40,7 +41,7 @@ def read_lights(
                 entry.color,
                 entry.intensity,
                 position_m=world_from_light[:3, 3],
-                direction=axis / np.linalg.norm(axis),
+                direction=axis / length,
                 range_m=entry.range if entry.range and entry.range > 0.0 else math.inf,
                 cone_cosines=(
                     math.cos(entry.spot.inner_cone_angle),

@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.cameras import pixel_grid
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.scene.lighting import _illuminance
+from omnisim.scene.lighting import illuminance
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from omnisim.sensors import OmniCamera, Renderer
 from tests.scenes import scene_of
@@ -70,7 +70,7 @@ def test_light_on_a_floor(light, pose, normals, sides):
     seen_side = np.sign((VIEWPOINT_M - hits) @ plane)[:, None] * shading
     travel = SLANTED if light.kind is LightKind.DIRECTIONAL else hits - light.position_m
     from_front = np.sum(seen_side * travel, axis=1) < 0.0
-    lit = np.where(from_front, _illuminance(light, hits, np.broadcast_to(shading, hits.shape)), 0)
+    lit = np.where(from_front, illuminance(light, hits, np.broadcast_to(shading, hits.shape)), 0)
     assert from_front.mean() > 0.5
     # half floats, and a filter over a texel where the light changes fast
     np.testing.assert_allclose(shown[near][:, 0], AMBIENT + EXPOSURE * lit, rtol=0.02, atol=0.004)
