@@ -64,7 +64,7 @@ def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path |
             continue
         target = os.path.realpath(path)
         if target in known:
-            raise OutputError(f"{path}: is {known[target]}: want another name for {what}")
+            raise OutputError(f"{path}: is {known[target]}: expected another name for {what}")
         known[target] = f"{what} already"
 
 
@@ -75,17 +75,17 @@ def check_suffix(path: Path, suffix: str) -> None:
         OutputError: another suffix.
     """
     if path.suffix.lower() != suffix:
-        raise OutputError(f"{path}: want a name that ends in {suffix}")
+        raise OutputError(f"{path}: expected a name that ends in {suffix}")
 
 
 def _check_target(path: Path, may_make_folder: bool) -> None:
     if path.is_dir():
-        raise OutputError(f"{path}: is a folder: want the name of a file")
+        raise OutputError(f"{path}: is a folder: expected the name of a file")
     if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
-        raise OutputError(f"{path}: is no regular file: want the name of a file")
+        raise OutputError(f"{path}: is no regular file: expected the name of a file")
     folder = path.parent
     if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: is a file: want a folder")
+        raise OutputError(f"{folder}: is a file: expected a folder")
     if may_make_folder and not folder.exists():
         path, folder = folder, folder.parent
     if not folder.is_dir():

@@ -1,4 +1,4 @@
-"""Pictures in and out (the only importer of OpenImageIO).
+"""Image files in and out (the only importer of OpenImageIO).
 
 The camera's parameters and pose travel inside, as one JSON text in ImageDescription, which every
 format here can hold.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import atomic_write, check_target
+from omnisim.atomic_file import atomic_write, check_suffix, check_target
 from omnisim.errors import OutputError
 from omnisim.version import __version__
 
@@ -28,19 +29,23 @@ JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
 _PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
 _NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
+_KINDS = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
+
+Attributes = Mapping[str, str | int | float]
+Metadata = Mapping[str, Any]  # as JSON can hold it
 
 
 def is_float_format(path: Path) -> bool:
-    """Whether the format holds linear floats.
+    """Tell linear float formats from 8-bit ones, by the suffix.
 
     Raises:
         OutputError: the suffix is of no format that omnisim writes.
     """
     suffix = path.suffix.lower()
     if suffix not in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
+        known = " ".join(EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES)
         raise OutputError(
-            f"{path}: unknown picture format {suffix or '(no suffix)'!r}: want one of "
-            + " ".join(EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES)
+            f"{path}: unknown picture format: expected one of {known}, got {suffix!r}"
         )
     return suffix in FLOAT_SUFFIXES
 
@@ -48,7 +53,7 @@ def is_float_format(path: Path) -> bool:
 def write_image(
     path: Path,
     pixels: NDArray[Any],
-    metadata: dict[str, Any] | None = None,
+    metadata: Metadata | None = None,
     jpeg_quality: int = JPEG_QUALITY,
 ) -> None:
     """Write a picture (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
@@ -60,30 +65,42 @@ def write_image(
             written; nothing is left under `path` then.
     """
     is_float = is_float_format(path)
-    if pixels.dtype != (np.float32 if is_float else np.uint8):
-        kind = "linear float32" if is_float else "uint8"
-        raise OutputError(f"{path}: this format takes {kind} pixels, not {pixels.dtype}")
+    kind = "float32" if is_float else "uint8"
+    if pixels.dtype != kind:
+        raise OutputError(f"{path}: expected {kind} pixels, got {pixels.dtype}")
     check_target(path)
+    attributes: dict[str, str | int | float] = {
+        "oiio:ColorSpace": "lin_rec709_scene" if is_float else "srgb_rec709_scene",
+        "DateTime": _NO_DATE,
+        "png:compressionLevel": _PNG_LEVEL,
+    }
     if path.suffix.lower() in (".jpg", ".jpeg"):
         pixels = pixels[..., :3]
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else oiio.UINT8)
-    spec["Software"] = f"omnisim {__version__}"
-    spec["oiio:ColorSpace"] = "lin_rec709_scene" if is_float else "srgb_rec709_scene"
-    spec["DateTime"] = _NO_DATE
-    if metadata is not None:
-        spec[METADATA_KEY] = json.dumps(metadata)
-    spec["png:compressionLevel"] = _PNG_LEVEL
-    if path.suffix.lower() in (".jpg", ".jpeg"):
-        spec["Compression"] = f"jpeg:{jpeg_quality}"
-        spec["jpeg:subsampling"] = _JPEG_SUBSAMPLING
-    data = _encoded(path, spec, np.ascontiguousarray(pixels))
-    with atomic_write(path) as partial:
-        partial.write_bytes(data)
+        attributes |= _jpeg_attributes(jpeg_quality, _JPEG_SUBSAMPLING)
+    _write(path, pixels, attributes, metadata)
 
 
-class Channels(NamedTuple):
-    """What an EXR file of data holds.
+def write_numbers(
+    path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: Metadata | None = None
+) -> None:
+    """Write whole numbers, not colours, (height, width) or (height, width, n) as a PNG file.
+
+    Args:
+        path: with the suffix .png.
+        numbers: 8 or 16 bits each.
+        metadata: omnisim's own, as `write_image` has it.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    check_suffix(path, ".png")
+    check_target(path)
+    channels = numbers.reshape(*numbers.shape[:2], -1)
+    _write(path, channels, {"png:compressionLevel": _PNG_LEVEL}, metadata)
+
+
+class ExrData(NamedTuple):
+    """Contents of an EXR file of data.
 
     Attributes:
         values: (height, width) float32 under each channel's name.
@@ -96,40 +113,11 @@ class Channels(NamedTuple):
     attributes: dict[str, str | int | float]
 
 
-def write_numbers(
-    path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: dict[str, Any] | None = None
-) -> None:
-    """Write whole numbers, not colours, (height, width) or (height, width, n) as a PNG file.
-
-    Args:
-        path: with the suffix .png.
-        numbers: 8 or 16 bits each.
-        metadata: omnisim's own, as `write_image` has it.
-
-    Raises:
-        OutputError: another suffix, or a file that cannot be written.
-    """
-    if path.suffix.lower() != ".png":
-        raise OutputError(f"{path}: numbers are written as .png")
-    check_target(path)
-    height, width = numbers.shape[:2]
-    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16}
-    channels = 1 if numbers.ndim == 2 else numbers.shape[2]
-    spec = oiio.ImageSpec(width, height, channels, kinds[numbers.dtype.name])
-    spec["Software"] = f"omnisim {__version__}"
-    if metadata is not None:
-        spec[METADATA_KEY] = json.dumps(metadata)
-    spec["png:compressionLevel"] = _PNG_LEVEL
-    data = _encoded(path, spec, np.ascontiguousarray(numbers.reshape(height, width, channels)))
-    with atomic_write(path) as partial:
-        partial.write_bytes(data)
-
-
 def write_channels(
     path: Path,
     channels: Mapping[str, NDArray[Any]],
-    metadata: dict[str, Any] | None = None,
-    attributes: Mapping[str, str | int | float] | None = None,
+    metadata: Metadata | None = None,
+    attributes: Attributes | None = None,
 ) -> None:
     """Write data, not a picture, as 32-bit floats of an EXR file, losslessly compressed.
 
@@ -138,69 +126,62 @@ def write_channels(
         channels: (height, width) arrays under their names, "Z" or "direction.X"; booleans become
             0 and 1, whole numbers have to be exact as floats. Infinities are kept.
         metadata: omnisim's own, as `write_image` has it.
-        attributes: what other programs look for under these names.
+        attributes: of the file, as other programs name them.
 
     Raises:
         OutputError: another suffix, no channels, arrays of different shapes or with numbers that
             a float32 does not hold, or a file that cannot be written; nothing is left under
             `path` then.
     """
-    if path.suffix.lower() not in FLOAT_SUFFIXES:
-        raise OutputError(f"{path}: data is written as .exr, not as {path.suffix or '(no suffix)'}")
+    check_suffix(path, ".exr")
     check_target(path)
     if not channels:
-        raise OutputError(f"{path}: want at least one channel")
+        raise OutputError(f"{path}: expected at least one channel")
     shape = next(iter(channels.values())).shape
     floats = []
     for name, values in channels.items():
+        where = f"{path}: channel {name}"
         if values.ndim != 2 or values.shape != shape or values.size == 0:
-            raise OutputError(f"{path}: channel {name}: {values.shape}: want (height, width)")
+            raise OutputError(f"{where}: expected (height, width), got {values.shape}")
         if values.dtype.kind in "iu" and np.any(np.abs(values.astype(np.float64)) > _LARGEST_EXACT):
-            raise OutputError(f"{path}: channel {name}: want whole numbers up to {_LARGEST_EXACT}")
+            raise OutputError(f"{where}: expected whole numbers up to {_LARGEST_EXACT}")
         if values.dtype.kind not in "fiub":
-            raise OutputError(f"{path}: channel {name}: {values.dtype}: want numbers")
+            raise OutputError(f"{where}: expected numbers, got {values.dtype}")
         floats.append(values.astype(np.float32))
-    spec = oiio.ImageSpec(shape[1], shape[0], len(floats), oiio.FLOAT)
-    spec.channelnames = tuple(channels)
-    spec["Software"] = f"omnisim {__version__}"
-    spec["Compression"] = "zip"
-    spec["DateTime"] = _NO_DATE
-    for key, value in (attributes or {}).items():
-        spec[key] = value
-    if metadata is not None:
-        spec[METADATA_KEY] = json.dumps(metadata)
-    data = _encoded(path, spec, np.stack(floats, axis=-1))
-    with atomic_write(path) as partial:
-        partial.write_bytes(data)
+    attributes = {"Compression": "zip", "DateTime": _NO_DATE, **(attributes or {})}
+    _write(path, np.stack(floats, axis=-1), attributes, metadata, tuple(channels))
 
 
-def read_channels(path: Path) -> Channels:
+def read_channels(path: Path) -> ExrData:
     """Read an EXR file of data; the first row is at the top.
 
     Raises:
         OutputError: the file is missing or not one.
     """
-    spec, pixels = _stored(path, oiio.FLOAT)
+    spec, pixels = _read(path, oiio.FLOAT)
     found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
-    names = spec.channelnames
     text = found.pop(METADATA_KEY, None)
-    return Channels(
-        {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(names)},
-        _metadata_of(text),
+    return ExrData(
+        {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(spec.channelnames)},
+        _parse_metadata(text),
         {key: value for key, value in found.items() if isinstance(value, str | int | float)},
     )
 
 
-def _metadata_of(text: Any) -> dict[str, Any] | None:
-    try:
-        metadata = json.loads(text) if isinstance(text, str) else None
-    except (json.JSONDecodeError, RecursionError):
-        return None  # somebody else's description
-    return metadata if isinstance(metadata, dict) else None
+def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
+    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
+
+    The metadata is None where the picture has none of ours.
+
+    Raises:
+        OutputError: the file is missing or not a picture.
+    """
+    spec, pixels = _read(path)
+    return pixels, _parse_metadata(spec.getattribute(METADATA_KEY))
 
 
 def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
-    """What a picture (height, width, 3) sRGB becomes in a JPEG file, encoded and decoded again.
+    """Encode a picture (height, width, 3) sRGB as JPEG, and decode it again.
 
     Args:
         pixels: the picture.
@@ -210,49 +191,73 @@ def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> N
     Raises:
         OutputError: it cannot be encoded.
     """
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec["Compression"] = f"jpeg:{quality}"
-    spec["jpeg:subsampling"] = subsampling
-    data = _encoded(Path("camera.jpg"), spec, np.ascontiguousarray(pixels))
-    memory = os.memfd_create("omnisim picture")
-    try:
-        with open(memory, "wb", closefd=False) as file:
-            file.write(data)
-        decoded, _ = read_image(Path(f"/proc/self/fd/{memory}"))
-    finally:
-        os.close(memory)
+    data = _encode(Path("camera.jpg"), pixels, _jpeg_attributes(quality, subsampling))
+    with _memory_file() as (memory, path):
+        os.pwrite(memory, data, 0)
+        decoded, _ = read_image(path)
     return decoded
 
 
-def _encoded(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> bytes:
-    """The bytes of the file, encoded into memory.
+def _jpeg_attributes(quality: int, subsampling: str) -> dict[str, str | int | float]:
+    return {"Compression": f"jpeg:{quality}", "jpeg:subsampling": subsampling}
+
+
+def _write(
+    path: Path,
+    pixels: NDArray[Any],
+    attributes: Attributes,
+    metadata: Metadata | None,
+    channel_names: tuple[str, ...] = (),
+) -> None:
+    attributes = {"Software": f"omnisim {__version__}", **attributes}
+    if metadata is not None:
+        attributes[METADATA_KEY] = json.dumps(metadata)
+    data = _encode(path, pixels, attributes, channel_names)
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)
+
+
+def _encode(
+    path: Path,
+    pixels: NDArray[Any],
+    attributes: Attributes,
+    channel_names: tuple[str, ...] = (),
+) -> bytes:
+    """Encode a file (height, width, channels) into memory.
 
     Some of OpenImageIO's writers do not notice a full disk, and one ends the process. So none of
     them ever sees a disk: they write to memory, and the bytes are written by us.
     """
-    memory = os.memfd_create("omnisim picture")
-    try:
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, _KINDS[pixels.dtype.name])
+    if channel_names:
+        spec.channelnames = channel_names
+    for key, value in attributes.items():
+        spec[key] = value
+    with _memory_file() as (memory, target):
         output = oiio.ImageOutput.create(path.suffix[1:].lower())
         if output is None:
             raise OutputError(f"{path}: cannot be encoded: {_one_line(oiio.geterror())}")
-        done = output.open(f"/proc/self/fd/{memory}", spec) and output.write_image(pixels)
+        done = output.open(str(target), spec)
+        done = done and output.write_image(np.ascontiguousarray(pixels))
         error = output.geterror()
         if not (output.close() and done):
             raise OutputError(f"{path}: cannot be encoded: {_one_line(error or output.geterror())}")
-        with open(memory, "rb", closefd=False) as file:
-            file.seek(0)
-            return file.read()
+        return os.pread(memory, os.fstat(memory).st_size, 0)
+
+
+@contextmanager
+def _memory_file() -> Iterator[tuple[int, Path]]:
+    """A file in memory: its descriptor, and a path for libraries that want one."""
+    memory = os.memfd_create("omnisim picture")
+    try:
+        yield memory, Path(f"/proc/self/fd/{memory}")
     finally:
         os.close(memory)
 
 
-def _one_line(error: str) -> str:
-    return " ".join(error.split()) or "no reason given"
-
-
-def _stored(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec, NDArray[Any]]:
-    """What a file says of itself, and its pixels (height, width, channels), as stored or as `kind`.
+def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec, NDArray[Any]]:
+    """Read a file's header and pixels (height, width, channels), as stored or as `kind`.
 
     Raises:
         OutputError: the file is missing or not a picture.
@@ -270,14 +275,13 @@ def _stored(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSp
         source.close()
 
 
-def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
-    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
+def _parse_metadata(text: object) -> dict[str, Any] | None:
+    try:
+        metadata = json.loads(text) if isinstance(text, str) else None
+    except (json.JSONDecodeError, RecursionError):
+        return None  # somebody else's description
+    return metadata if isinstance(metadata, dict) else None
 
-    The metadata is None where the picture has none of ours.
 
-    Raises:
-        OutputError: the file is missing or not a picture.
-    """
-    spec, pixels = _stored(path)
-    text = spec.getattribute(METADATA_KEY)
-    return pixels, _metadata_of(text)
+def _one_line(error: str) -> str:
+    return " ".join(error.split()) or "no reason given"

@@ -72,9 +72,9 @@ def test_full_disk_leaves_the_old_picture(tmp_path, monkeypatch, suffix):
 
 
 def test_unknown_format_missing_folder_folder_as_file(tmp_path):
-    with pytest.raises(OutputError, match=r"a\.gif: unknown picture format '\.gif'.*\.png"):
+    with pytest.raises(OutputError, match=r"a\.gif: unknown picture format: .*got '\.gif'"):
         write_image(tmp_path / "a.gif", PICTURE)
-    with pytest.raises(OutputError, match="unknown picture format '\\(no suffix\\)'"):
+    with pytest.raises(OutputError, match=r"unknown picture format: .*got ''"):
         write_image(tmp_path / "a", PICTURE)
     with pytest.raises(OutputError, match="does not exist: create it first"):
         write_image(tmp_path / "none" / "a.png", PICTURE)
@@ -99,7 +99,7 @@ def test_kernel_folder_cannot_be_written_to():
 
 
 def test_wrong_pixels_for_the_format(tmp_path):
-    with pytest.raises(OutputError, match="takes linear float32 pixels, not uint8"):
+    with pytest.raises(OutputError, match="expected float32 pixels, got uint8"):
         write_image(tmp_path / "a.exr", PICTURE)
     frame = Frame(np.zeros((2, 2, 4), np.uint8), None, {})
     with pytest.raises(OutputError, match="render with linear=True"):
@@ -168,10 +168,10 @@ def test_channels_come_back_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("name", "change", "what"),
     [
-        ("a.png", {}, "is written as .exr"),
+        ("a.png", {}, "expected a name that ends in .exr"),
         ("a.exr", {"Z": np.zeros((3, 3))}, "channel "),
-        ("a.exr", {"label": np.full((24, 32), 1 << 25)}, "channel label: want whole numbers"),
-        ("a.exr", {"label": np.full((24, 32), "x")}, "channel label: <U1: want numbers"),
+        ("a.exr", {"label": np.full((24, 32), 1 << 25)}, "channel label: expected whole numbers"),
+        ("a.exr", {"label": np.full((24, 32), "x")}, "channel label: expected numbers, got <U1"),
     ],
 )
 def test_channels_that_make_no_file_are_named(tmp_path, name, change, what):

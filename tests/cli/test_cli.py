@@ -54,7 +54,7 @@ def test_render_with_everything(omnisim, tmp_path):
         ),
         (
             ["courtyard", "-o", "a.png", "--faces", "empty.glb"],
-            "empty.glb: is a file: want a folder",
+            "empty.glb: is a file: expected a folder",
         ),
         (["courtyard", "-o", "a" * 300 + ".png"], "cannot be written: File name too long"),
         (["courtyard", "-o", "a.png", "--at", "1e39", "0", "0"], "expected three finite numbers"),

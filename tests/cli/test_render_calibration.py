@@ -53,7 +53,7 @@ def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
         (["--rays", "rays.png"], "--rays: expected an .exr file, got rays.png"),
         (["--rays", "none/rays.exr"], "the folder none does not exist"),
         (["--calibration", "none/a.json"], "the folder none does not exist"),
-        (["--calibration", "a.png"], "a.png: is the picture already: want another name"),
+        (["--calibration", "a.png"], "a.png: is the picture already: expected another name"),
         (["--rays", "b.exr", "--calibration", "./b.exr"], "b.exr: is --rays already"),
         (["--camera", "c.yaml", "--calibration", "c.yaml"], "c.yaml: is the camera's file"),
         (["--sensor", "c.toml", "--calibration", "c.toml"], "c.toml: is the sensor file"),

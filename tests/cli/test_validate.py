@@ -90,7 +90,7 @@ def test_without_opengl_nothing_is_begun(omnisim, tmp_path):
             "--only: expected a check, got 'ring'; did you mean 'rings'?",
         ),
         (["-o", "none/report"], "the folder none does not exist: create it first"),
-        (["-o", "file"], "file: is a file: want a folder"),
+        (["-o", "file"], "file: is a file: expected a folder"),
     ],
 )
 def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, words):

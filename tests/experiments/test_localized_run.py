@@ -167,7 +167,7 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
         (("localize", "RUN", "-o", "OUT", "--model", "RUN"), "is a folder: want the .npz file"),
         (("localize", "RUN", "-o", "OUT", "--model", "OUT.npz"), "No such file"),
         (("localize", "OUT", "-o", "OUT2"), "no such folder"),
-        (("landmarks", "train", "RUN", "-o", "OUT.txt"), "want a name that ends in .npz"),
+        (("landmarks", "train", "RUN", "-o", "OUT.txt"), "expected a name that ends in .npz"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "-1"), "--missed -1"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--camera", "omni"), "'omnicam'?"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "1e300"), "to 1e+09"),

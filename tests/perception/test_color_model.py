@@ -115,7 +115,7 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
     with pytest.raises(LocalizationError, match=r"other.npz: is no model"):
         load_model(tmp_path / "other.npz")
     model = ColorModel(("yellow",), _counts({GREY: 9}, {YELLOW: 5}), (3.0,))
-    with pytest.raises(OutputError, match=r"want a name that ends in .npz"):
+    with pytest.raises(OutputError, match=r"expected a name that ends in .npz"):
         save_model(tmp_path / "model.txt", model, ())
 
 
