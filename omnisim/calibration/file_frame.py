@@ -116,7 +116,7 @@ def _known(
         if mirrored and unified.xi < 1.0:
             k = 1.0 + 1.0 / math.sqrt((1.0 - unified.xi) * (1.0 + unified.xi))
             mirror = HyperbolicMirror(k=k, theta_max_rad=limit_rad)
-            return HyperbolicCamera(mirror, *size, gamma * (k - 1.0), centre)
+            return HyperbolicCamera(*size, gamma * (k - 1.0), centre, mirror)
     except OpticsError:  # a rim that this mirror cannot have
         return None
     return None
