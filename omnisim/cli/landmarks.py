@@ -9,14 +9,15 @@ from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.inputs import read_sensor
 from omnisim.cli.run_requests import DetectRequest, TrainRequest
 from omnisim.errors import LocalizationError, OpticsError
-from omnisim.experiments.detecting import Source, picture_source, run_source
-from omnisim.experiments.run_data import read_run
-from omnisim.experiments.training import Training, train_on_run
 from omnisim.perception import color_model_file, detection_files
 from omnisim.perception.color_model import Costs
+from omnisim.perception.color_training import Training
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
 from omnisim.plots.detection_plots import detections_figure
 from omnisim.plots.plot_file import check_plot_target, write_plot
+from omnisim.simulation.picture_source import PictureSource, picture_source, run_source
+from omnisim.simulation.run_data import read_run
+from omnisim.simulation.run_labels import train_on_run
 
 MAX_COST = 1e9  # past any that makes sense, and far from where a float ends
 SHOWN = 6  # panoramas in the figure
@@ -118,14 +119,14 @@ def detect(request: DetectRequest) -> None:
         print_note(f"no landmark in {pluralize(len(empty), 'picture')}: {steps}")
 
 
-def _open_run(request: DetectRequest) -> Source:
+def _open_run(request: DetectRequest) -> PictureSource:
     for option, value in (("--height", request.height_m), ("--sensor", request.sensor)):
         if value is not None:
             raise OpticsError(f"{option}: expected a picture, got the run {request.source}")
     return run_source(request.source, request.scene, request.camera)
 
 
-def _open_picture(request: DetectRequest) -> Source:
+def _open_picture(request: DetectRequest) -> PictureSource:
     for option, value in (("--scene", request.scene), ("--camera", request.camera)):
         if value is not None:
             raise OpticsError(f"{option}: expected a run, got the picture {request.source}")

@@ -9,16 +9,16 @@ import numpy as np
 from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.run_requests import LocalizeRequest
 from omnisim.errors import LocalizationError
-from omnisim.experiments.localizing import localize, sighting_of
-from omnisim.experiments.localizing_report import write_localized
-from omnisim.experiments.run_data import read_run
-from omnisim.experiments.training import train_on_run
+from omnisim.localization.localize import localize, sighting_of
+from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import read_parameters
-from omnisim.localization.sightings import LandmarkMap
 from omnisim.perception.color_model import ColorModel, Costs
 from omnisim.perception.color_model_file import load_model
 from omnisim.perception.landmark_detector import LandmarkDetector
+from omnisim.reports.localization_report import write_localized
 from omnisim.reports.report import HTML, check_report_target
+from omnisim.simulation.run_data import read_run
+from omnisim.simulation.run_labels import train_on_run
 
 SHOWN = 4  # panoramas in the report
 

@@ -7,25 +7,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.experiments.detecting import Found, compare
+from omnisim.experiments.detection_accuracy import Found, compare
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
-from omnisim.experiments.localizing import sighting_of
 from omnisim.experiments.real_setting import put_down_wrongly
-from omnisim.experiments.run_data import RunData
-from omnisim.experiments.run_labels import RunLabels
 from omnisim.experiments.seeds import (
     Progress,
     detect_with_noise,
     run_seeds,
 )
-from omnisim.experiments.training import PixelRates, Training, pixel_rates
+from omnisim.localization.localize import sighting_of
+from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.localization.parameters import FilterParameters, read_parameters
-from omnisim.localization.sightings import LandmarkMap, Observation
-from omnisim.perception.color_model import count_colors
+from omnisim.perception.color_training import PixelRates, Training, pixel_rates
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
 from omnisim.simulation import Vehicle
+from omnisim.simulation.run_data import RunData
+from omnisim.simulation.run_labels import RunLabels
 
 REAL_PARAMETERS = Path(__file__).with_name("real_setting.toml")
 SEEDS = 20
@@ -98,15 +96,8 @@ def _compared(run: RunData, detections: Sequence[Sequence[Detection]]) -> list[F
 
 def _pixel_rates(run: RunData, trained: Training, progress: Progress) -> PixelRates:
     labels = RunLabels(run, trained.model.colors)
-    covered = run.mount.covered
-    counts: NDArray[np.float64] | float = 0.0
-    for step in progress(f"pixels: {run.folder.path.name}", run.steps)(range(run.steps)):
-        pixels, classes = run.picture(step)[covered], labels(step)[covered]
-        counts = counts + count_colors(
-            pixels.reshape(-1, 3), classes.ravel(), 1 + len(trained.model.colors)
-        )
-    assert isinstance(counts, np.ndarray)
-    return pixel_rates(trained.model, counts)
+    track = progress(f"pixels: {run.folder.path.name}", run.steps)
+    return pixel_rates(trained.model, labels.pixels(track))
 
 
 def sightings_of(

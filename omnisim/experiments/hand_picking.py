@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.localization.sightings import LandmarkMap, Observation
+from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.perception.panorama import CameraMount
 from omnisim.poses import wrap_angle
 

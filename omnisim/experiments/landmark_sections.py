@@ -8,14 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from omnisim.experiments.detecting import Found, accuracy
+from omnisim.experiments.detection_accuracy import Found, accuracy
 from omnisim.experiments.experiment_runs import Real, Simulated
 from omnisim.experiments.recordings import Recordings
-from omnisim.experiments.run_labels import RunLabels
 from omnisim.experiments.seeds import Progress
 from omnisim.experiments.sweep import CAUSES, Outcome, sweep
-from omnisim.experiments.training import Training
 from omnisim.localization.parameters import FilterParameters
+from omnisim.perception.color_training import Training
 from omnisim.perception.landmark_detector import Detection
 from omnisim.plots.detection_plots import (
     Rates,
@@ -27,6 +26,7 @@ from omnisim.plots.detection_plots import (
 from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section, Table
+from omnisim.simulation.run_labels import RunLabels
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)
 

@@ -14,7 +14,7 @@ from omnisim.experiments.seeds import (
     run_seeds,
 )
 from omnisim.localization.filter import LocalizationFilter
-from omnisim.localization.sightings import LandmarkMap
+from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.track import notices
 from omnisim.plots.localization_plots import (
     PathPanel,

@@ -13,11 +13,11 @@ from omnisim.experiments.recordings import record_all
 from omnisim.experiments.seeds import (
     Progress,
 )
-from omnisim.experiments.training import train_on_run
 from omnisim.localization.parameters import read_parameters
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_model_file import save_model
 from omnisim.reports.report import Report, make_folder
+from omnisim.simulation.run_labels import train_on_run
 
 
 def run_experiments(folder: Path, device: int | None, progress: Progress) -> Report:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from omnisim.errors import RunError
 from omnisim.experiments.real_setting import cluttered
-from omnisim.experiments.run_data import RunData, read_run
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
 from omnisim.sensors.degradations import Degradation, preset
 from omnisim.simulation import Vehicle
 from omnisim.simulation.drive import Drive, with_cameras
 from omnisim.simulation.route import Route
+from omnisim.simulation.run_data import RunData, read_run
 
 SCENE = "soccer"
 # A way across the field that no other drive takes, to learn colours on: from near and far, and from

@@ -15,15 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.experiments.localizing import localize
-from omnisim.experiments.run_data import RunData
 from omnisim.localization.consistency import Band, mean_band
+from omnisim.localization.localize import localize
+from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.localization.parameters import FilterParameters
-from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.localization.track import Track
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
 from omnisim.robot import simulate_odometry
 from omnisim.robot.odometry import Odometry, OdometryErrors
+from omnisim.simulation.run_data import RunData
 
 PIXEL_SIGMA = 2.0  # of 255, of each seed's own noise
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]

@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.signal import fftconvolve
 
-from omnisim.experiments.detecting import accuracy, compare
-from omnisim.experiments.localizing import sighting_of
-from omnisim.experiments.run_data import RunData
+from omnisim.experiments.detection_accuracy import accuracy, compare
 from omnisim.experiments.seeds import Progress, run_seeds
+from omnisim.localization.localize import sighting_of
+from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import FilterParameters
-from omnisim.localization.sightings import LandmarkMap
 from omnisim.perception.color_model import ColorModel
 from omnisim.perception.landmark_detector import LandmarkDetector
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.sensors.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.sensors.degradations.defocus import covered_share
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
+from omnisim.simulation.run_data import RunData
 from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 
 NEAR_M = 4.0

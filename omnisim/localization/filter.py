@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import LocalizationError
 from omnisim.localization.motion import move
+from omnisim.localization.observations import LandmarkMap, Observation, expect
 from omnisim.localization.parameters import FilterParameters
-from omnisim.localization.sightings import LandmarkMap, Observation, expect
 from omnisim.poses import wrap_angle
 
 Verdict = Literal["accepted", "gated", "superseded", "singular"]

@@ -198,29 +198,34 @@ def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Cost
 
 
 def train(
-    colors: Sequence[str], learn: NDArray[np.float64], judge: NDArray[np.float64], costs: Costs
+    colors: Sequence[str],
+    train_counts: NDArray[np.float64],
+    validation_counts: NDArray[np.float64],
+    costs: Costs,
 ) -> tuple[ColorModel, tuple[Roc, ...]]:
-    """A model from counts, with thresholds chosen on counts of other pictures.
+    """Train a model on counts, and choose its thresholds on counts of other pictures.
 
     Args:
         colors: names.
-        learn, judge: (1 + colours, BINS³), neg first.
+        train_counts, validation_counts: (1 + colours, BINS³), neg first.
         costs: of mistakes.
 
     Raises:
         LocalizationError: a colour without a pixel to learn from, or to choose Θ by.
     """
-    untuned = ColorModel(tuple(colors), learn, (1.0,) * len(colors))
+    untuned = ColorModel(tuple(colors), train_counts, (1.0,) * len(colors))
     curves = []
     for index, name in enumerate(colors):
-        if judge[index + 1].sum() <= 0.0:
+        if validation_counts[index + 1].sum() <= 0.0:
             raise LocalizationError(
                 f"colour {name!r}: has no pixel to choose Θ by: want more pictures that show it"
             )
-        curves.append(roc(untuned.ratios[index], judge[index + 1], judge[NEG]))
-    negatives = float(judge[NEG].sum())
+        curves.append(
+            roc(untuned.ratios[index], validation_counts[index + 1], validation_counts[NEG])
+        )
+    negatives = float(validation_counts[NEG].sum())
     thresholds = tuple(
         choose_threshold(curve, float(counts.sum()), negatives, costs)
-        for curve, counts in zip(curves, judge[1:], strict=True)
+        for curve, counts in zip(curves, validation_counts[1:], strict=True)
     )
-    return ColorModel(tuple(colors), learn, thresholds), tuple(curves)
+    return ColorModel(tuple(colors), train_counts, thresholds), tuple(curves)

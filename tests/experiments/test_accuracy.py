@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.experiments.detecting import Found, accuracy, compare
+from omnisim.experiments.detection_accuracy import Found, accuracy, compare
 from omnisim.experiments.experiment_runs import REAL_PARAMETERS
 from omnisim.experiments.recordings import LEARNING_WAY, real_camera
 from omnisim.experiments.seeds import SeedRuns
 from omnisim.localization.consistency import mean_band
+from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import read_parameters
-from omnisim.localization.sightings import LandmarkMap
 from omnisim.perception.landmark_detector import Detection
 
 

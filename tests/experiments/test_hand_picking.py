@@ -7,7 +7,7 @@ import numpy as np
 import omnisim
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
 from omnisim.experiments.real_setting import cluttered, put_down_wrongly
-from omnisim.localization.sightings import LandmarkMap, expect
+from omnisim.localization.observations import LandmarkMap, expect
 from omnisim.perception.panorama import CameraMount
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import load_scene

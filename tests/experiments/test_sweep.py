@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.experiments.seeds import ahead_only
 from omnisim.experiments.sweep import CAUSES, degraded
-from omnisim.localization.sightings import Observation
+from omnisim.localization.observations import Observation
 from omnisim.sensors.degradations.defocus import Defocus
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 

@@ -11,8 +11,8 @@ from omnisim.errors import LocalizationError
 from omnisim.localization.consistency import mean_band, nees, pose_errors
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.motion import move
+from omnisim.localization.observations import LandmarkMap, Observation, expect
 from omnisim.localization.parameters import FilterParameters, read_parameters
-from omnisim.localization.sightings import LandmarkMap, Observation, expect
 from omnisim.robot.odometry import Odometry
 
 CAMERA_M = (-0.08, 0.03)

@@ -8,7 +8,7 @@ import pytest
 
 import omnisim
 from omnisim.errors import LocalizationError
-from omnisim.localization.sightings import LandmarkMap, expect
+from omnisim.localization.observations import LandmarkMap, expect
 from omnisim.perception.color_model import BINS, ColorModel, bin_of
 from omnisim.perception.landmark_detector import LandmarkDetector
 from omnisim.perception.panorama import CameraMount, Panorama

@@ -132,7 +132,7 @@ def test_bad_views_are_named():
         cylinder_view(100, -math.pi / 2, 0.0)
     with pytest.raises(OpticsError, match="height 0 m"):
         birdseye_view(100, 1.0, 0.0)
-    with pytest.raises(OpticsError, match="field of view: expected .*, got 180°"):
+    with pytest.raises(OpticsError, match=r"field of view: expected .*, got 180°"):
         perspective_view(10, 10, math.pi)
     with pytest.raises(OpticsError, match="want finite numbers"):
         perspective_view(10, 10, 1.0, yaw_rad=math.nan)

@@ -367,7 +367,7 @@ def test_limits_of_the_gpu_are_said():
 def test_what_is_not_a_pose_is_refused(matrix):
     with (
         Renderer(scene_of([room()], lighting=NO_LIGHT)) as renderer,
-        pytest.raises(OmnisimError, match="pose: want"),
+        pytest.raises(OmnisimError, match="pose: expected"),
     ):
         renderer.render(matrix)
 

@@ -10,18 +10,17 @@ from typer.testing import CliRunner
 
 from omnisim.cli.app import app
 from omnisim.errors import OmnisimError
-from omnisim.experiments.localizing import localize, sighting_of
-from omnisim.experiments.run_data import read_run
-from omnisim.experiments.run_labels import RunLabels, landmark_colors
-from omnisim.experiments.track_files import write_track
-from omnisim.experiments.training import train_on_run
 from omnisim.image_files import read_image, write_image
+from omnisim.localization.localize import localize, sighting_of
+from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import read_parameters
-from omnisim.localization.sightings import LandmarkMap
 from omnisim.localization.track import notices
+from omnisim.localization.track_files import write_track
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_model_file import load_model
 from omnisim.perception.landmark_detector import LandmarkDetector
+from omnisim.simulation.run_data import read_run
+from omnisim.simulation.run_labels import RunLabels, landmark_colors, train_on_run
 
 STEPS = 5
 
@@ -232,7 +231,7 @@ def test_a_run_with_a_picture_missing_says_which(run, model, tmp_path):
 def test_a_picture_of_another_camera_is_named(run, monkeypatch, spoil, told):
     data = read_run(run)
     stored = read_image(run / "omnicam" / "000002.png")[0]
-    monkeypatch.setattr("omnisim.experiments.run_data.read_image", lambda _: (spoil(stored), None))
+    monkeypatch.setattr("omnisim.simulation.run_data.read_image", lambda _: (spoil(stored), None))
     with pytest.raises(OmnisimError, match=rf"000002.png: has .*{told}.*: want .* 3 × uint8"):
         data.picture(2)
 

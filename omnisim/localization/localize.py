@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from omnisim.localization.filter import LocalizationFilter
+from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.localization.parameters import FilterParameters, Measurement
-from omnisim.localization.sightings import LandmarkMap, Observation
 from omnisim.localization.track import Track
 from omnisim.perception.landmark_detector import Detection
 from omnisim.robot.odometry import Odometry

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.experiments.run_data import RunData
-from omnisim.experiments.track_files import write_track
 from omnisim.localization.consistency import mean_band
 from omnisim.localization.parameters import FilterParameters
 from omnisim.localization.track import Track, notices
+from omnisim.localization.track_files import write_track
 from omnisim.perception.detection_files import write_detections
 from omnisim.perception.landmark_detector import Detection
 from omnisim.plots.detection_plots import detections_figure
 from omnisim.plots.localization_plots import PathPanel, errors_figure, paths_figure
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Report, Section, make_folder
+from omnisim.simulation.run_data import RunData
 
 LATE_STEP = 5  # from when on errors count: the paper's start is worse than its odometry
 

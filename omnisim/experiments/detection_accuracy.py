@@ -1,91 +1,21 @@
-"""Where pictures to look for landmarks in come from, and how far off what is found is."""
+"""Accuracy of a landmark detector: recall, precision and errors by distance."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import OpticsError, OutputError
-from omnisim.experiments.run_data import read_run
-from omnisim.localization.sightings import LandmarkMap, expect
+from omnisim.localization.observations import LandmarkMap, expect
 from omnisim.perception.landmark_detector import Detection
-from omnisim.perception.panorama import CameraMount
 from omnisim.poses import wrap_angle
-from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.picture_file import read_picture
 
 # What counts as found: farther off, it is something else.
 FOUND_WITHIN_RAD = math.radians(3.0)
 FOUND_WITHIN_SHARE = 0.25
-
-
-@dataclass(frozen=True)
-class Source:
-    """Pictures of one camera.
-
-    Attributes:
-        mount: the camera.
-        count: how many pictures.
-        picture: the one of a step.
-        unfinished: what somebody should know of a run that is not whole, or None: it is.
-    """
-
-    mount: CameraMount
-    count: int
-    picture: Callable[[int], NDArray[np.uint8]]
-    unfinished: str | None = None
-
-
-def run_source(folder: Path, scene: str | None = None, camera: str | None = None) -> Source:
-    """The pictures of a run.
-
-    Raises:
-        OmnisimError: anything that `read_run` refuses.
-    """
-    run = read_run(folder, scene, camera)
-    return Source(run.mount, run.steps, run.picture, run.unfinished)
-
-
-def picture_source(
-    path: Path, height_m: float | None = None, sensor: OmniCamera | None = None
-) -> Source:
-    """A single picture, which says by what camera it was taken.
-
-    Only how the camera sits on its vehicle is taken from it, not where the vehicle was.
-
-    Args:
-        path: of the picture.
-        height_m: of the effective viewpoint above the ground, or None: its own z.
-        sensor: that it was taken with, on the vehicle, or None: the picture says so itself.
-
-    Raises:
-        OutputError: no picture, of floats, or without its camera.
-        OpticsError: a height that cannot be.
-    """
-    taken = read_picture(path, sensor)
-    if taken.pixels.dtype != np.uint8:
-        raise OutputError(f"{path}: has linear floats: want a picture of 8 bits, .png")
-    known = taken.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
-    own = known if height_m is None else height_m
-    if own is None or not (math.isfinite(own) and own > 0.0):
-        raise OpticsError(
-            f"{path}: camera {own} m above the ground: want more than 0: pass --height METRES"
-        )
-    base_from_optical = np.eye(4)
-    base_from_optical[:3, :3] = taken.base_from_optical
-    if sensor is not None:
-        base_from_optical[:3, 3] = sensor.base_from_optical[:3, 3]
-    elif taken.world_from_base is not None and taken.world_from_optical is not None:
-        arm = taken.world_from_optical[:3, 3] - taken.world_from_base[:3, 3]
-        base_from_optical[:3, 3] = taken.world_from_base[:3, :3].T @ arm
-    base_from_optical[2, 3] = own
-    mount = CameraMount(taken.camera, base_from_optical, taken.covered)
-    return Source(mount, 1, lambda _: taken.pixels)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""Which pixels of a run's pictures are whose colour: the ground truth that histograms learn from.
+"""Labels of a run's pictures: the ground truth that colour histograms are trained on.
 
-It comes from the run's own channel `instance`, as `omnisim drive ... --also instance` records it:
+They come from the run's own channel `instance`, as `omnisim drive ... --also instance` records it:
 the scenes' nodes are named after their landmark, `goal_yellow`, and where it has bands of several
 colours also after those, `beacon_left_yellow_pink`.
 """
@@ -8,25 +8,33 @@ colours also after those, `beacon_left_yellow_pink`.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import RunError
-from omnisim.experiments.run_data import RunData
 from omnisim.image_files import read_channels
+from omnisim.perception.color_model import Costs
+from omnisim.perception.color_training import (
+    VALIDATE_EVERY,
+    LabelledPixels,
+    Training,
+    train_colors,
+)
 from omnisim.scene.model import Landmark
 from omnisim.simulation.run_channels import LABELS
+from omnisim.simulation.run_data import RunData
 from omnisim.simulation.run_folder import CHANNELS_SUFFIX
 
-# Least saturation, (largest − smallest)/largest of linear RGB, of a colour that tells something:
+# Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's colour:
 # white lines, walls and paper are everywhere.
 LEAST_SATURATION = 0.5
+Track = Callable[[Iterable[int]], Iterable[int]]
 
 
 def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
-    """Names of the colours that landmarks are told by, in the order of the alphabet."""
+    """Names of the saturated colours of landmarks, in alphabetical order."""
     found = set()
     for landmark in landmarks:
         for band in landmark.bands:
@@ -37,7 +45,7 @@ def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
 
 
 class RunLabels:
-    """The labels of a run's pictures.
+    """Classes of the pixels of a run's pictures.
 
     Args:
         run: with the channel `instance`.
@@ -58,7 +66,7 @@ class RunLabels:
         self._class_of_instance = _class_of_instance(run, colors)
 
     def __call__(self, step: int) -> NDArray[np.uint8]:
-        """The class of each pixel (height, width): 0, or 1 + the index of a colour.
+        """Class of each pixel (height, width): 0, or 1 + the index of a colour.
 
         Raises:
             RunError: the step's file has no instances.
@@ -73,9 +81,42 @@ class RunLabels:
             raise RunError(f"{path}: has instances that are not in {LABELS}")
         return self._class_of_instance[ids]
 
+    def pixels(self, track: Track = iter) -> Iterator[LabelledPixels]:
+        """Pixels that show the scene and their classes, picture by picture.
+
+        Args:
+            track: wraps the steps, for progress.
+        """
+        covered = self._run.mount.covered
+        shown = slice(None) if covered is None else covered.ravel()
+        for step in track(range(self._run.steps)):
+            yield self._run.picture(step).reshape(-1, 3)[shown], self(step).ravel()[shown]
+
+
+def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
+    """Train a colour model on a run's landmarks.
+
+    Args:
+        run: with the channel `instance`.
+        costs: of mistakes.
+        track: wraps the steps, for progress.
+
+    Raises:
+        RunError: a run without labels, or of too few pictures.
+        LocalizationError: a colour that no picture shows.
+    """
+    colors = landmark_colors(run.landmarks)
+    labels = RunLabels(run, colors)
+    if run.steps < VALIDATE_EVERY:
+        raise RunError(
+            f"{run.folder.path}: expected at least {VALIDATE_EVERY} pictures to train on some and "
+            f"choose Θ by others, got {run.steps}"
+        )
+    return train_colors(colors, labels.pixels(track), costs)
+
 
 def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]:
-    """The class (n,) of each number of an instance."""
+    """Classes (n,) by instance ID."""
     path = run.folder.path / LABELS
     classes = {
         name: index
