@@ -75,13 +75,13 @@ def test_channels_of_a_room_are_those_of_the_exact_rays(lens):
     assert np.isnan(found["position"][nothing]).all()
     assert not found["normals"][nothing].any()
     assert not found["albedo"][nothing].any()
-    # plain colours are looked up in a texel beside, up to 1.5 texels away, in steps of 8 bits
+    # albedos are those of an adjacent texel, up to 1.5 texels away, in steps of 8 bits
     step = np.abs(found["albedo"] - room_color(hits))[clear].max(axis=-1)
     assert np.mean(step) < 0.01
     assert np.percentile(step, 99) < 0.05
 
 
-def test_a_mesh_has_the_surfaces_of_its_own_rays():
+def test_a_mesh_has_the_hits_of_its_own_rays():
     """Points lie on the walls; a mesh of 16 polygons sees them elsewhere than the exact mirror."""
     sensor = OmniCamera(LENSES["mirror"], polygons=16, supersampling=1)
     with Renderer(scene_of([room()]), sensor) as renderer:
@@ -96,7 +96,7 @@ def test_a_mesh_has_the_surfaces_of_its_own_rays():
     assert np.nanmedian(apart) > 0.02
 
 
-def test_rays_are_cut_by_what_is_farther_than_near_and_nearer_than_far():
+def test_hits_are_between_the_near_and_the_far_plane():
     scene = scene_of([box("crate", 0, half_m=0.2), room()])
     lens = LENSES["sphere"]
     here = pose((0.0, 0.0, 0.0))
@@ -140,7 +140,7 @@ def test_far_from_the_origin_ranges_are_as_exact():
     )
 
 
-def test_through_the_holes_of_a_masked_surface_is_what_is_behind():
+def test_rays_pass_through_holes_of_masked_surfaces():
     """A chequered cage around the camera: whole squares, away from their edges, ray by ray."""
     cage = Material(texture=checkered(0), alpha_mode=AlphaMode.MASK, double_sided=True)
     scene = scene_of([room(), box("cage", 1, half_m=0.6)], [Material(double_sided=True), cage])
@@ -163,7 +163,7 @@ def test_through_the_holes_of_a_masked_surface_is_what_is_behind():
     np.testing.assert_allclose(frame.channels["range"][clear], expected_m[clear], atol=CLOSE_M)
 
 
-def test_blended_surfaces_count_where_they_hide_half():
+def test_blended_surfaces_are_hit_from_half_opacity_on():
     glass = Material(base_color=(0, 0, 1, 0.4), alpha_mode=AlphaMode.BLEND, double_sided=True)
     tinted = Material(base_color=(0, 0, 1, 0.6), alpha_mode=AlphaMode.BLEND, double_sided=True)
     meshes = [room(), box("glass", 1, half_m=0.6), box("tinted", 2, half_m=0.8)]
@@ -175,7 +175,7 @@ def test_blended_surfaces_count_where_they_hide_half():
     assert 0.79 < frame.channels["range"].min() < 0.81
 
 
-def test_glass_that_pictures_sort_anew_is_hit_where_it_is():
+def test_sorted_blended_triangles_are_hit_where_they_are():
     """Triangles of blended surfaces are drawn from far to near, in another order at every pose."""
     glass = Material(base_color=(0, 0, 1, 0.6), alpha_mode=AlphaMode.BLEND)
     solid = Material(base_color=(0, 0, 1, 1.0))
@@ -197,7 +197,7 @@ def test_glass_that_pictures_sort_anew_is_hit_where_it_is():
             assert same.mean() > 0.999
 
 
-def test_what_is_hidden_and_left_out_changes_no_channel(monkeypatch):
+def test_culling_changes_no_channel(monkeypatch):
     also = tuple(CHANNELS)
     found = []
     for worth in (0, 10**9):  # triangles from which on it is worth a test what is hidden
@@ -208,7 +208,7 @@ def test_what_is_hidden_and_left_out_changes_no_channel(monkeypatch):
         np.testing.assert_array_equal(*(channels[name] for channels in found))
 
 
-def test_the_body_is_seen_but_what_is_hidden():
+def test_the_body_is_seen_but_for_hidden_instances():
     sensor = OmniCamera(
         LENSES["sphere"], polygons=None, base_from_rig=pose((-0.1, 0.05, 0.6)), supersampling=1
     )
@@ -231,16 +231,16 @@ def test_the_body_is_seen_but_what_is_hidden():
 
 
 @lenses
-def test_flow_is_the_reprojection_of_what_the_exact_rays_hit(lens):
+def test_flow_is_the_reprojection_of_the_exact_hits(lens):
     after = POSE @ pose((0.2, -0.1, 0.05), yaw_deg=7.0, pitch_deg=2.0)
     frame = _truth(lens, ("flow",), after=after)
     directions, valid = _rays_world(lens)
     hits = room_hit(POSE[:3, 3], directions)
     there = lens.pixel_from_ray((hits - after[:3, 3]) @ after[:3, :3] @ lens.rig_from_optical)
     expected = there.positions_px - pixel_grid(lens.width_px, lens.height_px)
-    turn_px = {"equirectangular": 120.0, "cylindrical": 2 * np.pi * 20.0}.get(lens.model_name)
-    if turn_px is not None:
-        expected[..., 0] -= turn_px * np.round(expected[..., 0] / turn_px)
+    period_px = {"equirectangular": 120.0, "cylindrical": 2 * np.pi * 20.0}.get(lens.model_name)
+    if period_px is not None:
+        expected[..., 0] -= period_px * np.round(expected[..., 0] / period_px)
     flow = frame.channels["flow"]
     known = valid & there.valid
     np.testing.assert_array_equal(np.isfinite(flow).all(axis=-1), known)
@@ -248,12 +248,12 @@ def test_flow_is_the_reprojection_of_what_the_exact_rays_hit(lens):
     off_px = np.linalg.norm(flow - expected, axis=-1)[known]
     assert np.percentile(off_px, 99) < 1e-3
     assert off_px.max() < 0.05
-    fate = frame.channels["occluded"]
+    occlusion = frame.channels["occluded"]
     inside = known & np.all((there.positions_px >= -0.5), axis=-1)
     inside &= np.all(there.positions_px < (lens.width_px - 0.5, lens.height_px - 0.5), axis=-1)
-    assert (fate[~valid] == INVALID).all()
-    assert (fate[inside] == VISIBLE).all()  # a room hides nothing of itself
-    assert (fate[valid & ~inside] == OUTSIDE).all()
+    assert (occlusion[~valid] == INVALID).all()
+    assert (occlusion[inside] == VISIBLE).all()  # a room occludes nothing of itself
+    assert (occlusion[valid & ~inside] == OUTSIDE).all()
 
 
 def _beside_a_wall(dynamic_objects=None):
@@ -261,7 +261,7 @@ def _beside_a_wall(dynamic_objects=None):
     return Stage(scene_of([room()]), dynamic_objects=dynamic_objects)
 
 
-def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
+def test_flow_and_occlusion_of_a_dynamic_object():
     """A crate that slides, seen by a camera that drives; checked pixel by pixel, with geometry."""
     crate = scene_of([box("crate", 0, half_m=0.25)])
     lens = EquirectangularCamera(240, 120)
@@ -289,22 +289,22 @@ def test_flow_goes_with_what_moves_and_what_it_comes_to_hide_is_hidden():
     expected = seen.positions_px - pixel_grid(240, 120)
     expected[..., 0] -= 240 * np.round(expected[..., 0] / 240)
     np.testing.assert_allclose(frame.channels["flow"], expected, atol=2e-3)
-    # a wall's point is hidden where the way to it, in the crate's next frame, goes through the box
+    # a wall's point is occluded where the ray to it goes through the box, in the crate's frame
     crate_from_world = np.linalg.inv(crate_after)
     start = crate_from_world[:3, :3] @ after[:3, 3] + crate_from_world[:3, 3]
     ends = moved @ crate_from_world[:3, :3].T + crate_from_world[:3, 3]
     ways = np.where(np.abs(ends - start) < 1e-12, 1e-12, ends - start)
     near, far = np.sort(np.stack(((-0.25 - start) / ways, (0.25 - start) / ways)), axis=0)
     enters, leaves = near.max(axis=-1), far.min(axis=-1)
-    hidden = (enters < leaves) & (enters > 0.0) & (enters < 1.0 - 1e-3)
+    occluded = (enters < leaves) & (enters > 0.0) & (enters < 1.0 - 1e-3)
     # rays that touch the box by a hair are judged either way
     doubtful = np.abs(enters - leaves) < 1e-4
-    fate = frame.channels["occluded"]
-    assert hidden.sum() > 150
-    np.testing.assert_array_equal((fate == OCCLUDED)[~doubtful], hidden[~doubtful])
+    occlusion = frame.channels["occluded"]
+    assert occluded.sum() > 150
+    np.testing.assert_array_equal((occlusion == OCCLUDED)[~doubtful], occluded[~doubtful])
 
 
-def test_nothing_flows_by_the_turn_alone():
+def test_infinitely_far_points_flow_by_rotation_alone():
     """In an empty world what is seen is infinitely far."""
     tiny = scene_of([box("far away", 0, half_m=1e-4)], poses=[pose((0.0, 0.0, -50.0))])
     lens = LENSES["sphere"]
@@ -317,7 +317,7 @@ def test_nothing_flows_by_the_turn_alone():
     np.testing.assert_allclose(flow[..., 0], 15.0 / 360.0 * lens.width_px, atol=1e-3)
 
 
-def test_all_channels_do_not_depend_on_their_company_nor_on_the_picture():
+def test_a_channel_does_not_depend_on_others_or_on_the_picture():
     scene = surroundings()
     sensor = OmniCamera(polygons=64).resized(60)
     also = tuple(CHANNELS)
@@ -337,7 +337,7 @@ def test_all_channels_do_not_depend_on_their_company_nor_on_the_picture():
         assert values[0, 0].size == len(CHANNELS[name].parts)
 
 
-def test_unknown_channels_and_flow_to_nowhere_are_refused():
+def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
     with Renderer(scene_of([room()]), OmniCamera().resized(16)) as renderer:
         with pytest.raises(OutputError, match="'rang': there is no such channel; did you mean"):
             renderer.render(pose(), also=("rang",))
@@ -347,27 +347,27 @@ def test_unknown_channels_and_flow_to_nowhere_are_refused():
             renderer.render(pose(), also=("flow",))
 
 
-def test_the_warehouse_is_what_embree_says(warehouse):
-    """One pose a lens; the bounds are the project's, `tests.surface_oracle` takes more poses."""
-    from tests.surface_oracle import LENSES as LARGE
-    from tests.surface_oracle import Oracle, compare, free_poses, next_pose
+def test_hits_in_the_warehouse_are_those_of_embree(warehouse):
+    """One pose a lens; the bounds are the project's, `tests.embree_oracle` takes more poses."""
+    from tests.embree_oracle import LENSES as LARGE
+    from tests.embree_oracle import Oracle, compare, free_poses, next_pose
 
     scene = load_scene(warehouse)
     oracle = Oracle(scene)
     now = free_poses(oracle, 1, seed=5)[0]
     for lens in LARGE.values():
         with Renderer(scene, lens) as renderer:
-            told = compare(scene, oracle, renderer, now, next_pose(now))
-        assert min(told["range"], told["instance"], told["normals"]) >= 0.995
-        assert told["wrong elsewhere"] <= 1e-4  # measured: 0, all are at silhouettes
-        assert told["flow mean px"] <= 0.02
-        assert told["flow 99 % px"] <= 0.1
-        assert told["hidden"] > 300
-        assert told["hidden F1"] >= 0.97
+            results = compare(scene, oracle, renderer, now, next_pose(now))
+        assert min(results["range"], results["instance"], results["normals"]) >= 0.995
+        assert results["wrong elsewhere"] <= 1e-4  # measured: 0, all are at silhouettes
+        assert results["flow mean px"] <= 0.02
+        assert results["flow 99 % px"] <= 0.1
+        assert results["occluded"] > 300
+        assert results["occlusion F1"] >= 0.97
 
 
 @lenses
-def test_what_is_hit_has_a_plain_colour_where_its_triangle_shows_in_no_texel(lens):
+def test_triangles_that_show_in_no_texel_have_an_albedo(lens):
     """Tiny triangles of one colour before nothing: none of it is the black of nothing."""
     scene = scene_of(
         [sheet("sheet", 0, side=60, bumps_m=0.02, seed=seed) for seed in range(6)],

@@ -364,7 +364,7 @@ def test_limits_of_the_gpu_are_said():
     "matrix",
     [np.eye(3), np.full((4, 4), np.nan), np.diag([2.0, 2, 2, 1]), np.diag([1.0, 1, -1, 1])],
 )
-def test_what_is_not_a_pose_is_refused(matrix):
+def test_matrices_that_are_no_poses_are_refused(matrix):
     with (
         Renderer(scene_of([room()], lighting=NO_LIGHT)) as renderer,
         pytest.raises(OmnisimError, match="pose: expected"),

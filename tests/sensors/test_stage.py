@@ -160,7 +160,7 @@ def test_wrong_use_is_refused():
         scanner = LaserRenderer(stage)
         with pytest.raises(OmnisimError, match="world_from_base is missing: where is the body"):
             scanner.scan(np.eye(4))
-        with pytest.raises(OmnisimError, match="want a rotation and a translation"):
+        with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
             scanner.scan(np.eye(4), world_from_base=2.0 * np.eye(4))
         scanner.scan(np.eye(4), world_from_base=np.eye(4))
     with pytest.raises(GraphicsError, match="there is no such device"):

@@ -41,8 +41,8 @@ def _take(stage, camera):
 
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
-def test_the_same_is_seen_with_and_without_a_table(camera, monkeypatch):
-    """Without, captured pixels are half floats, which move some colours by a step of 8 bits."""
+def test_remapped_samples_are_the_drawn_ones(camera, monkeypatch):
+    """Drawn samples are half floats, which move some colours by a step of 8 bits."""
     with Stage(mixed_scene()) as stage:
         for supersampling in (1, 2, 3):
             finer = dataclasses.replace(camera, supersampling=supersampling, texels_per_pixel=2.0)
@@ -63,45 +63,45 @@ def test_a_table_is_as_large_as_its_limit_at_most():
     assert not fits_table((side + 1) ** 2)
 
 
-class Notes:
-    """All that moderngl is asked to draw, to write and to read."""
+class Calls:
+    """Draws, writes and reads of moderngl."""
 
     def __init__(self, patch):
         self.drawn, self.written, self.read = [], [], []
         render, write = moderngl.VertexArray.render, moderngl.Buffer.write
         read_into = moderngl.Framebuffer.read_into
 
-        def render_noted(array, mode=None, vertices=-1, **options):
+        def render_recorded(array, mode=None, vertices=-1, **options):
             self.drawn.append(array.vertices if vertices < 0 else vertices)
             return render(array, mode, vertices, **options)
 
-        def write_noted(buffer, data, **options):
+        def write_recorded(buffer, data, **options):
             self.written.append(memoryview(data).nbytes)
             return write(buffer, data, **options)
 
-        def read_noted(framebuffer, buffer, *arguments, **options):
+        def read_recorded(framebuffer, buffer, *arguments, **options):
             self.read.append(memoryview(buffer).nbytes)
             return read_into(framebuffer, buffer, *arguments, **options)
 
-        patch.setattr(moderngl.VertexArray, "render", render_noted)
-        patch.setattr(moderngl.Buffer, "write", write_noted)
-        patch.setattr(moderngl.Framebuffer, "read_into", read_noted)
+        patch.setattr(moderngl.VertexArray, "render", render_recorded)
+        patch.setattr(moderngl.Buffer, "write", write_recorded)
+        patch.setattr(moderngl.Framebuffer, "read_into", read_recorded)
 
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
-    notes = {}
+    calls = {}
     with Stage(load_scene("soccer")) as stage:
         for polygons in (16, 4096):
             camera = OmniCamera(polygons=polygons).with_quality("fast").resized(200)
             with Renderer(stage, camera) as renderer:
                 with monkeypatch.context() as patch:
-                    notes[polygons] = Notes(patch)
+                    calls[polygons] = Calls(patch)
                     renderer.render(_at_start(stage, camera))
                 table = renderer._passes._pipeline._picture_pass.table_bytes
                 assert table == 8 * 200 * 200 * camera.supersampling**2
-    few, many = notes.values()
-    assert len(few.drawn) > 10  # in the faces and the picture
+    few, many = calls.values()
+    assert len(few.drawn) > 10  # in the tiles and the picture
     assert few.drawn == many.drawn
     assert few.written == many.written
     assert few.read == many.read == [4 * 200 * 200]

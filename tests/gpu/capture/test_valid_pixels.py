@@ -1,4 +1,4 @@
-"""Rectangles beside the pixels they have to cover."""
+"""Triangles that cover valid pixels, against the mask."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from omnisim.gpu.capture.valid_pixels import STRIP_PX, covering_triangles
 
 
 def _covered(triangles, shape):
-    """How many triangles (n, 3, 2) each pixel's centre is in; none may lie on an edge."""
+    """Count of the triangles (n, 3, 2) that each pixel's centre is in; none may lie on an edge."""
     x, y = np.meshgrid(np.arange(shape[1]) + 0.5003, np.arange(shape[0]) + 0.5001)
     count = np.zeros(shape, dtype=int)
     for corners in triangles:
@@ -41,17 +41,17 @@ def test_every_valid_pixel_is_covered_once(valid):
     count = _covered(corners.reshape(-1, 3, 2), valid.shape)
     assert np.all(count[valid] == 1)
     assert count.max() == 1  # nothing is drawn twice
-    # rows without anything are left out, if there are enough of them
+    # rows without anything are not covered, if there are enough of them
     for top in range(0, len(valid), STRIP_PX):
         if not valid[top : top + STRIP_PX].any():
             assert not count[top : top + STRIP_PX].any()
 
 
 def test_a_disc_is_covered_closely():
-    """A band of rows is as wide as the disc is in the widest of them."""
+    """A strip is as wide as the disc is in the widest of them."""
     valid = _disc(400, 500, 190.0)
     count = _covered(covering_triangles(valid).reshape(-1, 3, 2), valid.shape)
-    # each of four quarters is a staircase with treads of a band: half a band at each side of it
+    # each of four quarters is a staircase with treads of a strip: half a strip at each side of it
     assert count.sum() <= valid.sum() + 4 * 190 * STRIP_PX
 
 

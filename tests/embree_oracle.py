@@ -1,6 +1,6 @@
-"""An independent opinion on what pixels show: their exact rays, cast by Embree.
+"""Oracle of ground truth: the pixels' exact rays, cast by Embree.
 
-By hand, all lenses and poses: python -m tests.surface_oracle ../shared/assets/small_warehouse.glb
+By hand, all lenses and poses: python -m tests.embree_oracle ../shared/assets/small_warehouse.glb
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ LENSES = {
 
 @dataclasses.dataclass
 class Hits:
-    """What rays hit: range, +inf for nothing; instance, −1 for nothing; unit normal."""
+    """Hits of rays: range, +inf for nothing; instance, −1 for nothing; unit normal."""
 
     ranges_m: np.ndarray
     instances: np.ndarray
@@ -54,7 +54,7 @@ class Oracle:
         return turned[mesh.triangles]
 
     def hits(self, origin, directions):
-        """What rays from (3,) along unit directions (n, 3) hit."""
+        """Hits of rays from (3,) along unit directions (n, 3)."""
         triangles = self._triangles
         flat = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         mirrored = np.array(
@@ -148,12 +148,12 @@ def compare(scene, oracle, renderer, now, after):
 
     distance_m = np.linalg.norm(offsets, axis=1)
     back = oracle.hits(after[:3, 3], offsets / distance_m[:, None])
-    hidden = back.ranges_m < (1.0 - 1e-3) * np.where(seen, distance_m, np.inf)
-    fate = frame.channels["occluded"][valid]
-    judged = (fate != OUTSIDE) & seen
-    told, true = fate[judged] == OCCLUDED, hidden[judged]
-    assert np.isin(fate, (VISIBLE, OCCLUDED, OUTSIDE)).all()
-    both_hidden = (told & true).sum()
+    occluded = back.ranges_m < (1.0 - 1e-3) * np.where(seen, distance_m, np.inf)
+    occlusion = frame.channels["occluded"][valid]
+    judged = (occlusion != OUTSIDE) & seen
+    reported, true = occlusion[judged] == OCCLUDED, occluded[judged]
+    assert np.isin(occlusion, (VISIBLE, OCCLUDED, OUTSIDE)).all()
+    both_occluded = (reported & true).sum()
     return {
         "range": float((error <= 1e-3).mean()),
         "instance": float((np.array(names)[frame.channels["instance"][valid]] == theirs).mean()),
@@ -161,13 +161,13 @@ def compare(scene, oracle, renderer, now, after):
         "wrong elsewhere": float((wrong & ~edge).mean()),
         "flow mean px": float(off_px.mean()),
         "flow 99 % px": float(np.percentile(off_px, 99.0)),
-        "hidden F1": float(2.0 * both_hidden / max(told.sum() + true.sum(), 1)),
-        "hidden": int(true.sum()),
+        "occlusion F1": float(2.0 * both_occluded / max(reported.sum() + true.sum(), 1)),
+        "occluded": int(true.sum()),
     }
 
 
 def _silhouettes(valid, hits):
-    """Which valid pixels (n,) are next to another instance, or to a leap of the range by 1 %."""
+    """Valid pixels (n,) next to another instance, or to a leap of the range by 1 %."""
     instances, ranges_m = np.full(valid.shape, -2), np.full(valid.shape, np.inf)
     instances[valid], ranges_m[valid] = hits.instances, hits.ranges_m
     near_m, far_m = np.full(valid.shape, np.inf), np.zeros(valid.shape)
@@ -195,8 +195,8 @@ def free_poses(oracle, count, seed=1):
     while len(poses) < count:
         values = random.uniform(low, high)
         now = pose(values[:3], *values[3:])
-        places = (now[:3, 3], next_pose(now)[:3, 3])
-        if all(oracle.hits(place, directions).ranges_m.min() > 0.3 for place in places):
+        viewpoints = (now[:3, 3], next_pose(now)[:3, 3])
+        if all(oracle.hits(viewpoint, directions).ranges_m.min() > 0.3 for viewpoint in viewpoints):
             poses.append(now)
     return poses
 
@@ -212,9 +212,9 @@ def main(path):
     poses = free_poses(oracle, 10)
     for name, lens in LENSES.items():
         with Renderer(scene, lens) as renderer:
-            told = [compare(scene, oracle, renderer, now, next_pose(now)) for now in poses]
-        for key in told[0]:
-            values = np.array([one[key] for one in told])
+            results = [compare(scene, oracle, renderer, now, next_pose(now)) for now in poses]
+        for key in results[0]:
+            values = np.array([one[key] for one in results])
             print(f"{name:16} {key:14} mean {values.mean():.5f}", end=" ")
             print(f"from {values.min():.5f} to {values.max():.5f}")
 
