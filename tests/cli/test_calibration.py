@@ -1,4 +1,4 @@
-"""`omnisim calibration`, and `omnisim render --camera`, as a person uses them."""
+"""`omnisim calibration` and `omnisim render --camera`: output, files and errors."""
 
 import os
 
@@ -18,7 +18,7 @@ KITTI = FOLDER / "kitti360_image_02.yaml"
 TUM_VI = FOLDER / "kalibr_tum_vi.yaml"
 
 
-def test_convert_says_what_it_did(omnisim, tmp_path):
+def test_convert_prints_a_summary(omnisim, tmp_path):
     status, out, err = omnisim("calibration", "convert", TUM_VI, "--to", "colmap", "-o", "c.txt")
     assert status == 0, err
     assert "c.txt: COLMAP: cameras.txt" in out
@@ -28,7 +28,7 @@ def test_convert_says_what_it_did(omnisim, tmp_path):
     assert load_calibration(tmp_path / "c.txt").names == ["1", "2"]
 
 
-def test_convert_takes_one_camera_and_says_which(omnisim, tmp_path):
+def test_convert_selects_one_camera_with_a_note(omnisim, tmp_path):
     arguments = ("calibration", "convert", TUM_VI, "--to", "opencv_fisheye", "-o", "f.yaml")
     status, out, err = omnisim(*arguments)
     assert status == 0
@@ -67,7 +67,7 @@ def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "message"),
     [
         (KITTI, ["kitti360, 1 camera", "image_02", "unified", "1400 × 1400 px", "2.213404751",
                  "field of view    198.2° × 197.9°", "116.86°", "86.8 %"]),
@@ -75,10 +75,10 @@ def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
         (FOLDER / "transforms.json", ["world_from_images/frame_00002.jpeg"]),
     ],
 )  # fmt: skip
-def test_show_says_what_a_camera_sees(omnisim, name, words):
+def test_show_lists_the_view_of_a_camera(omnisim, name, message):
     status, out, err = omnisim("calibration", "show", name)
     assert (status, err) == (0, "")
-    assert [word for word in words if word not in out] == []
+    assert [line for line in message if line not in out] == []
 
 
 def test_show_of_a_mirror(omnisim, tmp_path):
@@ -97,7 +97,7 @@ def test_the_formats_are_listed(omnisim):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': did you mean 'kalibr'?"),
         (["convert", TUM_VI, "--to", "ros", "-o", "x"], "yaml: cam0: sees 115.6° from its axis"),
@@ -114,13 +114,13 @@ def test_the_formats_are_listed(omnisim):
         (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is no regular file"),
     ],
 )
-def test_wrong_arguments_are_one_line(omnisim, tmp_path, arguments, words):
+def test_wrong_arguments_are_one_line(omnisim, tmp_path, arguments, message):
     (tmp_path / "empty.yaml").touch()
     os.mkfifo(tmp_path / "pipe")
     write_image(tmp_path / "foreign.png", np.zeros((2, 2, 3), np.uint8))
     status, out, err = omnisim("calibration", *arguments)
     assert status == 1
-    assert words in err
+    assert message in err
     assert len([line for line in err.splitlines() if line.startswith("error:")]) == 1
     assert "Traceback" not in out + err
     assert not (tmp_path / "x").exists()
@@ -147,7 +147,7 @@ def test_published_calibrations_render(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_mirror_by_way_of_a_file_is_the_same_picture(omnisim, tmp_path):
+def test_a_mirror_from_a_file_renders_the_same_picture(omnisim, tmp_path):
     arguments = ("render", "compass", "--size", 120)
     calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(tmp_path / "m.yaml", "kalibr")
     calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(
@@ -166,7 +166,7 @@ def test_a_mirror_by_way_of_a_file_is_the_same_picture(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--camera", KITTI, "--sensor", "s.toml"], "--sensor, --camera: expected one of them"),
         (["--camera-name", "cam0"], "--camera-name: requires --camera"),
@@ -177,14 +177,14 @@ def test_a_mirror_by_way_of_a_file_is_the_same_picture(omnisim, tmp_path):
         (["--camera", "none.yaml"], "none.yaml: cannot be read"),
     ],
 )
-def test_wrong_cameras_to_render_by(omnisim, tmp_path, arguments, words):
+def test_wrong_cameras_to_render_by(omnisim, tmp_path, arguments, message):
     status, _, err = omnisim("render", "courtyard", "-o", "x.png", *arguments)
     assert status == 1
-    assert words in err
+    assert message in err
     assert not (tmp_path / "x.png").exists()
 
 
-def test_a_sensor_file_may_name_a_calibration(tmp_path):
+def test_a_sensor_file_may_refer_to_a_calibration(tmp_path):
     (tmp_path / "camchain.yaml").write_text(TUM_VI.read_text())
     text = (
         '[lens]\ncalibration = "camchain.yaml"\ncamera = "cam1"\n[lens.mounting]\npitch_deg = 5.0\n'
@@ -202,7 +202,7 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ('calibration = "none.yaml"', r"s\.toml: lens\.calibration: .*none\.yaml: cannot be read"),
         ('calibration = "c.yaml"\ncamera = "left"', "no camera 'left': want one of cam0, cam1"),
@@ -212,9 +212,9 @@ def test_a_sensor_file_may_name_a_calibration(tmp_path):
         ("", r"lens: model: missing; expected it, or calibration"),
     ],
 )
-def test_sensor_files_that_name_no_calibration(tmp_path, text, words):
+def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
     (tmp_path / "c.yaml").write_text(TUM_VI.read_text())
     (tmp_path / "s.toml").write_text(f"[lens]\n{text}\n")
-    with pytest.raises(SensorFileError, match=words) as info:
+    with pytest.raises(SensorFileError, match=message) as info:
         OmniCamera.from_file(tmp_path / "s.toml")
     assert "\n" not in str(info.value)

@@ -1,4 +1,4 @@
-"""The command line as a person uses it, with wrong arguments too."""
+"""The command line: output, files and errors."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ from omnisim.version import __version__
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_render_writes_the_picture_and_says_so(omnisim, tmp_path):
+def test_render_writes_the_picture_and_a_summary(omnisim, tmp_path):
     status, out, _ = omnisim("render", "courtyard", "-o", "a.png", "--size", 90, "--yaw", -30)
     assert status == 0
     assert "a.png: 90 × 90 px, 1024 polygons, from (0, 0, 0.9) m at yaw -30°" in out
@@ -24,7 +24,7 @@ def test_render_writes_the_picture_and_says_so(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_render_with_everything(omnisim, tmp_path):
+def test_render_with_all_options(omnisim, tmp_path):
     (tmp_path / "s.toml").write_text("[mirror]\ntheta_max_deg = 130\n[camera]\nwidth_px = 120\n")
     status, out, _ = omnisim(
         "render", "courtyard", "-o", "a.exr", "--sensor", "s.toml", "--at", 1, -2, 1.2,
@@ -42,7 +42,7 @@ def test_render_with_everything(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["none.glb", "-o", "a.png"], "none.glb: no such scene file"),
         (["empty.glb", "-o", "a.png"], "empty.glb: is an empty file"),
@@ -74,30 +74,30 @@ def test_render_with_everything(omnisim, tmp_path):
         (["courtyard", "-o", "a.png", "--sensor", "none.toml"], "none.toml: cannot be read"),
     ],
 )
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, words):
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, message):
     (tmp_path / "empty.glb").touch()
     (tmp_path / "bad.toml").write_text("[mirror]\nk = 1\n")
     status, out, error = omnisim("render", *arguments)
     assert status == 1
     assert out == ""
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "a.png").exists()
 
 
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--size", "99999"], "this GPU takes at most"),
         (["--device", "77"], "device 77: there is no such device"),
     ],
 )
-def test_limits_of_the_gpu(omnisim, tmp_path, arguments, words):
+def test_limits_of_the_gpu(omnisim, tmp_path, arguments, message):
     status, _, error = omnisim("render", "courtyard", "-o", "a.png", *arguments)
     assert status == 1
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "a.png").exists()
 

@@ -29,18 +29,18 @@ def test_render_with_a_preset_a_seed_and_a_motion(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_motion_that_cannot_show_is_told(omnisim, tmp_path):
+def test_motion_without_exposure_time_is_noted(omnisim, tmp_path):
     status, _, err = omnisim(*RENDER, "-o", "a.png", "--speed", 1)
     assert status == 0
     assert "shutter takes no time: no motion shows" in err
 
 
-def test_motions_that_are_none_are_refused(omnisim, tmp_path):
+def test_invalid_motions_are_refused(omnisim, tmp_path):
     for option, most in (("--speed", "10000"), ("--turn-rate", "57295")):
         for value in ("nan", "inf", "-1e+06"):
             status, _, err = omnisim(*RENDER, "-o", "a.png", f"{option}={value}")
-            words = f"error: {option}: expected a number from −{most} to {most}, got {value}"
-            assert (status, err.strip()) == (1, words)
+            message = f"error: {option}: expected a number from −{most} to {most}, got {value}"
+            assert (status, err.strip()) == (1, message)
 
 
 def test_unknown_presets_are_one_line(omnisim, tmp_path):
@@ -53,7 +53,7 @@ def test_unknown_presets_are_one_line(omnisim, tmp_path):
         assert not list(tmp_path.iterdir())
 
 
-def test_sensor_check_tells_what_is_switched_on(omnisim, tmp_path):
+def test_sensor_check_lists_enabled_degradations(omnisim, tmp_path):
     (tmp_path / "s.toml").write_text("[degradation.noise]\nread_noise_e = 9\n")
     status, out, _ = omnisim("sensor", "--check", "s.toml")
     assert status == 0

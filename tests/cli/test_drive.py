@@ -1,4 +1,4 @@
-"""`omnisim drive`, `plot` and `video` as a person uses them, with wrong arguments too."""
+"""`omnisim drive`, `plot` and `video`: output, files and errors."""
 
 import json
 import shutil
@@ -63,7 +63,7 @@ def test_pictures_too_small_for_a_video(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_run_that_is_not_whole(omnisim, run_folder, tmp_path):
+def test_an_unfinished_run(omnisim, run_folder, tmp_path):
     for path in sorted((tmp_path / "run" / "omnicam").glob("*.png"))[3:]:
         path.unlink()
     steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
@@ -75,7 +75,7 @@ def test_a_run_that_is_not_whole(omnisim, run_folder, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["ground_truth.tum", "odometry.csv"])
-def test_a_run_whose_records_are_cut(omnisim, run_folder, tmp_path, name):
+def test_a_run_with_truncated_records(omnisim, run_folder, tmp_path, name):
     path = tmp_path / "run" / name
     whole = path.read_text()
     path.write_text("".join(whole.splitlines(keepends=True)[:4]))
@@ -88,7 +88,7 @@ def test_a_run_whose_records_are_cut(omnisim, run_folder, tmp_path, name):
     assert path.read_text() == whole
 
 
-def test_a_scene_that_is_gone_costs_the_map_only(omnisim, run_folder, tmp_path):
+def test_a_missing_scene_costs_the_map_only(omnisim, run_folder, tmp_path):
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
     manifest["scene"]["file"] = "gone.glb"
     (tmp_path / "run" / "manifest.json").write_text(json.dumps(manifest))
@@ -119,7 +119,7 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["soccer", "--robot", "p2a", "--path", "lap"], "did you mean 'p2at'?"),
         (["socer", "--robot", "p2at", "--path", "lap"], "did you mean 'soccer'?"),
@@ -137,20 +137,20 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
         (["soccer", "--robot", "odd.toml", "--path", "lap"], "odd.toml: "),
     ],
 )
-def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, words):
+def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, message):
     sensor = '[[sensors]]\nname = "a"\ntype = "lms200"\nposition_m = [0.0, 0.0, 1.0]\n'
     (tmp_path / "twins.toml").write_text(f'name = "twins"\n{sensor}{sensor}')
     (tmp_path / "odd.toml").write_text(f'name = "odd"\n{sensor.replace("lms200", "sonar")}')
     status, _, error = omnisim("drive", *arguments, "-o", "run")
     assert status == 1
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["plot", "none"], "none: no such folder: want the folder of a run"),
         (["plot", "run", "-o", "a.bmp"], "a.bmp: unknown plot format"),
@@ -160,10 +160,10 @@ def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, wor
         (["video", "none", "-o", "a.mp4"], "none: no such folder"),
     ],
 )
-def test_bad_views_get_one_line(omnisim, run_folder, tmp_path, arguments, words):
+def test_bad_views_get_one_line(omnisim, run_folder, tmp_path, arguments, message):
     status, _, error = omnisim(*arguments)
     assert status == 1
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
     assert not list(tmp_path.glob("a.*"))

@@ -1,4 +1,4 @@
-"""`omnisim render --also` and `omnisim drive --also`, as a user types them."""
+"""`omnisim render --also` and `omnisim drive --also`: files and errors."""
 
 import json
 
@@ -10,7 +10,7 @@ from omnisim.image_files import read_channels
 SMALL = ["--size", "40"]
 
 
-def test_everything_in_one_exr(omnisim, tmp_path, needs_opengl):
+def test_all_channels_in_one_exr(omnisim, tmp_path, needs_opengl):
     status, out, err = omnisim(
         "render", "soccer", *SMALL, "--also", "range,semantic,instance,normals,flow", "-o", "f.exr"
     )
@@ -38,16 +38,16 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
     assert status == 0, err
     assert "no label for 236 instances, such as" in err
     assert "flow to (-1, -0.5, 0.6) m at yaw 5°\n" in out
-    told = json.loads((tmp_path / "f.channels.json").read_text())
-    assert told["labels"]["classes"][1] == {"id": 1, "name": "grass", "color": [1, 2, 3]}
-    assert told["channels"].keys() == {"semantic", "flow", "occluded"}
+    document = json.loads((tmp_path / "f.channels.json").read_text())
+    assert document["labels"]["classes"][1] == {"id": 1, "name": "grass", "color": [1, 2, 3]}
+    assert document["channels"].keys() == {"semantic", "flow", "occluded"}
     for name in ("semantic", "flow", "occluded"):
         assert (tmp_path / f"f.{name}.png").is_file()
         assert (tmp_path / f"f.{name}.preview.png").is_file()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--also", "rnage"], "channel 'rnage': there is no such channel; did you mean 'range'?"),
         (["--also", ","], "--also ',': want names with commas"),
@@ -59,16 +59,16 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
         (["--also", "flow", "--next", "0", "0", "nan"], "expected three finite numbers in metres"),
     ],
 )
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, needs_opengl, arguments, words):
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, needs_opengl, arguments, message):
     status, out, err = omnisim("render", "soccer", *SMALL, *arguments, "-o", "f.png")
     assert status == 1
     assert out == ""
     assert err.count("\n") == 1
-    assert words in err
+    assert message in err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_drive_refuses_channels_that_are_none(omnisim, tmp_path):
+def test_a_drive_refuses_unknown_channels(omnisim, tmp_path):
     arguments = ["drive", "soccer", "--robot", "p2at", "--path", "lap", "-o", "run"]
     status, _, err = omnisim(*arguments, "--also", "instances")
     assert status == 1

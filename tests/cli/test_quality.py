@@ -1,4 +1,4 @@
-"""How finely pictures are captured, on the command line."""
+"""`--quality` of `omnisim render` and `omnisim drive`."""
 
 import json
 

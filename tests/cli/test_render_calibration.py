@@ -1,4 +1,4 @@
-"""`omnisim render` with the calibration and the rays of its picture beside it."""
+"""`omnisim render --calibration` and `--rays`: files and errors."""
 
 import json
 from pathlib import Path
@@ -26,7 +26,7 @@ pitch_deg = -10
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
+def test_render_writes_calibration_and_rays(omnisim, tmp_path):
     (tmp_path / "s.toml").write_text(SENSOR)
     status, out, err = omnisim(
         "render", "courtyard", "-o", "a.png", "--sensor", "s.toml", "--yaw", 30,
@@ -48,7 +48,7 @@ def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--rays", "rays.png"], "--rays: expected an .exr file, got rays.png"),
         (["--rays", "none/rays.exr"], "the folder none does not exist"),
@@ -59,15 +59,15 @@ def test_picture_carries_its_camera_and_its_rays(omnisim, tmp_path):
         (["--sensor", "c.toml", "--calibration", "c.toml"], "c.toml: is the sensor file"),
     ],
 )
-def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arguments, words):
+def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arguments, message):
     status, _, err = omnisim("render", "courtyard", "-o", "a.png", *arguments)
     assert status == 1
-    assert words in err
+    assert message in err
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the picture already"),
         (
@@ -80,9 +80,9 @@ def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arg
         ),
     ],
 )
-def test_no_file_is_written_over_another(omnisim, tmp_path, arguments, words):
+def test_no_file_is_written_over_another(omnisim, tmp_path, arguments, message):
     status, _, err = omnisim("render", "courtyard", *arguments)
     assert status == 1
-    assert words in err
+    assert message in err
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""`omnisim robot` as a person uses it."""
+"""`omnisim robot`: output, files and errors."""
 
 import shutil
 from pathlib import Path
@@ -25,7 +25,7 @@ def test_list(omnisim):
     )
 
 
-def test_check_says_what_there_is(omnisim):
+def test_check_summarizes_a_robot(omnisim):
     status, out, error = omnisim("robot", "check", "p2at")
     assert (status, error) == (0, "")
     assert out.splitlines() == [
@@ -41,7 +41,7 @@ def test_check_says_what_there_is(omnisim):
     ]
 
 
-def test_check_of_little(omnisim, tmp_path):
+def test_check_of_a_minimal_robot(omnisim, tmp_path):
     (tmp_path / "a.toml").write_text('name = "cart"\n')
     assert omnisim("robot", "check", "a.toml") == (
         0,
@@ -52,25 +52,25 @@ def test_check_of_little(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         (None, "a.toml: no such robot file, and no built-in robot"),
         ("name = 1", "a.toml: name: expected a valid string, got 1"),
         ('name = "a"\nbody = "b.glb"', "a.toml: body = 'b.glb': no such file beside it"),
     ],
 )
-def test_check_of_bad_files_is_one_line(omnisim, tmp_path, text, words):
+def test_check_of_bad_files_is_one_line(omnisim, tmp_path, text, message):
     if text is not None:
         (tmp_path / "a.toml").write_text(text)
     status, out, error = omnisim("robot", "check", "a.toml")
     assert (status, out) == (1, "")
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
 
 
 @pytest.mark.usefixtures("sample")
-def test_import_writes_a_robot_and_names_the_rest(omnisim, tmp_path):
+def test_import_writes_a_robot_and_lists_omissions(omnisim, tmp_path):
     status, out, error = omnisim(
         "robot", "import", "USARBot.ini", "--class", "OmniP2AT", "-o", "robot.toml",
         "--origin-height", 0.12,
@@ -90,7 +90,7 @@ def test_import_writes_a_robot_and_names_the_rest(omnisim, tmp_path):
     assert "181 beams at 0.9998° to 20 m, origin (0.16, 0, 0.361) m" in out
 
 
-def test_import_in_the_units_of_the_engine(omnisim, tmp_path):
+def test_import_in_unreal_units(omnisim, tmp_path):
     line = SCANNER.replace("0.1", "40").replace("-0.2", "50")
     (tmp_path / "a.ini").write_text(f"[USARBot.P2AT]\nSensors={line}\n")
     status, out, error = omnisim("robot", "import", "a.ini", "-o", "a.toml")
@@ -102,7 +102,7 @@ def test_import_in_the_units_of_the_engine(omnisim, tmp_path):
 
 @pytest.mark.usefixtures("sample")
 @pytest.mark.parametrize(
-    ("text", "arguments", "words"),
+    ("text", "arguments", "message"),
     [
         (b"", ["-o", "r.toml"], "a.ini:1: nothing in it"),
         (b"\x89PNG\r\n\x1a\n\x00", ["-o", "r.toml"], "a.ini:2: not a text file"),
@@ -116,19 +116,19 @@ def test_import_in_the_units_of_the_engine(omnisim, tmp_path):
         (b"[a]\n", ["-o", "none/r.toml"], "the folder none does not exist: create it first"),
     ],
 )
-def test_bad_import_is_one_line_and_no_file(omnisim, tmp_path, text, arguments, words):
+def test_bad_import_is_one_line_and_no_file(omnisim, tmp_path, text, arguments, message):
     if text is not None:
         (tmp_path / "a.ini").write_bytes(text)
     before = sorted(tmp_path.iterdir())
     status, out, error = omnisim("robot", "import", "a.ini", *arguments)
     assert (status, out) == (1, "")
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_import_leaves_what_was_there(omnisim, tmp_path):
+def test_import_keeps_existing_files(omnisim, tmp_path):
     (tmp_path / "r.toml").write_text("mine")
     (tmp_path / "a.ini").write_text("[a]\n")
     assert omnisim("robot", "import", "a.ini", "-o", "r.toml")[0] == 1

@@ -1,4 +1,4 @@
-"""`omnisim scan` as a person uses it."""
+"""`omnisim scan`: output, files and errors."""
 
 import numpy as np
 import pytest
@@ -9,21 +9,21 @@ def ranges_of(path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_scan_writes_ranges_and_says_so(omnisim, tmp_path):
+def test_scan_writes_ranges_and_a_summary(omnisim, tmp_path):
     status, out, error = omnisim("scan", "courtyard", "-o", "a.csv", "--at", 2, 1, 0.3)
     assert (status, error) == (0, "")
     table = ranges_of(tmp_path / "a.csv")
     assert table.shape == (361, 3)
-    told = int(np.isfinite(table[:, 2]).sum())
-    assert 100 < told < 361
+    count = int(np.isfinite(table[:, 2]).sum())
+    assert 100 < count < 361
     assert out == (
-        f"a.csv: 361 beams at 0.5° from (2, 1, 0.3) m at yaw 0°: {told} ranges, "
-        f"{361 - told} past 8.19 m, 0 under 0.1 m\n"
+        f"a.csv: 361 beams at 0.5° from (2, 1, 0.3) m at yaw 0°: {count} ranges, "
+        f"{361 - count} past 8.19 m, 0 under 0.1 m\n"
     )
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_scan_with_everything(omnisim, tmp_path):
+def test_scan_with_all_options(omnisim, tmp_path):
     status, out, _ = omnisim(
         "scan", "compass", "-o", "a.csv", "--plot", "a.png", "--yaw", 90, "--resolution", 1,
         "--mode", "cm", "--no-noise", "--seed", 4, "--up", "y", "--at", 0, 0, 1,
@@ -48,7 +48,7 @@ def test_a_seed_is_a_device(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["none.glb", "-o", "a.csv"], "none.glb: no such scene file"),
         (["courtyard", "-o", "a.txt"], "--output: expected a .csv file, got a.txt"),
@@ -62,11 +62,11 @@ def test_a_seed_is_a_device(omnisim, tmp_path):
         (["courtyard", "-o", "a.csv", "--at", "nan", "0", "0"], "expected three finite numbers"),
     ],
 )
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, words):
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, message):
     status, out, error = omnisim("scan", *arguments)
     assert (status, out) == (1, "")
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 

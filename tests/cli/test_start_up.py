@@ -1,4 +1,4 @@
-"""The command starts quickly: nothing is imported that the work at hand does not need."""
+"""Start-up of the command: no module is imported that the command does not need."""
 
 import gc
 import subprocess
@@ -9,30 +9,31 @@ import pytest
 from omnisim.cli.app import main
 
 # What only others need: plots, reports, other formats than glTF, oracles.
-SELDOM = (
+RARE_LIBRARIES = (
     "trimesh", "networkx", "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba",
     "pyrender", "pycolmap",
 )  # fmt: skip
-# The same of our own: built of many tables, of which the paper's camera needs none.
-SELDOM_OURS = ("omnisim.calibration", "omnisim.plots", "omnisim.sensors.sensor_file")
+# Modules of other commands: large tables that the paper's camera does not need.
+RARE_MODULES = ("omnisim.calibration", "omnisim.plots", "omnisim.sensors.sensor_file")
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_picture_needs_nothing_that_only_others_need(tmp_path):
-    _run(tmp_path, SELDOM + SELDOM_OURS, "render", "rings", "--size", "24", "-o", "a.png")
+def test_a_picture_imports_nothing_of_other_commands(tmp_path):
+    _run(tmp_path, RARE_LIBRARIES + RARE_MODULES, "render", "rings", "--size", "24", "-o", "a.png")
     assert (tmp_path / "a.png").is_file()
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_drive_needs_nothing_that_only_others_need(tmp_path):
+def test_a_drive_imports_nothing_of_other_commands(tmp_path):
     _run(
-        tmp_path, SELDOM, "drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise",
+        tmp_path, RARE_LIBRARIES,
+        "drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise",
         "--size", "24", "--quality", "fast", "--step", "3", "--turn-step", "90", "-o", "run",
     )  # fmt: skip
     assert (tmp_path / "run" / "omnicam" / "000000.png").is_file()
 
 
-def test_an_error_is_one_line_even_when_the_process_has_ended():
+def test_an_error_is_one_line_after_the_process_has_ended():
     code = (
         "import sys\nfrom omnisim.cli.app import main\n"
         "sys.argv = ['omnisim', 'render', 'ringz', '-o', 'a.png']\nmain()"
@@ -43,7 +44,7 @@ def test_an_error_is_one_line_even_when_the_process_has_ended():
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_nothing_stays_frozen_in_a_process_that_goes_on(monkeypatch):
+def test_no_objects_stay_frozen_in_a_running_process(monkeypatch):
     before = gc.get_freeze_count()
     monkeypatch.setattr("sys.argv", ["omnisim", "--version"])
     with pytest.raises(SystemExit):
@@ -51,14 +52,14 @@ def test_nothing_stays_frozen_in_a_process_that_goes_on(monkeypatch):
     assert gc.get_freeze_count() <= before
 
 
-def _run(folder, seldom, *arguments):
-    """The command in a process of its own, which must not import any of `seldom`."""
+def _run(folder, rare, *arguments):
+    """The command in a process of its own, which must not import any of `rare`."""
     code = (
         "import sys\n"
         "from omnisim.cli.app import main\n"
         f"sys.argv = {['omnisim', *arguments]!r}\n"
         "try:\n    main()\nexcept SystemExit as stopped:\n    assert not stopped.code\n"
-        f"found = set({seldom!r}) & set(sys.modules)\n"
+        f"found = set({rare!r}) & set(sys.modules)\n"
         "sys.exit(f'imported: {sorted(found)}' if found else 0)"
     )
     done = subprocess.run(

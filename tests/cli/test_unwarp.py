@@ -1,4 +1,4 @@
-"""`omnisim unwarp` as a person uses it, with wrong arguments too."""
+"""`omnisim unwarp`: output, files and errors."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_unwarp_and_unwarp_again(omnisim, tmp_path, kind, suffix):
     assert np.abs(pixels[inside][:, :3].astype(int) - 128).max() <= 2
 
 
-def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
+def test_sensor_file_replaces_metadata(omnisim, tmp_path):
     write_image(tmp_path / "a.png", np.full((360, 360, 3), 90, dtype=np.uint8))
     (tmp_path / "s.toml").write_text("[mirror]\ntheta_max_deg = 100\n")
     status, _, error = omnisim("unwarp", "a.png", "--to", "cylinder", "-o", "b.png")
@@ -71,7 +71,7 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
 
 @pytest.mark.usefixtures("picture")
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["none.png", "--to", "cylinder", "-o", "b.png"], "none.png: cannot be read"),
         (["a.png", "--to", "cylinder", "-o", "b.gif"], "b.gif: unknown picture format"),
@@ -120,7 +120,7 @@ def test_sensor_file_stands_in_for_metadata(omnisim, tmp_path):
         (["none.png", "--to", "cylinder", "-o", "a.png"], "none.png: cannot be read"),
     ],
 )
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, arguments, words):
+def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, arguments, message):
     write_image(tmp_path / "small.png", np.zeros((9, 9, 3), dtype=np.uint8), picture)
     odd = {key: value for key, value in picture["camera"].items() if key != "k"}
     whole = np.zeros((360, 360, 3), dtype=np.uint8)
@@ -132,14 +132,14 @@ def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, argumen
     (tmp_path / "empty.png").touch()
     status, _, error = omnisim("unwarp", *arguments)
     assert status == 1
-    assert words in error
+    assert message in error
     assert error.startswith("error: ")
     assert error.count("\n") == 1
     assert not (tmp_path / "b.png").exists()
 
 
 @pytest.mark.parametrize(
-    ("changed", "words"),
+    ("changed", "message"),
     [
         ({"model": ["hyperbolic"]}, "got ['hyperbolic']"),
         ({"model": {}}, "camera: model: expected one of"),
@@ -156,18 +156,18 @@ def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, argumen
         ({"theta_max_deg": 179.0}, "less than the asymptote"),
     ],
 )
-def test_metadata_edited_to_nonsense_gets_one_line(omnisim, tmp_path, picture, changed, words):
+def test_metadata_edited_to_nonsense_gets_one_line(omnisim, tmp_path, picture, changed, message):
     metadata = picture | {"camera": picture["camera"] | changed}
     write_image(tmp_path / "odd.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
     status, _, error = omnisim("unwarp", "odd.png", "--to", "cylinder", "-o", "b.png")
     assert status == 1
     assert error.startswith("error: odd.png: its metadata: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("suffix", [".png", ".exr"])
-def test_what_is_not_a_number_is_masked(omnisim, tmp_path, picture, suffix):
+def test_nan_is_masked(omnisim, tmp_path, picture, suffix):
     pixels = np.full((360, 360, 3), 0.25, dtype=np.float32)
     pixels[100:120, 100:120] = np.nan
     pixels[200:210, 260:300] = np.inf

@@ -1,4 +1,4 @@
-"""`omnisim validate` as a person uses it."""
+"""`omnisim validate`: output, files and errors."""
 
 import json
 import math
@@ -11,16 +11,16 @@ from omnisim.validation import suite
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_report_has_everything(omnisim, tmp_path):
+def test_report_is_complete(omnisim, tmp_path):
     status, out, error = omnisim("validate", "-o", "report", "--only", "viewpoint")
     assert (status, error) == (0, "")
     assert "passed   Single viewpoint" in out
     assert "report/report.html: 1 passed" in out
-    told = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert told["passed"]
-    assert "Orientation" in told["facts"]["left_out"]
-    assert told["machine"]["renderer"]
-    (check,) = told["sections"]
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert report["passed"]
+    assert "Orientation" in report["facts"]["left_out"]
+    assert report["machine"]["renderer"]
+    (check,) = report["sections"]
     assert check["status"] == "passed"
     assert {"name", "value", "bound", "unit", "sense", "passed", "paper"} == set(
         check["measures"][0]
@@ -34,7 +34,7 @@ def test_report_has_everything(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkeypatch):
+def test_a_missed_bound_is_printed_and_is_the_exit_status(omnisim, tmp_path, monkeypatch):
     section = Section("Fig. 7", "<b>Wrong</b> on purpose.", (Measure("miss", math.nan, "px", 1.0),))
     monkeypatch.setattr(suite.Check, "run", lambda self, fixture: section)
     status, out, _ = omnisim("validate", "-o", "report", "--only", "rings")
@@ -48,7 +48,7 @@ def test_a_missed_bound_is_said_and_is_the_exit_status(omnisim, tmp_path, monkey
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypatch):
+def test_a_missing_oracle_is_skipped_and_reported_first(omnisim, tmp_path, monkeypatch):
     monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not here: pip")
     status, out, error = omnisim(
         "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
@@ -57,15 +57,15 @@ def test_a_missing_oracle_is_skipped_and_said_on_top(omnisim, tmp_path, monkeypa
     assert "skipped  A calibration library" in out
     assert "cv2.omnidir is not here: pip" in out
     assert "report/report.html: 1 passed, 1 skipped" in out
-    told = json.loads((tmp_path / "report" / "report.json").read_text())
-    reasons = {section["key"]: section["reason"] for section in told["sections"]}
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    reasons = {section["key"]: section["reason"] for section in report["sections"]}
     assert reasons == {"omnidir": "cv2.omnidir is not here: pip", "viewpoint": ""}
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.index("Not checked") < page.index("<h2")
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_report_of_nothing_does_not_say_that_all_is_well(omnisim, tmp_path, monkeypatch):
+def test_a_report_without_checks_does_not_claim_success(omnisim, tmp_path, monkeypatch):
     monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not here: pip")
     status, _, _ = omnisim("validate", "-o", "report", "--only", "omnidir")
     assert status == 0
@@ -75,7 +75,7 @@ def test_a_report_of_nothing_does_not_say_that_all_is_well(omnisim, tmp_path, mo
     assert "Left out: Fig. 7" in page
 
 
-def test_without_opengl_nothing_is_begun(omnisim, tmp_path):
+def test_without_opengl_no_check_starts(omnisim, tmp_path):
     status, out, error = omnisim("validate", "-o", "report", "--only", "viewpoint", "--device", 99)
     assert (status, out) == (1, "")
     assert error.count("\n") == 1
@@ -83,7 +83,7 @@ def test_without_opengl_nothing_is_begun(omnisim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (
             ["-o", "report", "--only", "ring"],
@@ -93,17 +93,17 @@ def test_without_opengl_nothing_is_begun(omnisim, tmp_path):
         (["-o", "file"], "file: is a file: expected a folder"),
     ],
 )
-def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, words):
+def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, message):
     (tmp_path / "file").touch()
     status, _, error = omnisim("validate", *arguments)
     assert status == 1
     assert error.startswith("error: ")
-    assert words in error
+    assert message in error
     assert error.count("\n") == 1
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_an_oracle_that_breaks_down_fails_its_check_alone(omnisim, tmp_path, monkeypatch):
+def test_a_failing_oracle_fails_its_check_alone(omnisim, tmp_path, monkeypatch):
     true_run = suite.Check.run
 
     def run(self, fixture):
