@@ -1,4 +1,4 @@
-"""What is true of each pixel: the channels' names, the classes and instances, and their files."""
+"""Ground truth of each pixel: channels, labels of classes and instances, and their files."""
 
 from omnisim.ground_truth.channels import CHANNELS, Channel, check_channels, parse_channels
 from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels

@@ -1,7 +1,7 @@
-"""The channels of ground truth by name: what they hold, in which unit, and how files name them.
+"""Channels of ground truth by name: contents, units, and layers in files.
 
 Each belongs to the ray of the pixel's centre, from the effective viewpoint: exactly, never averaged
-over the pixel, never blended with what is beside it. The picture's own colours are averages.
+over the pixel, never blended with its neighbours. The picture's own colours are averages.
 
 A masked surface counts where it is not a hole, a blended one where its alpha is at least 0.5:
 behind clear glass the channels show what is behind it.
@@ -20,15 +20,15 @@ class Channel:
     """One channel.
 
     Attributes:
-        name: by which it is asked for.
-        parts: its layers in an EXR file; as many as the array has numbers to a pixel.
+        name: of the channel.
+        layers: in an EXR file, one for each number of a pixel.
         dtype: of the array.
         unit: of the numbers; empty: none.
-        about: what it holds, and what where nothing is hit.
+        about: its contents, also where nothing is hit.
     """
 
     name: str
-    parts: tuple[str, ...]
+    layers: tuple[str, ...]
     dtype: str
     unit: str
     about: str
@@ -90,7 +90,7 @@ CHANNELS = {
         ),
     )
 }  # fmt: skip
-# By other names that people use.
+# Other usual names.
 _SYNONYMS = {"depth": "range", "normal": "normals", "class": "semantic", "semantics": "semantic"}
 
 
@@ -102,7 +102,9 @@ def parse_channels(text: str) -> tuple[str, ...]:
     """
     names = [name.strip().lower() for name in text.split(",") if name.strip()]
     if not names:
-        raise OutputError(f"--also {text!r}: want names with commas: {','.join(CHANNELS)}, or all")
+        raise OutputError(
+            f"--also {text!r}: expected names with commas: {','.join(CHANNELS)}, or all"
+        )
     everything = CHANNELS if "all" in names else ()
     return check_channels([*everything, *(name for name in names if name != "all")])
 
@@ -114,7 +116,7 @@ def check_channels(names: Iterable[str]) -> tuple[str, ...]:
         OutputError: an unknown name, with the nearest right one; or a text in place of names.
     """
     if isinstance(names, str):  # which would be taken letter by letter
-        raise OutputError(f"channels {names!r}: want a list of names, such as ['range']")
+        raise OutputError(f"channels {names!r}: expected a list of names, such as ['range']")
     wanted = set(names)
     for name in sorted(wanted - CHANNELS.keys()):
         hint = did_you_mean(_SYNONYMS.get(name, name), CHANNELS)

@@ -1,4 +1,4 @@
-"""Boxes of what is visible, as COCO has them."""
+"""Boxes and masks of visible instances in COCO's format."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _ABOUT = (
 
 
 def coco_image(
-    instances: NDArray[np.integer], labels: Labels, file_name: str, image_id: int = 0
+    instances: NDArray[np.integer[Any]], labels: Labels, file_name: str, image_id: int = 0
 ) -> dict[str, Any]:
-    """The COCO data of one picture.
+    """COCO data of one picture.
 
     Args:
         instances: (height, width), the channel.
-        labels: what its numbers mean.
+        labels: of the instances.
         file_name: of the picture.
         image_id: its number.
     """
@@ -60,16 +60,16 @@ def coco_image(
     )  # fmt: skip
 
 
-def _runs(instances: NDArray[np.integer]) -> dict[int, list[int]]:
-    """Run lengths of each instance's mask, column after column, beginning with what is not it."""
+def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
+    """Run lengths of each instance's mask, column by column, beginning with the background."""
     flat = instances.T.ravel()
     ends = np.append(np.flatnonzero(np.diff(flat.astype(np.int64))) + 1, flat.size)
     starts = np.concatenate(([0], ends[:-1]))
     numbers = flat[starts]
     found = {}
     for number in np.unique(numbers[numbers > 0]).tolist():
-        mine = numbers == number
-        edges = np.stack((starts[mine], ends[mine]), axis=-1).ravel()
+        runs = numbers == number
+        edges = np.stack((starts[runs], ends[runs]), axis=-1).ravel()
         counts = np.diff(np.concatenate(([0], edges))).tolist()
         if edges[-1] < flat.size:
             counts.append(int(flat.size - edges[-1]))
@@ -77,11 +77,12 @@ def _runs(instances: NDArray[np.integer]) -> dict[int, list[int]]:
     return found
 
 
-def _box(instances: NDArray[np.integer], number: int, counts: list[int]) -> NDArray[np.bool_]:
-    """The mask in those columns that the instance is in."""
+def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) -> NDArray[np.bool_]:
+    """Mask of an instance in its own columns."""
     height = instances.shape[0]
     last = sum(counts[: len(counts) - len(counts) % 2]) - 1
-    return instances[:, counts[0] // height : last // height + 1] == number
+    mask: NDArray[np.bool_] = instances[:, counts[0] // height : last // height + 1] == number
+    return mask
 
 
 def _whole(
@@ -99,7 +100,7 @@ def _whole(
 
 
 def merged(parts: Sequence[Mapping[str, Any]], labels: Labels) -> dict[str, Any]:
-    """The data of several pictures in one; their numbers have to differ."""
+    """COCO data of several pictures in one; their image IDs have to differ."""
     return _whole(
         labels,
         [image for part in parts for image in part["images"]],

@@ -21,11 +21,11 @@ def write_exr(
     metadata: Mapping[str, Any],
     linear: NDArray[np.float32] | None = None,
 ) -> None:
-    """Write channels under the names of `Channel.parts`, and colours as R, G, B.
+    """Write channels under the names of `Channel.layers`, and colours as R, G, B.
 
     All are 32-bit floats, which hold whole numbers exactly up to 2^24; a position is counted from
-    the world's origin, so far from it a float32 rounds: to 0.1 mm at 1 km. What each holds is in
-    the attributes `omnisim:<channel>`; the label table is in the metadata.
+    the world's origin, so far from it a float32 rounds: to 0.1 mm at 1 km. The attributes
+    `omnisim:<channel>` describe each; the label table is in the metadata.
 
     Raises:
         OutputError: the file cannot be written.
@@ -36,11 +36,10 @@ def write_exr(
     attributes = {}
     for name, values in channels.items():
         channel = CHANNELS[name]
-        parts = values.reshape(*values.shape[:2], -1)
-        layers |= {part: parts[..., index] for index, part in enumerate(channel.parts)}
+        planes = values.reshape(*values.shape[:2], -1)
+        layers |= {layer: planes[..., index] for index, layer in enumerate(channel.layers)}
         unit = f"{channel.unit}; " if channel.unit else ""
-        attributes[f"omnisim:{name}"] = f"{', '.join(channel.parts)}: {unit}{channel.about}"
-    told = dict(metadata)
+        attributes[f"omnisim:{name}"] = f"{', '.join(channel.layers)}: {unit}{channel.about}"
     if labels is not None and channels.keys() & {"semantic", "instance"}:
-        told["labels"] = labels.to_json()
-    write_channels(path, layers, told, attributes)
+        metadata = {**metadata, "labels": labels.to_json()}
+    write_channels(path, layers, metadata, attributes)

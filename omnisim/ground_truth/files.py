@@ -1,4 +1,4 @@
-"""Channels beside a picture of 8 bits: a file each, in the formats that people use.
+"""Channels beside an 8-bit picture: a file each, in usual formats.
 
     frame.range.png             16 bits, millimetres; 0: nothing is hit, 65535: beyond 65.534 m
     frame.z.exr, frame.position.exr            as in the EXR of all channels
@@ -9,13 +9,13 @@
     frame.flow.flo, frame.flow.png             Middlebury's and KITTI's format
     frame.occluded.png          8 bits: 0 visible, 1 hidden, 2 outside, 255 nothing is seen
     frame.valid.png             8 bits: 0 or 255
-    frame.channels.json         units, scales, names and colours of the numbers, camera and pose
+    frame.channels.json         units, scales, labels, camera and pose
     frame.coco.json             boxes of the instances, with the channel instance
 """  # fmt: skip
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,17 +42,17 @@ def write_beside(
     labels: Labels | None,
     metadata: Mapping[str, Any],
 ) -> None:
-    """Write a file a channel beside the picture, and what their numbers mean.
+    """Write a file for each channel beside the picture, and their description.
 
     Raises:
         OutputError: a file cannot be written, or numbers that 16 bits do not hold.
     """
-    told: dict[str, Any] = {}
+    described: dict[str, Any] = {}
     for name, values in channels.items():
         files, scale = _write(picture, name, values, labels, metadata)
         channel = CHANNELS[name]
-        told[name] = {"files": files, "unit": channel.unit, "about": channel.about} | scale
-    content = dict(metadata) | {"channels": told}
+        described[name] = {"files": files, "unit": channel.unit, "about": channel.about} | scale
+    content = dict(metadata) | {"channels": described}
     if labels is not None:
         content["labels"] = labels.to_json()
     write_json(beside(picture, "channels.json"), content)
@@ -72,7 +72,7 @@ def write_boxes(picture: Path, channels: Mapping[str, NDArray[Any]], labels: Lab
 def write_previews(
     picture: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
 ) -> list[Path]:
-    """Write each channel in colours beside the picture, `frame.range.preview.png`; the files.
+    """Write false-colour pictures of the channels beside the picture, and return their paths.
 
     Raises:
         OutputError: a file cannot be written.
@@ -90,12 +90,35 @@ def beside(picture: Path, ending: str) -> Path:
 
 
 def is_name_beside(picture: Path, path: Path) -> bool:
-    """Whether the channels of a picture may write a file of this name."""
+    """Tell whether the channels of a picture may write a file of this name."""
     if path.resolve().parent != picture.resolve().parent:
         return False
     stem, _, ending = path.name.partition(f"{picture.stem}.")
     is_ours = ending in ("channels.json", "coco.json") or ending.partition(".")[0] in CHANNELS
     return not stem and is_ours
+
+
+def _range_steps(ranges_m: NDArray[Any]) -> NDArray[np.uint16]:
+    hit = np.isfinite(ranges_m)
+    steps = np.rint(RANGE_STEPS_PER_M * np.where(hit, ranges_m, 0.0))
+    # 0 stands for nothing: what is hit is at least a step away
+    return np.where(hit, np.clip(steps, 1, _LARGEST), 0).astype(np.uint16)
+
+
+def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:
+    steps = np.rint(32767.0 * normals + 32768.0)
+    return np.where(np.any(normals != 0, axis=-1, keepdims=True), steps, 0).astype(np.uint16)
+
+
+# Values as the numbers of a PNG file, and the scale that its description states.
+_NORMAL_SCALE = {"zero": 32768, "steps_per_unit": 32767}
+_NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]]] = {
+    "range": (_range_steps, {"steps_per_m": RANGE_STEPS_PER_M}),
+    "normals": (_normal_steps, _NORMAL_SCALE),
+    "normals_camera": (_normal_steps, _NORMAL_SCALE),
+    "valid": (lambda valid: (255 * valid).astype(np.uint8), {"true": 255}),
+    "occluded": (lambda occluded: occluded, {}),
+}
 
 
 def _write(
@@ -105,51 +128,32 @@ def _write(
     labels: Labels | None,
     metadata: Mapping[str, Any],
 ) -> tuple[list[str], dict[str, Any]]:
-    """Write one channel; its files' names, and the scale of their numbers."""
+    """Write one channel; return its files' names, and the scale of their numbers."""
     path = beside(picture, f"{name}.png")
-    if name == "range":
-        write_numbers(path, _range_steps(values))
-        return [path.name], {"steps_per_m": RANGE_STEPS_PER_M}
-    if name in ("z", "position"):
+    scale: dict[str, int] = {}
+    if name in _NUMBERS:
+        encode, scale = _NUMBERS[name]
+        write_numbers(path, encode(values))
+    elif name in ("z", "position"):
         path = path.with_suffix(".exr")
         write_exr(path, {name: values}, labels, metadata)
-        return [path.name], {}
-    if name in ("normals", "normals_camera"):
-        steps = np.rint(32767.0 * values + 32768.0)
-        write_numbers(path, np.where(np.any(values != 0, axis=-1, keepdims=True), steps, 0)
-                      .astype(np.uint16))  # fmt: skip
-        return [path.name], {"zero": 32768, "steps_per_unit": 32767}
-    if name == "albedo":
+    elif name == "albedo":
         write_image(path, srgb8_from_linear(values))
-        return [path.name], {}
-    if name == "flow":
-        write_flo(path.with_suffix(".flo"), values)
+    elif name == "flow":
+        flo = path.with_suffix(".flo")
+        write_flo(flo, values)
         write_kitti_flow(path, values)
-        return [path.with_suffix(".flo").name, path.name], {
-            "kitti_steps_per_px": KITTI_STEPS_PER_PX
-        }
-    if name == "valid":
-        write_numbers(path, (255 * values).astype(np.uint8))
-        return [path.name], {"true": 255}
-    if name == "occluded":
-        write_numbers(path, values)
-        return [path.name], {}
-    write_numbers(path, _ids(path, name, values, labels))
-    return [path.name], {}
-
-
-def _range_steps(ranges_m: NDArray[np.float32]) -> NDArray[np.uint16]:
-    seen = np.isfinite(ranges_m)
-    steps = np.rint(RANGE_STEPS_PER_M * np.where(seen, ranges_m, 0.0))
-    # 0 stands for nothing: what is hit is at least a step away
-    return np.where(seen, np.clip(steps, 1, _LARGEST), 0).astype(np.uint16)
+        return [flo.name, path.name], {"kitti_steps_per_px": KITTI_STEPS_PER_PX}
+    else:
+        write_numbers(path, _ids(path, name, values, labels))
+    return [path.name], scale
 
 
 def _ids(
-    path: Path, name: str, ids: NDArray[np.integer], labels: Labels | None
+    path: Path, name: str, ids: NDArray[np.integer[Any]], labels: Labels | None
 ) -> NDArray[np.uint8 | np.uint16]:
     if ids.max(initial=0) > _LARGEST:
-        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_LARGEST}: want .exr")
-    # by what there is, not by what is seen: all pictures of a scene have the same depth
+        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_LARGEST}: expected .exr")
+    # by the scene's labels, not the picture's: all pictures of a scene have the same depth
     few = name == "semantic" and labels is not None and labels.classes[-1].id < 256
     return ids.astype(np.uint8 if few else np.uint16)

@@ -1,4 +1,4 @@
-"""Optical flow in the two formats that others read: Middlebury's .flo and KITTI's PNG."""
+"""Optical flow in two usual formats: Middlebury's .flo and KITTI's PNG."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
 def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
     """Write flow (height, width, 2) as 16-bit RGB: 64 u + 2^15, 64 v + 2^15, and 1 where valid.
 
-    What is NaN, or does not fit in ±512 px, is not valid: 0, 0, 0. Hidden points are in it, as in
+    What is NaN, or does not fit in ±512 px, is not valid: 0, 0, 0. Occluded points are in it, as in
     KITTI's flow_occ.
 
     Source: KITTI, devkit of the flow benchmark 2015, readme.
@@ -44,7 +44,7 @@ def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    known = ~np.isnan(flow_px).any(axis=-1)
+    known: NDArray[np.bool_] = np.all(~np.isnan(flow_px), axis=-1)
     steps = np.rint(KITTI_STEPS_PER_PX * np.where(known[..., None], flow_px, 0.0)) + _KITTI_ZERO
     known &= np.all((steps >= 0) & (steps < 2**16), axis=-1)
     pixels = np.zeros((*known.shape, 3), dtype=np.uint16)

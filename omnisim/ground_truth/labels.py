@@ -1,4 +1,4 @@
-"""What the numbers of classes and instances mean."""
+"""Labels: names and colours of the IDs of classes and instances."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-NOTHING = 0  # class and instance where no surface is hit
+NOTHING = 0  # ID of class and instance where nothing is hit
 _GOLDEN = 0.61803398875  # hues that far apart never come close to one another
 
 
@@ -19,8 +19,8 @@ class ClassLabel:
     """One class.
 
     Attributes:
-        id: its number in the channel.
-        name: what it is called.
+        id: in the channel.
+        name: of the class.
         color: 8-bit sRGB, for pictures.
     """
 
@@ -34,7 +34,7 @@ class InstanceLabel:
     """One instance: all parts of one name.
 
     Attributes:
-        id: its number in the channel.
+        id: in the channel.
         name: of its node.
         class_id: of its class.
         object_name: dynamic object that it belongs to; None: the static scene.
@@ -48,13 +48,13 @@ class InstanceLabel:
 
 @dataclass(frozen=True)
 class Labels:
-    """All classes and instances that can be seen.
+    """All classes and instances of a scene.
 
     Attributes:
         classes: by rising id; without `NOTHING`.
-        instances: number 1, 2, and so on; without `NOTHING`.
-        source: where the classes are from: "table", or "names" of the instances.
-        unlabelled: names that no class of the table claims.
+        instances: IDs 1, 2, and so on; without `NOTHING`.
+        source: of the classes: "table", or "names" of the instances.
+        unlabelled: names in no class of the table.
     """
 
     classes: tuple[ClassLabel, ...]
@@ -76,7 +76,7 @@ class Labels:
         return colors
 
     def notices(self) -> tuple[str, ...]:
-        """One line each: where the labels are not what a label table would give."""
+        """Lines about labels that a label table would improve."""
         if self.source == "names":
             return (
                 "the scene has no labels: classes are the instances' names without numbers; "

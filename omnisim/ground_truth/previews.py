@@ -1,8 +1,9 @@
-"""Channels in colours that an eye can read: for looking at, not for measuring."""
+"""False colours of channels: for display, not for measuring."""
 
 from __future__ import annotations
 
 import colorsys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,54 +12,43 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.labels import Labels, distinct_color
 from omnisim.srgb import srgb8_from_linear
 
-_NOTHING = np.array([0, 0, 0], dtype=np.uint8)
+_NOTHING = (0, 0, 0)
 # From near to far: yellow, orange, red, violet, dark blue.
 _NEAR_TO_FAR = np.array(
     [[253, 250, 160], [251, 176, 51], [226, 84, 62], [142, 36, 106], [56, 22, 100], [12, 10, 44]]
 )
-_FATES = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, hidden, outside
+_OCCLUSION = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, occluded, outside
 _OFF_M = 0.37  # floors and walls like to be at whole metres, where the pattern jumps
 _HUES = np.array([colorsys.hsv_to_rgb(hue / 256, 1.0, 1.0) for hue in range(257)])
 
 
 def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> NDArray[np.uint8]:
-    """A channel as colours (height, width, 3) uint8, sRGB; black where there is nothing.
+    """False colours (height, width, 3) uint8, sRGB, of a channel; black where there is nothing.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
     and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow:
     direction as hue, root of the length as saturation, full at the 95th percentile. Occlusion:
-    green visible, red hidden, yellow outside.
+    green visible, red occluded, yellow outside.
     """
-    makers = {
-        "range": _distances,
-        "z": _signed,
-        "position": _positions,
-        "normals": _normals,
-        "normals_camera": _normals,
-        "albedo": srgb8_from_linear,
-        "semantic": lambda ids: _class_colors(ids, labels),
-        "instance": _numbers,
-        "flow": _flow,
-        "occluded": _fates,
-        "valid": lambda valid: np.repeat(255 * valid[..., None], 3, axis=-1).astype(np.uint8),
-    }
-    return makers[name](values)
+    if name == "semantic" and labels is not None:
+        return labels.class_colors.take(values, axis=0)
+    return _PREVIEWS[name](values)
 
 
-def _distances(distances: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _distances(distances: NDArray[Any]) -> NDArray[np.uint8]:
     seen = np.isfinite(distances) & (distances > 0.0)
     colors = np.zeros((*distances.shape, 3), dtype=np.uint8)
     if seen.any():
         logarithms = np.log(distances[seen].astype(np.float64))
         near, far = np.percentile(logarithms, (1.0, 99.0))
         share = np.clip((logarithms - near) / max(far - near, 1e-6), 0.0, 1.0)
-        places = np.linspace(0.0, 1.0, len(_NEAR_TO_FAR))
+        stops = np.linspace(0.0, 1.0, len(_NEAR_TO_FAR))
         for channel in range(3):
-            colors[seen, channel] = np.rint(np.interp(share, places, _NEAR_TO_FAR[:, channel]))
+            colors[seen, channel] = np.rint(np.interp(share, stops, _NEAR_TO_FAR[:, channel]))
     return colors
 
 
-def _signed(values: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _signed(values: NDArray[Any]) -> NDArray[np.uint8]:
     seen = np.isfinite(values)
     colors = np.zeros((*values.shape, 3), dtype=np.uint8)
     if seen.any():
@@ -69,31 +59,28 @@ def _signed(values: NDArray[np.float32]) -> NDArray[np.uint8]:
     return colors
 
 
-def _positions(positions: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _positions(positions: NDArray[Any]) -> NDArray[np.uint8]:
     seen = np.isfinite(positions).all(axis=-1)
     colors = np.zeros(positions.shape, dtype=np.uint8)
     colors[seen] = np.rint(255.0 * np.mod(positions[seen] + _OFF_M, 1.0)).astype(np.uint8)
     return colors
 
 
-def _normals(normals: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _normals(normals: NDArray[Any]) -> NDArray[np.uint8]:
     seen = np.any(normals != 0.0, axis=-1)
-    colors = np.rint(127.5 * (np.clip(normals, -1.0, 1.0) + 1.0)).astype(np.uint8)
+    scaled = 127.5 * (np.clip(normals, -1.0, 1.0) + 1.0)
+    colors: NDArray[np.uint8] = np.rint(scaled).astype(np.uint8)
     colors[~seen] = _NOTHING
     return colors
 
 
-def _class_colors(ids: NDArray[np.integer], labels: Labels | None) -> NDArray[np.uint8]:
-    return _numbers(ids) if labels is None else labels.class_colors[ids]
+def _ids(ids: NDArray[Any]) -> NDArray[np.uint8]:
+    present, indices = np.unique(ids, return_inverse=True)
+    palette = [_NOTHING if number == 0 else distinct_color(number) for number in present.tolist()]
+    return np.array(palette, dtype=np.uint8).take(indices.reshape(ids.shape), axis=0)
 
 
-def _numbers(ids: NDArray[np.integer]) -> NDArray[np.uint8]:
-    there, places = np.unique(ids, return_inverse=True)
-    colors = np.array([_NOTHING if number == 0 else distinct_color(number) for number in there])
-    return colors.astype(np.uint8)[places.reshape(ids.shape)]
-
-
-def _flow(flow_px: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _flow(flow_px: NDArray[Any]) -> NDArray[np.uint8]:
     known = ~np.isnan(flow_px).any(axis=-1)
     colors = np.zeros((*known.shape, 3), dtype=np.uint8)
     if known.any():
@@ -106,8 +93,27 @@ def _flow(flow_px: NDArray[np.float32]) -> NDArray[np.uint8]:
     return colors
 
 
-def _fates(fates: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _occlusion(codes: NDArray[Any]) -> NDArray[np.uint8]:
     table = np.zeros((256, 3), dtype=np.uint8)
-    for fate, color in _FATES.items():
-        table[fate] = color
-    return table[fates]
+    for code, color in _OCCLUSION.items():
+        table[code] = color
+    return table.take(codes, axis=0)
+
+
+def _valid(valid: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.repeat(255 * valid[..., None], 3, axis=-1).astype(np.uint8)
+
+
+_PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
+    "range": _distances,
+    "z": _signed,
+    "position": _positions,
+    "normals": _normals,
+    "normals_camera": _normals,
+    "albedo": srgb8_from_linear,
+    "semantic": _ids,
+    "instance": _ids,
+    "flow": _flow,
+    "occluded": _occlusion,
+    "valid": _valid,
+}

@@ -50,7 +50,7 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
     ("arguments", "message"),
     [
         (["--also", "rnage"], "channel 'rnage': there is no such channel; did you mean 'range'?"),
-        (["--also", ","], "--also ',': want names with commas"),
+        (["--also", ","], "--also ',': expected names with commas"),
         (["--next", "0", "0", "1"], "--next: requires --also flow"),
         (["--also", "range", "--next-yaw", "3"], "--next-yaw: requires --also flow"),
         (["--also", "range", "--labels", "x.toml"], "--labels: requires --also semantic"),

@@ -23,7 +23,7 @@ def test_flow_has_its_occlusion():
         ("rnage", "'rnage': there is no such channel; did you mean 'range'?"),
         ("range,semantics", "'semantics': there is no such channel; did you mean 'semantic'?"),
         ("xyzzy", "'xyzzy': there is no such channel; expected one of range, z, position"),
-        (" , ", "want names with commas: range,z"),
+        (" , ", "expected names with commas: range,z"),
     ],
 )
 def test_what_is_no_channel_is_refused_with_the_nearest(text, words):
@@ -34,11 +34,13 @@ def test_what_is_no_channel_is_refused_with_the_nearest(text, words):
 
 
 def test_one_text_is_no_list_of_names():
-    with pytest.raises(OutputError, match=r"channels 'range': want a list of names, such as \['ra"):
+    with pytest.raises(
+        OutputError, match=r"channels 'range': expected a list of names, such as \['ra"
+    ):
         check_channels("range")
 
 
 def test_no_two_layers_of_a_file_have_one_name():
-    parts = [part for channel in CHANNELS.values() for part in channel.parts]
-    assert len(set(parts)) == len(parts)
-    assert not {"R", "G", "B"} & set(parts)
+    layers = [layer for channel in CHANNELS.values() for layer in channel.layers]
+    assert len(set(layers)) == len(layers)
+    assert not {"R", "G", "B"} & set(layers)

@@ -32,8 +32,8 @@ def _channels(height=7, width=9):
     flow[0, 0] = np.nan
     valid = np.ones(hit.shape, dtype=np.uint8)
     valid[0, 0] = 0
-    fate = random.integers(0, 3, hit.shape).astype(np.uint8)
-    fate[0, 0] = 255
+    occlusion = random.integers(0, 3, hit.shape).astype(np.uint8)
+    occlusion[0, 0] = 255
     distances = random.uniform(0.2, 90.0, hit.shape).astype(np.float32)
     return {
         "range": np.where(hit, distances, np.float32(np.inf)),
@@ -45,7 +45,7 @@ def _channels(height=7, width=9):
         "semantic": LABELS.class_of_instance[instance],
         "instance": instance,
         "flow": flow,
-        "occluded": fate,
+        "occluded": occlusion,
         "valid": valid,
     }
 
@@ -64,7 +64,7 @@ def test_one_exr_holds_everything(tmp_path):
     found = read_channels(tmp_path / "frame.exr")
     for name, values in channels.items():
         parts = values.reshape(*values.shape[:2], -1)
-        for index, part in enumerate(CHANNELS[name].parts):
+        for index, part in enumerate(CHANNELS[name].layers):
             np.testing.assert_array_equal(
                 found.values[part], parts[..., index].astype(np.float32), err_msg=part
             )

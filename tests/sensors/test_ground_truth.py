@@ -334,7 +334,7 @@ def test_a_channel_does_not_depend_on_others_or_on_the_picture():
         np.testing.assert_array_equal(frame.rgba, plain.rgba)
     for name, values in all_of_them.channels.items():
         assert values.dtype == CHANNELS[name].dtype
-        assert values[0, 0].size == len(CHANNELS[name].parts)
+        assert values[0, 0].size == len(CHANNELS[name].layers)
 
 
 def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
