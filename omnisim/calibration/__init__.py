@@ -1,27 +1,31 @@
 """Calibrations of cameras: files of other tools in and out, and fits from one model to another.
 
 `load_calibration` reads a file, `save_calibration` writes one; README.md has formats, conventions,
-and how to add a format.
+and how to add a format. Modules import in one direction: the base of the formats, the formats,
+their registry, reading and encoding, and `calibration`, which this package offers.
 """
 
-from omnisim.calibration.calibration import (
+from omnisim.calibration.calibrated_camera import (
     CalibratedCamera,
-    Calibration,
-    Pose,
-    Residual,
-    calibration_of,
+    NamedPose,
+    Residuals,
     find_pose,
 )
-from omnisim.calibration.formats import FORMATS
-from omnisim.calibration.load import load_calibration
-from omnisim.calibration.save import calibration_text, save_calibration
+from omnisim.calibration.calibration import (
+    Calibration,
+    calibration_of,
+    calibration_text,
+    load_calibration,
+    save_calibration,
+)
+from omnisim.calibration.registry import FORMATS
 
 __all__ = [
     "FORMATS",
     "CalibratedCamera",
     "Calibration",
-    "Pose",
-    "Residual",
+    "NamedPose",
+    "Residuals",
     "calibration_of",
     "calibration_text",
     "find_pose",

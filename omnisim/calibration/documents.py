@@ -1,7 +1,7 @@
-"""Texts of calibration files: read, and taken apart as YAML, JSON or XML, without surprises.
+"""Parsing of calibration files as YAML, JSON or XML, safe for files from anywhere.
 
-Whatever is wrong with a file is one line that names it. YAML is that of its version 1.2 where
-numbers are concerned (1e-3 is one), knows OpenCV's matrices, and makes no objects.
+Every fault is one line that names the file. YAML is that of its version 1.2 where numbers are
+concerned (1e-3 is one), knows OpenCV's matrices, and makes no objects.
 """
 
 from __future__ import annotations
@@ -26,16 +26,22 @@ class _Loader(yaml.SafeLoader):
     """YAML as calibration files use it: OpenCV's matrices, and keys that come once."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """The mapping, unless a key is there twice."""
+        """Mapping of a node; a duplicate key is an error."""
         seen = set()
         for key, _ in node.value:
             if key.value in seen and isinstance(key, yaml.ScalarNode):
                 raise yaml.MarkedYAMLError(
-                    problem=f"key {key.value!r} is there twice", problem_mark=key.start_mark
+                    problem=f"duplicate key {key.value!r}", problem_mark=key.start_mark
                 )
             if isinstance(key, yaml.ScalarNode):
                 seen.add(key.value)
         return super().construct_mapping(node, deep=deep)
+
+
+def _opencv_matrix(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
+    if not isinstance(node, yaml.MappingNode):
+        raise yaml.MarkedYAMLError(problem="expected a matrix", problem_mark=node.start_mark)
+    return loader.construct_mapping(node, deep=True)
 
 
 _Loader.add_implicit_resolver(
@@ -43,14 +49,11 @@ _Loader.add_implicit_resolver(
     re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+\Z"),
     list("-+0123456789."),
 )
-_Loader.add_constructor(
-    "tag:yaml.org,2002:opencv-matrix",
-    lambda loader, node: loader.construct_mapping(node, deep=True),
-)
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
 
 
 def read_text(path: Path) -> str:
-    """The text of a file.
+    """Text of a file.
 
     Raises:
         CalibrationError: it cannot be read, is empty, too large, or no text.
@@ -62,23 +65,23 @@ def read_text(path: Path) -> str:
         words = getattr(reason, "strerror", None) or str(reason)
         raise CalibrationError(f"{path}: cannot be read: {words}") from None
     if len(data) > LARGEST_BYTES:
-        raise CalibrationError(f"{path}: larger than 64 MiB: want a calibration file")
+        raise CalibrationError(f"{path}: expected a calibration file, got more than 64 MiB")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
-        raise CalibrationError(f"{path}: not a text file in UTF-8: want a calibration file")
+        raise CalibrationError(f"{path}: expected a calibration file, got no text in UTF-8")
     if not text.strip():
-        raise CalibrationError(f"{path}: is an empty file: want a calibration file")
+        raise CalibrationError(f"{path}: expected a calibration file, got an empty one")
     return text
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
-    """The mapping that a YAML text is.
+    """Mapping in a YAML text.
 
     Raises:
-        CalibrationError: it is none.
+        CalibrationError: the text is none.
     """
     try:
         data = _load_yaml(_HEADER.sub("", text))
@@ -87,54 +90,54 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         where = f" in line {mark.line + 1}" if mark else ""
         raise CalibrationError(f"{source}: not YAML{where}: {reason.problem}") from None
     except yaml.YAMLError as reason:
-        raise CalibrationError(f"{source}: not YAML: {_words(reason)}") from None
+        raise CalibrationError(f"{source}: not YAML: {_reason(reason)}") from None
     except (ValueError, TypeError, RecursionError, OverflowError) as reason:  # 2026-99-99, [[[[[…
-        raise CalibrationError(f"{source}: not YAML: {_words(reason)}") from None
+        raise CalibrationError(f"{source}: not YAML: {_reason(reason)}") from None
     return _mapping(data, source, "YAML keys with values")
 
 
 def parse_json(text: str, source: str) -> dict[str, Any]:
-    """The object that a JSON text is.
+    """Object in a JSON text.
 
     Raises:
-        CalibrationError: it is none.
+        CalibrationError: the text is none.
     """
 
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for key, value in pairs:
             if key in found:
-                raise CalibrationError(f"{source}: not JSON: key {key!r} is there twice")
+                raise CalibrationError(f"{source}: not JSON: duplicate key {key!r}")
             found[key] = value
         return found
 
     try:
-        data = json.loads(text, object_pairs_hook=once)
+        data = json.loads(text, object_pairs_hook=unique)
     except json.JSONDecodeError as reason:
         raise CalibrationError(
             f"{source}: not JSON in line {reason.lineno}: {reason.msg}"
         ) from None
     except (ValueError, RecursionError) as reason:
-        raise CalibrationError(f"{source}: not JSON: {_words(reason)}") from None
+        raise CalibrationError(f"{source}: not JSON: {_reason(reason)}") from None
     return _mapping(data, source, "a JSON object")
 
 
 def parse_xml(text: str, source: str) -> ElementTree.Element:
-    """The root of an XML text.
+    """Root of an XML text.
 
     Raises:
-        CalibrationError: it is none, or declares entities, which could grow without bound.
+        CalibrationError: the text is none, or declares entities, which could grow without bound.
     """
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
-        raise CalibrationError(f"{source}: has a DOCTYPE: want XML without entities of its own")
+        raise CalibrationError(f"{source}: expected XML without entities of its own, got a DOCTYPE")
     try:
         return ElementTree.fromstring(re.sub(r"\A\s*<\?xml[^>]*\?>", "", text))
     except (ElementTree.ParseError, ValueError, RecursionError) as reason:
-        raise CalibrationError(f"{source}: not XML: {_words(reason)}") from None
+        raise CalibrationError(f"{source}: not XML: {_reason(reason)}") from None
 
 
 def _load_yaml(text: str) -> Any:
-    """What a YAML text is, unless its aliases (*name) make it much larger than it is.
+    """Value of a YAML text, unless its aliases (*name) make it much larger than it is.
 
     Raises:
         yaml.YAMLError: the text is none, or grows.
@@ -146,7 +149,7 @@ def _load_yaml(text: str) -> Any:
         if node is None:
             return None
         if _size(node, sizes) - len(sizes) > LARGEST_GROWTH:
-            raise yaml.YAMLError("its aliases make it grow without bound: want plain values")
+            raise yaml.YAMLError("expected plain values, got aliases that grow without bound")
         return loader.construct_document(node)
     finally:
         loader.dispose()
@@ -164,14 +167,14 @@ def _size(node: yaml.Node, sizes: dict[int, float]) -> float:
 
 def _mapping(data: Any, source: str, wanted: str) -> dict[str, Any]:
     if not isinstance(data, dict):
-        raise CalibrationError(f"{source}: is a {type(data).__name__}: want {wanted}")
+        raise CalibrationError(f"{source}: expected {wanted}, got a {type(data).__name__}")
     return {str(key): value for key, value in data.items()}
 
 
-def _words(reason: Exception) -> str:
-    """A parser's reason in one line, in words that do not speak of Python."""
+def _reason(reason: Exception) -> str:
+    """Parser's reason in one line, without Python's terms."""
     if isinstance(reason, RecursionError):
-        return "nested too deeply: want plain values"
+        return "expected plain values, got too deep a nesting"
     if "integer string conversion" in str(reason):
-        return "a number of thousands of digits: want one that a camera has"
+        return "expected a camera's numbers, got one of thousands of digits"
     return (str(reason).splitlines() or [type(reason).__name__])[0]

@@ -1,8 +1,8 @@
-"""The same lens in another model, exactly, where both can say it.
+"""Exact conversions of a lens from one model to another.
 
-Everything here is a lens that looks along +z; `file_frame` turns mirrors into such.
+All lenses here look along +z; `file_frame` has those of mirrors.
 
-| one | is the other | with |
+| lens | equals | with |
 | --- | --- | --- |
 | perspective | unified, ξ = 0 | γ = f |
 | stereographic | unified, ξ = 1 | γ = 2 f |
@@ -20,8 +20,8 @@ Source: Usenko et al. 2018 (the unified family); Scaramuzza et al. 2006.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from omnisim.cameras import (
     CentralCamera,
@@ -38,10 +38,12 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.focal_camera import FocalCamera
 
-NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
-# r = c1 f fun(θ/c2)
-IDEAL_FISHEYES: dict[type[Any], tuple[float, float, str]] = {
+Model = TypeVar("Model", bound=CentralCamera)
+# c1, c2 and fun of r = c1 f fun(θ/c2)
+IDEAL_FISHEYES: Mapping[type[FocalCamera], tuple[float, float, str]] = {
     PerspectiveCamera: (1.0, 1.0, "tan"),
     StereographicCamera: (2.0, 2.0, "tan"),
     EquidistantCamera: (1.0, 1.0, "id"),
@@ -50,94 +52,90 @@ IDEAL_FISHEYES: dict[type[Any], tuple[float, float, str]] = {
 }
 
 
-def equivalent(camera: CentralCamera, kind: type[CentralCamera]) -> CentralCamera | None:
-    """The same lens as a `kind`, or None where that cannot say it."""
-    if isinstance(camera, kind) and type(camera) is kind:
+def equivalent(camera: CentralCamera, model: type[Model]) -> Model | None:
+    """Camera of a model that is the same lens, or None."""
+    if isinstance(camera, model) and type(camera) is model:
         return camera
-    convert = _CONVERSIONS.get(kind)
-    return convert(camera) if convert else None
-
-
-def _picture(camera: Any) -> tuple[int, int]:
-    return camera.width_px, camera.height_px
-
-
-def _pair(focal_length_px: float) -> tuple[float, float]:
-    return focal_length_px, focal_length_px
+    convert = _CONVERSIONS.get(model)
+    converted = convert(camera) if convert else None
+    return converted if isinstance(converted, model) else None
 
 
 def is_plain(camera: UnifiedCamera) -> bool:
-    """Whether there is nothing but the sphere: no distortion, no skew."""
+    """True without distortion and skew."""
     return not any(camera.distortion) and camera.skew_px == 0.0
 
 
-def _unified(camera: Any) -> UnifiedCamera | None:
-    if isinstance(camera, UnifiedCamera):
-        return camera
-    if isinstance(camera, PerspectiveCamera):
-        xi, gammas = 0.0, _pair(camera.focal_length_px)
-    elif isinstance(camera, StereographicCamera):
-        xi, gammas = 1.0, _pair(2.0 * camera.focal_length_px)
-    elif isinstance(camera, DoubleSphereCamera) and camera.alpha == 0.0 and camera.xi >= 0.0:
-        xi, gammas = camera.xi, camera.focal_lengths_px
-    elif _is_unified_sphere(camera):
-        xi = camera.alpha / (1.0 - camera.alpha)
-        fx, fy = camera.focal_lengths_px
-        gammas = fx / (1.0 - camera.alpha), fy / (1.0 - camera.alpha)
-    else:
-        return None
-    return UnifiedCamera(*_picture(camera), gammas, camera.principal_point_px, xi)
+def _unified(camera: CentralCamera) -> UnifiedCamera | None:
+    match camera:
+        case UnifiedCamera():
+            return camera
+        case PerspectiveCamera(focal_length_px=focal):
+            xi, gammas = 0.0, (focal, focal)
+        case StereographicCamera(focal_length_px=focal):
+            xi, gammas = 1.0, (2.0 * focal, 2.0 * focal)
+        case DoubleSphereCamera(alpha=0.0) if camera.xi >= 0.0:
+            xi, gammas = camera.xi, camera.focal_lengths_px
+        case EucmCamera(beta=1.0) | EucmCamera(alpha=0.0) | DoubleSphereCamera(xi=0.0) if (
+            camera.alpha < 1.0
+        ):
+            xi = camera.alpha / (1.0 - camera.alpha)
+            fx, fy = camera.focal_lengths_px
+            gammas = fx / (1.0 - camera.alpha), fy / (1.0 - camera.alpha)
+        case _:
+            return None
+    return UnifiedCamera(camera.width_px, camera.height_px, gammas, camera.principal_point_px, xi)
 
 
-def _is_unified_sphere(camera: Any) -> bool:
-    plain_eucm = isinstance(camera, EucmCamera) and (camera.beta == 1.0 or camera.alpha == 0.0)
-    one_sphere = isinstance(camera, DoubleSphereCamera) and camera.xi == 0.0
-    return (plain_eucm or one_sphere) and camera.alpha < 1.0
-
-
-def _alpha_form(camera: Any) -> tuple[tuple[float, float], float] | None:
-    """Focal lengths and α of a plain unified camera."""
+def _plain_unified(camera: CentralCamera) -> UnifiedCamera | None:
     unified = _unified(camera)
-    if unified is None or not is_plain(unified):
+    return unified if unified is not None and is_plain(unified) else None
+
+
+def _eucm(camera: CentralCamera) -> EucmCamera | None:
+    unified = _plain_unified(camera)
+    return None if unified is None else EucmCamera(*_alpha_form(unified), beta=1.0)
+
+
+def _double_sphere(camera: CentralCamera) -> DoubleSphereCamera | None:
+    unified = _plain_unified(camera)
+    if unified is None:
         return None
+    width, height, focal, centre, alpha = _alpha_form(unified)
+    return DoubleSphereCamera(width, height, focal, centre, 0.0, alpha)
+
+
+def _alpha_form(
+    unified: UnifiedCamera,
+) -> tuple[int, int, tuple[float, float], tuple[float, float], float]:
+    """Size, focal lengths, principal point and α of the model's α form."""
     gamma_u, gamma_v = unified.focal_lengths_px
-    grown = 1.0 + unified.xi
-    return (gamma_u / grown, gamma_v / grown), unified.xi / grown
+    scale = 1.0 + unified.xi
+    focal = gamma_u / scale, gamma_v / scale
+    size = unified.width_px, unified.height_px
+    return *size, focal, unified.principal_point_px, unified.xi / scale
 
 
-def _eucm(camera: Any) -> EucmCamera | None:
-    found = _alpha_form(camera)
-    if found is None:
-        return None
-    return EucmCamera(*_picture(camera), found[0], camera.principal_point_px, found[1], beta=1.0)
-
-
-def _double_sphere(camera: Any) -> DoubleSphereCamera | None:
-    found = _alpha_form(camera)
-    if found is None:
-        return None
-    focal, alpha = found
-    return DoubleSphereCamera(*_picture(camera), focal, camera.principal_point_px, 0.0, alpha)
-
-
-def _kannala_brandt(camera: Any) -> KannalaBrandtCamera | None:
+def _kannala_brandt(camera: CentralCamera) -> KannalaBrandtCamera | None:
+    coefficients: tuple[float, ...] = ()
     if isinstance(camera, EquidistantCamera):
-        focal, coefficients = camera.focal_length_px, NO_DISTORTION
+        focal = camera.focal_length_px
     elif isinstance(camera, FThetaCamera) and not any(camera.coefficients_px[1::2]):
         focal, *others = camera.coefficients_px[::2]
-        coefficients = (*(one / focal for one in others), *NO_DISTORTION)[:4]
+        coefficients = tuple(one / focal for one in others)
     else:
         return None
     return KannalaBrandtCamera(
-        *_picture(camera),
-        _pair(focal),
+        camera.width_px,
+        camera.height_px,
+        (focal, focal),
         camera.principal_point_px,
-        coefficients,
+        (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4],
         camera.theta_max_rad,
     )
 
 
-def _f_theta(camera: Any) -> FThetaCamera | None:
+def _f_theta(camera: CentralCamera) -> FThetaCamera | None:
     if isinstance(camera, EquidistantCamera):
         coefficients: tuple[float, ...] = (camera.focal_length_px,)
     elif isinstance(camera, KannalaBrandtCamera):
@@ -150,58 +148,58 @@ def _f_theta(camera: Any) -> FThetaCamera | None:
             coefficients = coefficients[:-1]
     else:
         return None
-    return FThetaCamera(
-        *_picture(camera), camera.principal_point_px, coefficients, camera.theta_max_rad
-    )
+    size = camera.width_px, camera.height_px
+    return FThetaCamera(*size, camera.principal_point_px, coefficients, camera.theta_max_rad)
 
 
-def _ocamcalib(camera: Any) -> OcamcalibCamera | None:
-    unified = _unified(camera)
-    if unified is None or not is_plain(unified):
+def _ocamcalib(camera: CentralCamera) -> OcamcalibCamera | None:
+    unified = _plain_unified(camera)
+    if unified is None or unified.xi not in (0.0, 1.0):
         return None
     gamma_u, gamma_v = unified.focal_lengths_px
-    if unified.xi == 0.0:
-        polynomial: tuple[float, ...] = (-gamma_u,)
-    elif unified.xi == 1.0:
-        polynomial = (-0.5 * gamma_u, 0.0, 0.5 / gamma_u)
-    else:
-        return None
+    polynomial = (-gamma_u,) if unified.xi == 0.0 else (-0.5 * gamma_u, 0.0, 0.5 / gamma_u)
     return OcamcalibCamera(
-        *_picture(camera),
+        camera.width_px,
+        camera.height_px,
         camera.principal_point_px,
         polynomial,
         (gamma_v / gamma_u, 0.0, 0.0),
-        getattr(camera, "theta_max_rad", math.pi),
+        _theta_max_rad(camera),
     )
 
 
-def _gazebo(camera: Any) -> GazeboCamera | None:
-    if type(camera) not in IDEAL_FISHEYES:
+def _gazebo(camera: CentralCamera) -> GazeboCamera | None:
+    if not isinstance(camera, FocalCamera) or type(camera) not in IDEAL_FISHEYES:
         return None
     c1, c2, function = IDEAL_FISHEYES[type(camera)]
     return GazeboCamera(
-        *_picture(camera),
+        camera.width_px,
+        camera.height_px,
         camera.focal_length_px,
         camera.principal_point_px,
         c1,
         c2,
         0.0,
         function,
-        getattr(camera, "theta_max_rad", math.pi),
+        _theta_max_rad(camera),
     )
 
 
-def _perspective(camera: Any) -> PerspectiveCamera | None:
-    unified = _unified(camera)
-    if unified is None or unified.xi or not is_plain(unified):
+def _theta_max_rad(camera: CentralCamera) -> float:
+    return camera.theta_max_rad if isinstance(camera, FisheyeCamera) else math.pi
+
+
+def _perspective(camera: CentralCamera) -> PerspectiveCamera | None:
+    unified = _plain_unified(camera)
+    if unified is None or unified.xi:
         return None
     fx, fy = unified.focal_lengths_px
     if fx != fy:
         return None
-    return PerspectiveCamera(*_picture(camera), fx, camera.principal_point_px)
+    return PerspectiveCamera(camera.width_px, camera.height_px, fx, camera.principal_point_px)
 
 
-_CONVERSIONS: dict[type[Any], Callable[[Any], CentralCamera | None]] = {
+_CONVERSIONS: Mapping[type[CentralCamera], Callable[[CentralCamera], CentralCamera | None]] = {
     UnifiedCamera: _unified,
     EucmCamera: _eucm,
     DoubleSphereCamera: _double_sphere,

@@ -1,8 +1,9 @@
-"""Parts of calibration files as pydantic checks them: numbers, sizes, lists of a known length."""
+"""Fields of calibration files: numbers, sizes, lists of a known length."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -10,28 +11,45 @@ import pydantic
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict
 
-from omnisim import poses
 from omnisim.errors import CalibrationError, OmnisimError
 from omnisim.parameters import Number, Table, parse_table
+from omnisim.poses import check_pose
 
 LARGEST_SIZE_PX = 32768
+SIZE = f"a whole number from 1 to {LARGEST_SIZE_PX}"
 Model = TypeVar("Model", bound=pydantic.BaseModel)
 
 
-def _size(value: Any) -> int:
-    """A whole number of pixels; some write it with a point, as 1280.0."""
+def unexpected(place: str, expected: str, got: object) -> CalibrationError:
+    """Error about a value; `place` names file and key."""
+    return CalibrationError(f"{place}: expected {expected}, got {short(got)}")
+
+
+def check_choice(value: str, choices: Iterable[str], place: str) -> None:
+    """Refuse a word that is none of the choices.
+
+    Raises:
+        CalibrationError: naming the place, the choices and the word.
+    """
+    choices = list(choices)
+    if value not in choices:
+        raise unexpected(place, f"one of {', '.join(choices)}", value)
+
+
+def _whole_size(value: Any) -> int:
+    """Whole number of pixels; some formats write it with a point, as 1280.0."""
     if type(value) in (int, float) and 1 <= value <= LARGEST_SIZE_PX and value == int(value):
         return int(value)
-    raise ValueError(f"want a whole number from 1 to {LARGEST_SIZE_PX}")
+    raise ValueError(f"expected {SIZE}")
 
 
-Size = Annotated[int, BeforeValidator(_size)]
+Size = Annotated[int, BeforeValidator(_whole_size)]
 Numbers = list[Number]
 Matrix = list[list[Number]]
 
 
-class Foreign(Table):
-    """A part of another tool's file: keys that are not ours to know are left alone."""
+class ForeignTable(Table):
+    """A table of another tool's file: unknown keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -40,36 +58,61 @@ def parse(data: Any, model: type[Model], source: str) -> Model:
     """Check `data` against `model`; `source` names file and place in messages.
 
     Raises:
-        CalibrationError: naming place, key, value and what was wanted.
+        CalibrationError: naming place, key, the expected value and the one found.
     """
     if not isinstance(data, Mapping):
-        raise CalibrationError(f"{source} = {short(data)}: want keys with values")
+        raise unexpected(source, "keys with values", data)
     try:
         return parse_table(dict(data), model, CalibrationError, source)
     except CalibrationError as reason:  # values can be long
         lines = (line if len(line) < 400 else line[:400] + " …" for line in str(reason).split("\n"))
         raise CalibrationError("\n".join(lines)) from None
     except (RecursionError, OverflowError) as reason:
-        raise CalibrationError(f"{source}: {type(reason).__name__}: want plain values") from None
+        raise unexpected(source, "plain values", type(reason).__name__) from None
+
+
+def parse_number(word: str, place: str) -> float:
+    """Finite number of a word in a text file.
+
+    Raises:
+        CalibrationError: the word is none.
+    """
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise unexpected(place, "a number", word)
+    return value
+
+
+def parse_size(word: str, place: str) -> int:
+    """Number of pixels of a word in a text file.
+
+    Raises:
+        CalibrationError: the word is none.
+    """
+    try:
+        return _whole_size(parse_number(word, place))
+    except ValueError:
+        raise unexpected(place, SIZE, word) from None
 
 
 def counted(values: Sequence[float], names: str, source: str) -> list[float]:
-    """The values, which have to be as many as the names.
+    """Values that have to be as many as the names.
 
     Raises:
         CalibrationError: they are more, or fewer.
     """
-    count = len(names.split())
-    if len(values) != count:
-        raise CalibrationError(
-            f"{source}: {len(values)} numbers, {short(list(values))}: want {count}: "
-            + names.replace(" ", ", ")
-        )
+    expected = names.split()
+    if len(values) != len(expected):
+        numbers = f"{len(expected)} numbers: {', '.join(expected)}"
+        raise unexpected(source, numbers, list(values))
     return [float(value) for value in values]
 
 
 def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
-    """A pose (4, 4) of rows; three rows are completed.
+    """Pose (4, 4) from rows; three rows are completed.
 
     Raises:
         CalibrationError: no pose.
@@ -79,19 +122,20 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
         rows.append([0.0, 0.0, 0.0, 1.0])
     try:
         if len(rows) != 4 or any(len(row) != 4 for row in rows):
-            raise CalibrationError("want 4 × 4 numbers")
-        return poses.check_pose(rows)
+            raise CalibrationError("expected 4 × 4 numbers")
+        return check_pose(rows)
     except OmnisimError as reason:
         words = str(reason).removeprefix("pose: ")
-        raise CalibrationError(f"{source} = {short(rows)}: {words}") from None
+        raise CalibrationError(f"{source}: {words}, got {short(rows)}") from None
 
 
 def rows(matrix: NDArray[np.float64]) -> list[list[float]]:
-    """A matrix as nested lists of floats, without −0."""
-    return (np.asarray(matrix) + 0.0).tolist()
+    """Nested lists of a matrix's floats, without −0."""
+    listed: list[list[float]] = (np.asarray(matrix) + 0.0).tolist()
+    return listed
 
 
-def short(value: Any) -> str:
-    """A value as a message shows it, cut where it is long."""
+def short(value: object) -> str:
+    """Text of a value for a message, cut where it is long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."

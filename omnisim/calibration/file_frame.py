@@ -1,14 +1,12 @@
-"""Between the optical frame and the frame of files, where every camera looks along +z.
+"""Conversion between the optical frame and the frame of files, where cameras look along +z.
 
 A mirror's rays are (x, y, −z) in a file. The way back finds the mirror's own model where the
-file's model, the picture and the rim's angle are enough to tell, and else a `MirroredCamera`.
+file's model, the picture and the rim's angle suffice, and else a `MirroredCamera`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from typing import Any
 
 from omnisim.calibration.equivalents import equivalent, is_plain
 from omnisim.cameras import (
@@ -23,98 +21,92 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.domain import optical_axis
+from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 
 
-def theta_max_rad(camera: Any) -> float | None:
-    """Angle from the axis where a camera's domain ends by its own parameters, if it has such."""
-    camera = camera.lens if isinstance(camera, MirroredCamera) else camera
-    mirror = getattr(camera, "mirror", None)
-    limit = getattr(camera, "theta_max_rad", getattr(mirror, "theta_max_rad", None))
-    return None if limit is None or limit == math.pi else float(limit)
+def domain_limit_rad(camera: CentralCamera) -> float | None:
+    """Angle from the axis where a camera's domain ends by its own parameters, if at all."""
+    lens = camera.lens if isinstance(camera, MirroredCamera) else camera
+    return lens.domain_limit_rad if isinstance(lens, ParametricCamera) else None
 
 
-def looks_back(camera: CentralCamera) -> bool:
-    """Whether a camera looks down −z of its optical frame, as those under mirrors do."""
+def is_catadioptric(camera: CentralCamera) -> bool:
+    """True for a camera that looks down −z of its optical frame, as those under mirrors do."""
     return isinstance(camera, MirroredCamera) or optical_axis(camera) < 0.0
 
 
-def lens_of(camera: Any) -> CentralCamera | None:
-    """The lens whose rays are a camera's, or (x, y, −z) of a mirror's; None: no lens is."""
-    if isinstance(camera, MirroredCamera):
-        return camera.lens
-    if isinstance(camera, PlanarCamera):
-        size = camera.width_px, camera.height_px
-        return PerspectiveCamera(*size, camera.focal_length_px, camera.principal_point_px)
-    if isinstance(camera, ParabolicCamera):
-        size = camera.width_px, camera.height_px
-        half = 0.5 * camera.horizon_radius_px
-        return StereographicCamera(*size, half, camera.principal_point_px, camera.theta_max_rad)
-    if isinstance(camera, EllipticCamera):
-        ratio, size = camera.half_angle_ratio, (camera.width_px, camera.height_px)
-        xi = (ratio * ratio - 1.0) / (ratio * ratio + 1.0)
-        gamma = camera.focal_length_px * (1.0 + xi) / ratio
-        return UnifiedCamera(*size, (gamma, gamma), camera.principal_point_px, xi)
-    if isinstance(camera, HyperbolicCamera):
-        gamma = camera.unified_focal_length_px
-        size = camera.width_px, camera.height_px
-        return UnifiedCamera(*size, (gamma, gamma), camera.principal_point_px, camera.mirror.xi)
-    return None if looks_back(camera) else camera
-
-
-def is_turned(camera: CentralCamera) -> bool:
-    """Whether a mirror's picture is upside down: its lens's rays are (−x, −y, −z) of its own."""
+def is_inverted(camera: CentralCamera) -> bool:
+    """True where a mirror's picture is upside down: its lens's rays are (−x, −y, −z) of its own."""
     return isinstance(camera, EllipticCamera)
 
 
-def optical_camera(
-    lens: Any, mirrored: bool, limit_rad: float | None, turned: bool = False
+def lens_of(camera: CentralCamera) -> CentralCamera | None:
+    """Lens whose rays are a camera's, or (x, y, −z) of a mirror's; None: no lens is."""
+    size, centre = (camera.width_px, camera.height_px), camera.principal_point_px
+    match camera:
+        case MirroredCamera(lens=lens):
+            return lens
+        case PlanarCamera(focal_length_px=focal):
+            return PerspectiveCamera(*size, focal, centre)
+        case ParabolicCamera(horizon_radius_px=radius, theta_max_rad=limit):
+            return StereographicCamera(*size, 0.5 * radius, centre, limit)
+        case EllipticCamera(half_angle_ratio=ratio):
+            xi = (ratio * ratio - 1.0) / (ratio * ratio + 1.0)
+            gamma = camera.focal_length_px * (1.0 + xi) / ratio
+            return UnifiedCamera(*size, (gamma, gamma), centre, xi)
+        case HyperbolicCamera(unified_focal_length_px=gamma):
+            return UnifiedCamera(*size, (gamma, gamma), centre, camera.mirror.xi)
+    return None if is_catadioptric(camera) else camera
+
+
+def camera_from_lens(
+    lens: CentralCamera, mirrored: bool, inverted: bool, limit_rad: float | None
 ) -> CentralCamera:
-    """The camera that a file means by a lens.
+    """Camera that a file describes by a lens.
 
     Args:
-        lens: what the file says.
+        lens: in the file.
         mirrored: its rays are (x, y, −z) of the camera's.
-        limit_rad: angle from the axis where its domain ends, if the file says it.
-        turned: and they are (−x, −y, −z), as an elliptic mirror's.
+        inverted: they are (−x, −y, −z), as an elliptic mirror's.
+        limit_rad: angle from the axis where the domain ends, if the file has it.
     """
-    if limit_rad is not None and hasattr(lens, "theta_max_rad"):
-        lens = dataclasses.replace(lens, theta_max_rad=limit_rad)
-        limit_rad = None
-    known = _known(lens, mirrored, limit_rad, turned)
-    if known is not None:
-        return known
+    if limit_rad is not None and isinstance(lens, ParametricCamera):
+        ended = lens.ending_at(limit_rad)
+        if ended is not None:
+            lens, limit_rad = ended, None
+    special = _special_camera(lens, mirrored, inverted, limit_rad)
+    if special is not None:
+        return special
     return MirroredCamera(lens) if mirrored else lens
 
 
-def _known(
-    lens: Any, mirrored: bool, limit_rad: float | None, turned: bool
+def _special_camera(
+    lens: CentralCamera, mirrored: bool, inverted: bool, limit_rad: float | None
 ) -> CentralCamera | None:
-    """The model that says more than the unified one, whose parameters it has."""
+    """Special case of the unified model that the parameters are of, if any."""
     unified = equivalent(lens, UnifiedCamera)
-    if not isinstance(unified, UnifiedCamera) or not is_plain(unified):
+    if unified is None or not is_plain(unified):
         return None
     gamma, other = unified.focal_lengths_px
     # what a rounded sum or product leaves behind is no second focal length
     if abs(gamma - other) > 4e-16 * gamma:
         return None
-    size, centre = (lens.width_px, lens.height_px), lens.principal_point_px
+    size, centre, xi = (lens.width_px, lens.height_px), lens.principal_point_px, unified.xi
     if limit_rad is None:
-        flat = mirrored and unified.xi == 0.0
-        return PlanarCamera(*size, gamma, centre) if flat else None
+        return PlanarCamera(*size, gamma, centre) if mirrored and xi == 0.0 else None
     try:
-        if abs(unified.xi - 1.0) < 1e-15:
+        if abs(xi - 1.0) < 1e-15:
             if mirrored:
                 return ParabolicCamera(*size, gamma, centre, limit_rad)
             return StereographicCamera(*size, 0.5 * gamma, centre, limit_rad)
-        if mirrored and turned and 0.0 < unified.xi < 1.0:
-            root = math.sqrt((1.0 - unified.xi) * (1.0 + unified.xi))
-            eccentricity = unified.xi / (1.0 + root)
+        root = math.sqrt(max((1.0 - xi) * (1.0 + xi), 0.0))
+        if mirrored and inverted and 0.0 < xi < 1.0:
             focal = gamma / root  # γ K/(1 + ξ)
-            return EllipticCamera(*size, focal, centre, eccentricity, limit_rad)
-        if mirrored and unified.xi < 1.0:
-            k = 1.0 + 1.0 / math.sqrt((1.0 - unified.xi) * (1.0 + unified.xi))
+            return EllipticCamera(*size, focal, centre, xi / (1.0 + root), limit_rad)
+        if mirrored and xi < 1.0:
+            k = 1.0 + 1.0 / root
             mirror = HyperbolicMirror(k=k, theta_max_rad=limit_rad)
             return HyperbolicCamera(*size, gamma * (k - 1.0), centre, mirror)
     except OpticsError:  # a rim that this mirror cannot have

@@ -1,15 +1,15 @@
-"""The ray table: where each pixel looks from and to, as numbers that need no camera model.
+"""Ray tables: origin and direction of each pixel's ray, for users without the camera model.
 
 An EXR file of 32-bit floats, one value for each pixel's centre, first row at the top:
 
-| channel | unit | what |
+| channel | unit | |
 | --- | --- | --- |
 | direction.X, .Y, .Z | – | unit vector, optical frame: x right, y down, z forward |
 | origin.X, .Y, .Z | m | a point that the ray passes through, same frame; 0 for central cameras |
 | valid | 0 or 1 | the pixel sees something; where it is 0 the direction means nothing |
 
 The file's attributes say the same: `omnisim:frame`, `omnisim:unit`, `omnisim:pixel`. The camera
-that it was made of, and where it was, are in ImageDescription as JSON, as in omnisim's pictures. A
+and its pose are in ImageDescription as JSON, as in omnisim's pictures. A
 mirror that is drawn as a mesh has the exact mirror's rays here.
 """
 
@@ -34,8 +34,8 @@ ATTRIBUTES = {
     "omnisim:unit": "metres; directions are unit vectors",
     "omnisim:pixel": "a value is that of the pixel's centre; the first row is the top one",
 }
-BAND_PIXELS = 1 << 20  # rows are looked at in bands, so that what is in between stays small
-UNIT_WITHIN = 1e-5  # a hundred times a float's rounding
+BAND_PIXELS = 1 << 20  # computed at once, which bounds the memory of intermediate results
+UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class RayTable:
         directions: (height, width, 3) float32, unit vectors where valid, optical frame.
         origins_m: (height, width, 3) float32, points on the rays, optical frame.
         valid: (height, width) the pixel sees something.
-        metadata: what the file says of its camera; empty where it says nothing.
+        metadata: of the camera; empty without any in the file.
     """
 
     directions: NDArray[np.float32]
@@ -56,7 +56,7 @@ class RayTable:
 
 
 def ray_table(camera: CentralCamera) -> RayTable:
-    """The rays of all pixels of a camera."""
+    """Rays of all pixels of a camera."""
     size = (camera.height_px, camera.width_px)
     directions = np.empty((*size, 3), dtype=np.float32)
     valid = np.empty(size, dtype=bool)
@@ -77,7 +77,7 @@ def write_ray_table(
     Args:
         path: of the EXR file.
         camera: the camera.
-        metadata: what else there is to say, where the camera was, say.
+        metadata: more of it, such as the camera's pose.
 
     Raises:
         OutputError: another suffix, or a file that cannot be written; nothing is left of it then.
@@ -96,8 +96,8 @@ def read_ray_table(path: str | Path) -> RayTable:
     """Read a ray table, ours or somebody else's.
 
     Raises:
-        OutputError: the file is missing or no EXR, or naming the channel that is missing or makes
-            no sense.
+        OutputError: the file is missing or no EXR, or naming a channel that is missing or
+            malformed.
     """
     path = Path(path)
     found = read_channels(path)
@@ -108,17 +108,21 @@ def read_ray_table(path: str | Path) -> RayTable:
     valid = _channel(path, found.values, "valid") > 0.5
     rays = np.concatenate((directions, origins), axis=-1)[valid]
     lengths = np.linalg.norm(rays[:, :3].astype(np.float64), axis=-1)
-    off = np.abs(lengths - 1.0).max(initial=0.0)
-    if not (np.isfinite(rays).all() and off <= UNIT_WITHIN):
+    error = np.abs(lengths - 1.0).max(initial=0.0)
+    if not (np.isfinite(rays).all() and error <= UNIT_TOLERANCE):
         raise OutputError(
-            f"{path}: direction: want unit vectors where valid is 1"
-            + (f", one is off by {off:.3g}" if math.isfinite(off) else ", and finite numbers")
+            f"{path}: direction: expected unit vectors where valid is 1, got "
+            + (
+                f"an error of {error:.3g}"
+                if math.isfinite(error)
+                else "numbers that are not finite"
+            )
         )
     return RayTable(directions, origins, valid, found.metadata or {})
 
 
 def _channel(path: Path, values: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
     if name not in values:
-        raise OutputError(f"{path}: no channel {name}: this is no ray table; it has "
-                          + ", ".join(sorted(values)))  # fmt: skip
+        channels = ", ".join(sorted(values))
+        raise OutputError(f"{path}: expected a ray table with a channel {name}, got {channels}")
     return values[name]

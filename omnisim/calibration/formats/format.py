@@ -1,26 +1,32 @@
-"""What a file format is to omnisim: how to know it, read it and write it, and what it can say."""
+"""Base of the file formats."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from omnisim.calibration.calibration import Pose
+from omnisim.calibration.calibrated_camera import NamedPose
 from omnisim.cameras import CentralCamera
 from omnisim.errors import CalibrationError, OpticsError
 
-# Given to a fit of the unified model it leaves skew and k3 out, which most formats have not.
-NO_SKEW = {"skew_px": 0.0}
+Lens = TypeVar("Lens", bound=CentralCamera)
+LensRead = TypeVar("LensRead", bound=CentralCamera, covariant=True)
+Fixed = Mapping[str, Any]
+ANY: Fixed = {}
+PINHOLE: Fixed = {"xi": 0.0}  # makes the unified model a pinhole camera with distortion
+NO_SKEW: Fixed = {"skew_px": 0.0}  # leaves skew and k3 out, which most formats have not
 
 
-class Remarks(Enum):
-    """Where a format has room for what only omnisim says; see `remarks`."""
+class MetadataPlace(Enum):
+    """Place for omnisim's own metadata in a format; see `omnisim.calibration.metadata`."""
 
     LINES = "# omnisim {…}"
     XML = "<!-- omnisim {…} -->"
@@ -28,90 +34,91 @@ class Remarks(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
-    """One camera in a file's own words.
+class ParsedCamera(Generic[LensRead]):
+    """One camera as its file describes it.
 
     Attributes:
-        name: what the file calls it.
+        name: of the camera in the file.
         lens: looks along +z of the file's frame.
-        poses: where it is.
-        notes: what a reader should know.
+        poses: of the camera.
     """
 
     name: str
-    lens: CentralCamera
-    poses: tuple[Pose, ...] = ()
-    notes: tuple[str, ...] = ()
+    lens: LensRead
+    poses: tuple[NamedPose, ...] = ()
 
 
-def _never(lens: Any) -> str | None:
-    return None
-
-
-def nameless(index: int, name: str) -> str:
-    """What a camera is called in a format that has no names."""
-    return "camera"
-
-
-def _clear(text: str, source: str) -> str | None:
-    return None
-
-
-def _keep(index: int, name: str) -> str:
-    return name
-
-
-@dataclass(frozen=True)
-class Format:
-    """A file format.
+class Format(ABC, Generic[Lens]):
+    """A file format, for the lenses `Lens`.
 
     Attributes:
-        name: what the command line calls it.
-        title: whose it is.
+        name: on the command line.
+        title: whose it is, for lists.
         suffix: of its files.
-        looks_like: whether a text is of it, broken or not.
-        read: its cameras; the second argument names the file. Raises CalibrationError.
-        write: the text of cameras whose lenses are of `models` and not refused.
-        models: what it says exactly, the best known first.
-        fits: models to fit where none says it exactly, with attributes that are given.
-        refuse: why it cannot say a lens of `models`, or None.
-        remarks: where its files have room for what only omnisim says.
-        widest_rad: angle from the axis past which it says nothing, if there is one.
-        unclear: why a text of this format cannot be read unless the user names the format, or None.
-        centred: whether the axis is in the picture's middle always.
-        doubtful_past_rad, doubt: angle from the axis past which others read its parameters
-            differently, and what to know then.
-        several: whether a file holds more than one camera.
-        rename: what it calls a camera, by its place in the file and the name it has.
-        is_own: omnisim's own, which says mirrors as mirrors.
+        models: models that it represents exactly.
+        fits: models to fit other lenses by, each with the parameters that the format fixes.
+        signature: pattern in the text by which a file of the format is known, a broken one too.
+        metadata_place: of omnisim's own metadata.
+        max_theta_rad: angle from the axis at which rays cannot be represented any more.
+        caveat: for the reader of a file of a lens that sees further than caveat_theta_rad.
+        centred: the axis is in the picture's middle always.
+        several: a file holds more than one camera.
+        has_names: cameras have names in the file.
     """
 
-    name: str
-    title: str
-    suffix: str
-    looks_like: Callable[[str], bool]
-    read: Callable[[str, str], list[Said]]
-    write: Callable[[Sequence[Said]], str]
-    models: tuple[type[Any], ...]
-    fits: tuple[tuple[type[Any], Mapping[str, Any]], ...] = ()
-    refuse: Callable[[Any], str | None] = field(default=_never)
-    remarks: Remarks = Remarks.LINES
-    widest_rad: float | None = None
-    unclear: Callable[[str, str], str | None] = field(default=_clear)
-    centred: bool = False
-    doubtful_past_rad: float = math.inf
-    doubt: str = ""
-    several: bool = False
-    rename: Callable[[int, str], str] = field(default=_keep)
-    is_own: bool = False
+    name: ClassVar[str]
+    title: ClassVar[str]
+    suffix: ClassVar[str]
+    models: tuple[type[Lens], ...]
+    fits: tuple[tuple[type[Lens], Fixed], ...]
+    signature: ClassVar[re.Pattern[str]]
+    metadata_place: ClassVar[MetadataPlace] = MetadataPlace.LINES
+    max_theta_rad: ClassVar[float] = math.inf
+    caveat: ClassVar[str] = ""
+    caveat_theta_rad: ClassVar[float] = 0.5 * math.pi
+    centred: ClassVar[bool] = False
+    several: ClassVar[bool] = False
+    has_names: ClassVar[bool] = True
+
+    def looks_like(self, text: str) -> bool:
+        """True for the text of a file of the format."""
+        return bool(self.signature.search(text))
+
+    def ambiguity(self, text: str, source: str) -> str | None:
+        """Reason why a text needs the user to name the format, or None."""
+        return None
+
+    @abstractmethod
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Cameras of a text; `source` names the file in messages.
+
+        Raises:
+            CalibrationError: naming file, key, the expected value and the one found.
+        """
+
+    @abstractmethod
+    def encode(self, cameras: Sequence[ParsedCamera[Lens]]) -> str:
+        """Text of a file of the cameras, which are one if the format holds no more."""
+
+    def unsupported(self, lens: Lens) -> str | None:
+        """Reason why the format has no place for a lens of its models, or None."""
+        return None
+
+    def native(self, camera: CentralCamera) -> Lens | None:
+        """The camera itself, where the format represents mirrors as mirrors, or None."""
+        return None
+
+    def camera_name(self, index: int, name: str) -> str:
+        """Name in the file of a camera, by its index in the file and its name so far."""
+        return name if self.has_names else "camera"
 
 
 @contextmanager
-def making(source: str) -> Iterator[None]:
-    """Name the place in a file whose numbers make no camera.
+def error_context(source: str) -> Iterator[None]:
+    """Names the place in a file whose numbers make no camera.
 
     Raises:
-        CalibrationError: what the block found wrong, with `source` before it.
+        CalibrationError: the block's error, with `source` before it.
     """
     try:
         # squares of what is much too large are not worth a warning: what follows is refused
@@ -121,4 +128,4 @@ def making(source: str) -> Iterator[None]:
         words = str(reason).removeprefix("camera: ")
         raise CalibrationError(f"{source}: {words}") from None
     except (ArithmeticError, ValueError, np.linalg.LinAlgError) as reason:
-        raise CalibrationError(f"{source}: numbers that no camera has: {reason}") from None
+        raise CalibrationError(f"{source}: expected numbers of a camera: {reason}") from None

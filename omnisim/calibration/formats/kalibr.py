@@ -1,6 +1,6 @@
 """Kalibr's camchain.yaml.
 
-| camera_model | intrinsics | distortion_model | here |
+| camera_model | intrinsics | distortion_model | model |
 | --- | --- | --- | --- |
 | pinhole | fu fv pu pv | radtan, none | perspective, unified with ξ = 0 |
 | pinhole | fu fv pu pv | equidistant | kannala_brandt |
@@ -19,15 +19,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any
 
-from omnisim.calibration.calibration import Pose, find_pose
-from omnisim.calibration.distorted_pinhole import FovLens, nearest_lens
+from omnisim.calibration.calibrated_camera import NamedPose, find_pose
+from omnisim.calibration.distorted_pinhole import FovLens
 from omnisim.calibration.documents import parse_yaml
-from omnisim.calibration.fields import Foreign, Matrix, Numbers, Size, counted, parse, pose
-from omnisim.calibration.formats.format import NO_SKEW, Format, Said, making
-from omnisim.calibration.formats.numerals import yaml_floats
-from omnisim.calibration.formats.pinholes import pinhole, refuse_k3_and_skew
+from omnisim.calibration.fields import (
+    ForeignTable,
+    Matrix,
+    Numbers,
+    Size,
+    check_choice,
+    counted,
+    parse,
+    pose,
+    unexpected,
+)
+from omnisim.calibration.formats.format import ANY, NO_SKEW, Format, ParsedCamera, error_context
+from omnisim.calibration.formats.pinhole import (
+    Intrinsics,
+    beyond_four_coefficients,
+    pinhole,
+)
+from omnisim.calibration.formats.yaml_text import yaml_floats
 from omnisim.cameras import (
     CentralCamera,
     DoubleSphereCamera,
@@ -35,7 +48,6 @@ from omnisim.cameras import (
     KannalaBrandtCamera,
     UnifiedCamera,
 )
-from omnisim.errors import CalibrationError
 from omnisim.parameters import Number
 
 INTRINSICS = {
@@ -51,9 +63,10 @@ PAIRS = {
     "ds": ("none",),
     "eucm": ("none",),
 }
+KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCamera
 
 
-class _Camera(Foreign):
+class _Camera(ForeignTable):
     camera_model: str
     intrinsics: Numbers
     distortion_model: str
@@ -63,96 +76,111 @@ class _Camera(Foreign):
     T_cam_imu: Matrix | None = None
 
 
-_MODEL = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
+class Kalibr(Format[KalibrLens]):
+    """The format of Kalibr's camera chains."""
 
-
-def _looks_like(text: str) -> bool:
-    is_json = text.lstrip().startswith("{")
-    return not is_json and bool(_MODEL.search(text)) and "intrinsics" in text
-
-
-def _read(text: str, source: str) -> list[Said]:
-    data = parse_yaml(text, source)
-    cameras = {
-        name: part
-        for name, part in data.items()
-        if isinstance(part, dict) and {"camera_model", "intrinsics"} & part.keys()
-    }
-    if not cameras:
-        raise CalibrationError(f"{source}: no camera: want cam0: with camera_model, intrinsics, …")
-    said, before = [], None
-    for name, part in cameras.items():
-        place = f"{source}: {name}"
-        fields = parse(part, _Camera, place)
-        lens, notes = _lens(fields, place)
-        said.append(Said(name, lens, tuple(_poses(fields, name, before, place)), notes))
-        before = name
-    return said
-
-
-def _lens(fields: _Camera, place: str) -> tuple[CentralCamera, tuple[str, ...]]:
-    model, distortion = fields.camera_model, fields.distortion_model
-    if model not in INTRINSICS:
-        wanted = ", ".join(INTRINSICS)
-        raise CalibrationError(f"{place}: camera_model = {model!r}: want one of {wanted}")
-    if distortion not in PAIRS[model]:
-        raise CalibrationError(
-            f"{place}: distortion_model = {distortion!r} with camera_model = {model!r}: want "
-            + " or ".join(PAIRS[model])
-        )
-    numbers = counted(fields.intrinsics, INTRINSICS[model], f"{place}: intrinsics")
-    coefficients = counted(
-        fields.distortion_coeffs, DISTORTIONS[distortion], f"{place}: distortion_coeffs"
+    name = "kalibr"
+    title = "Kalibr: camchain.yaml"
+    suffix = ".yaml"
+    models = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, DoubleSphereCamera)
+    fits = (
+        (UnifiedCamera, NO_SKEW),
+        (KannalaBrandtCamera, ANY),
+        (EucmCamera, ANY),
+        (DoubleSphereCamera, ANY),
     )
+    signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
+    several = True
+
+    def looks_like(self, text: str) -> bool:
+        """True for YAML with a camera model and intrinsics."""
+        is_json = text.lstrip().startswith("{")
+        return not is_json and super().looks_like(text) and "intrinsics" in text
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Cameras of the chain."""
+        chain = {
+            name: part
+            for name, part in parse_yaml(text, source).items()
+            if isinstance(part, dict) and {"camera_model", "intrinsics"} & part.keys()
+        }
+        if not chain:
+            raise unexpected(source, "cam0: with camera_model, intrinsics, …", "no camera")
+        cameras, before = [], None
+        for name, part in chain.items():
+            place = f"{source}: {name}"
+            fields = parse(part, _Camera, place)
+            poses = tuple(_poses(fields, name, before, place))
+            cameras.append(ParsedCamera(name, _lens(fields, place), poses))
+            before = name
+        return cameras
+
+    def encode(self, cameras: Sequence[ParsedCamera[KalibrLens]]) -> str:
+        """Text of the chain."""
+        poses = [pose for camera in cameras for pose in camera.poses]
+        text, before = "", None
+        for camera in cameras:
+            model, numbers, distortion, coefficients = _parameters(camera.lens)
+            text += f"{camera.name}:\n"
+            for key, source in (("T_cn_cnm1", before), ("T_cam_imu", "imu")):
+                matrix = find_pose(poses, camera.name, source) if source else None
+                if matrix is not None:
+                    text += f"  {key}:\n"
+                    text += "".join(f"  - {yaml_floats(row)}\n" for row in matrix.tolist())
+            text += f"  camera_model: {model}\n"
+            text += f"  distortion_coeffs: {yaml_floats(coefficients)}\n"
+            text += f"  distortion_model: {distortion}\n"
+            text += f"  intrinsics: {yaml_floats(numbers)}\n"
+            text += f"  resolution: [{camera.lens.width_px}, {camera.lens.height_px}]\n"
+            text += f"  rostopic: /{camera.name}/image_raw\n"
+            before = camera.name
+        return text
+
+    def unsupported(self, lens: KalibrLens) -> str | None:
+        """Refuses skew and k3."""
+        return beyond_four_coefficients(lens)
+
+    def camera_name(self, index: int, name: str) -> str:
+        """Name as Kalibr wants it: cam0, cam1, …"""
+        return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
+
+
+def _lens(fields: _Camera, place: str) -> CentralCamera:
+    model, distortion = fields.camera_model, fields.distortion_model
+    check_choice(model, INTRINSICS, f"{place}: camera_model")
+    check_choice(distortion, PAIRS[model], f"{place}: distortion_model with {model}")
+    numbers = counted(fields.intrinsics, INTRINSICS[model], f"{place}: intrinsics")
+    names = DISTORTIONS[distortion]
+    coefficients = counted(fields.distortion_coeffs, names, f"{place}: distortion_coeffs")
     width, height = counted(fields.resolution, "width height", f"{place}: resolution")
-    size = int(width), int(height)
     *shape, fu, fv, pu, pv = numbers
-    with making(place):
+    intrinsics = Intrinsics(int(width), int(height), (fu, fv), (pu, pv))
+    with error_context(place):
         if model == "ds":
-            return DoubleSphereCamera(*size, (fu, fv), (pu, pv), *shape), ()
+            return DoubleSphereCamera(*intrinsics, *shape)
         if model == "eucm":
-            return EucmCamera(*size, (fu, fv), (pu, pv), *shape), ()
+            return EucmCamera(*intrinsics, *shape)
         if distortion == "equidistant":
-            return KannalaBrandtCamera(*size, (fu, fv), (pu, pv), tuple(coefficients)), ()
+            return KannalaBrandtCamera(*intrinsics, tuple(coefficients))
         if distortion == "fov":
-            return nearest_lens(FovLens(*size, (fu, fv), (pu, pv), coefficients[0]), place)
+            return FovLens(*intrinsics, coefficients[0])
         coefficients = coefficients or [0.0] * 4
         if model == "omni":
-            return UnifiedCamera(*size, (fu, fv), (pu, pv), *shape, tuple(coefficients)), ()
-        return pinhole(size, (fu, fv), (pu, pv), coefficients), ()
+            return UnifiedCamera(*intrinsics, shape[0], tuple(coefficients))
+        return pinhole(intrinsics, coefficients)
 
 
-def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[Pose]:
+def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[NamedPose]:
     poses = []
     if fields.T_cn_cnm1 is not None and before is not None:
-        poses.append(Pose(name, before, pose(fields.T_cn_cnm1, f"{place}: T_cn_cnm1")))
+        poses.append(NamedPose(name, before, pose(fields.T_cn_cnm1, f"{place}: T_cn_cnm1")))
     if fields.T_cam_imu is not None:
-        poses.append(Pose(name, "imu", pose(fields.T_cam_imu, f"{place}: T_cam_imu")))
+        poses.append(NamedPose(name, "imu", pose(fields.T_cam_imu, f"{place}: T_cam_imu")))
     return poses
 
 
-def _write(cameras: Sequence[Said]) -> str:
-    poses = [pose for camera in cameras for pose in camera.poses]
-    text, before = "", None
-    for camera in cameras:
-        model, numbers, distortion, coefficients = _words(camera.lens)
-        text += f"{camera.name}:\n"
-        for key, source in (("T_cn_cnm1", before), ("T_cam_imu", "imu")):
-            matrix = find_pose(poses, camera.name, source) if source else None
-            if matrix is not None:
-                text += f"  {key}:\n"
-                text += "".join(f"  - {yaml_floats(row)}\n" for row in matrix.tolist())
-        text += f"  camera_model: {model}\n"
-        text += f"  distortion_coeffs: {yaml_floats(coefficients)}\n"
-        text += f"  distortion_model: {distortion}\n"
-        text += f"  intrinsics: {yaml_floats(numbers)}\n"
-        text += f"  resolution: [{camera.lens.width_px}, {camera.lens.height_px}]\n"
-        text += f"  rostopic: /{camera.name}/image_raw\n"
-        before = camera.name
-    return text
-
-
-def _words(lens: Any) -> tuple[str, tuple[float, ...], str, tuple[float, ...]]:
+def _parameters(lens: KalibrLens) -> tuple[str, tuple[float, ...], str, tuple[float, ...]]:
+    """Model, intrinsics, distortion model and its coefficients."""
     end = (*lens.focal_lengths_px, *lens.principal_point_px)
     if isinstance(lens, DoubleSphereCamera):
         return "ds", (lens.xi, lens.alpha, *end), "none", ()
@@ -163,23 +191,3 @@ def _words(lens: Any) -> tuple[str, tuple[float, ...], str, tuple[float, ...]]:
     if lens.xi == 0.0:
         return "pinhole", end, "radtan", lens.distortion[:4]
     return "omni", (lens.xi, *end), "radtan", lens.distortion[:4]
-
-
-def _rename(index: int, name: str) -> str:
-    return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
-
-
-MODELS = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, DoubleSphereCamera)
-KALIBR = Format(
-    "kalibr",
-    "Kalibr: camchain.yaml",
-    ".yaml",
-    _looks_like,
-    _read,
-    _write,
-    MODELS,
-    tuple((model, NO_SKEW if model is UnifiedCamera else {}) for model in MODELS),
-    refuse_k3_and_skew,
-    several=True,
-    rename=_rename,
-)

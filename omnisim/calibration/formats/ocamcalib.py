@@ -7,8 +7,8 @@
     height width
 
 The toolbox's x is down, y to the right, and it looks along −z; see `cameras/ocamcalib.py` for the
-turn to our axes, which is the same for lenses and mirrors: which of both it is the file does not
-say, but in a remark of ours. The inverse is fitted here, as the toolbox does it.
+rotation to our axes, the same for lenses and mirrors: only our metadata tell them apart. The
+inverse is fitted here, as the toolbox does it.
 
 Source: Scaramuzza's toolbox, its C functions and calib_results.txt.
 """
@@ -19,28 +19,90 @@ import dataclasses
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from omnisim.calibration.fields import LARGEST_SIZE_PX, short
-from omnisim.calibration.formats.format import Format, Said, making, nameless
-from omnisim.cameras import OcamcalibCamera
+from omnisim.calibration.fields import parse_number, parse_size, unexpected
+from omnisim.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.cameras import CentralCamera, OcamcalibCamera
 from omnisim.errors import CalibrationError
 
 BLOCKS = ("polynomial", "inverse polynomial", "centre", "affine parameters", "image size")
+COUNTS = (0, 0, 2, 3, 2)  # of numbers; 0: the first number is the count of the others
 INVERSE_WITHIN_PX = 0.01  # as the toolbox's findinvpoly
-MOST_INVERSE = 25
+MAX_INVERSE_COEFFICIENTS = 25
 _FROM_ONE = re.compile(r"^[ \t]*#.*(starting from 1|matlab convention)", re.M | re.I)
 
 
-def _looks_like(text: str) -> bool:
-    if re.search(r"^[ \t]*#.*(DIRECT mapping|polynomial coefficients)", text, re.M | re.I):
-        return True
-    lines = _lines(text)
-    counts = [len(words) for _, words in lines]
-    return len(lines) == 5 and counts[2:] == [2, 3, 2] and all(map(_is_number, lines[2][1]))
+class Ocamcalib(Format[OcamcalibCamera]):
+    """The format of Scaramuzza's toolbox."""
+
+    name = "ocamcalib"
+    title = "OCamCalib: calib_results.txt"
+    suffix = ".txt"
+    models = (OcamcalibCamera,)
+    fits = ((OcamcalibCamera, ANY),)
+    signature = re.compile(r"^[ \t]*#.*(DIRECT mapping|polynomial coefficients)", re.M | re.I)
+    has_names = False
+
+    def looks_like(self, text: str) -> bool:
+        """True for the toolbox's comments, or for blocks of the right lengths without them."""
+        if super().looks_like(text):
+            return True
+        lines = _lines(text)
+        counts = [len(words) for _, words in lines]
+        return len(lines) == 5 and counts[2:] == [2, 3, 2] and all(map(_is_number, lines[2][1]))
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """The camera."""
+        lines = _lines(text)
+        if len(lines) != len(BLOCKS):
+            wanted = f"{len(BLOCKS)} lines of numbers: {', '.join(BLOCKS)}"
+            raise unexpected(source, wanted, len(lines))
+        blocks = []
+        for (line, words), block, count in zip(lines, BLOCKS, COUNTS, strict=True):
+            place = f"{source}: line {line}: {block}"
+            values = [parse_number(word, place) for word in words]
+            expected = float(count) if count else values.pop(0)
+            if len(values) != expected:
+                raise CalibrationError(f"{place}: expected {expected:g} numbers, got {len(values)}")
+            blocks.append(values)
+        polynomial, _, (row, column), affine, _ = blocks
+        height, width = (parse_size(word, place) for word in lines[-1][1])
+        first = 1.0 if _FROM_ONE.search(text) else 0.0
+        centre = column - first, row - first
+        with error_context(source):
+            lens = OcamcalibCamera(width, height, centre, tuple(polynomial), tuple(affine))
+        return [ParsedCamera("camera", lens)]
+
+    def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera]]) -> str:
+        """Text of the camera, with the inverse polynomial."""
+        (camera,) = cameras
+        lens = camera.lens
+        column, row = lens.principal_point_px
+        inverse = inverse_polynomial(lens)
+        return f"""#polynomial coefficients for the DIRECT mapping function (cam2world)
+
+{len(lens.polynomial)} {_numbers(lens.polynomial)}
+
+#polynomial coefficients for the inverse mapping function (world2cam)
+
+{len(inverse)} {_numbers(inverse)}
+
+#center: "row" and "column", starting from 0 (C convention)
+
+{_numbers((row, column))}
+
+#affine parameters "c", "d", "e"
+
+{_numbers(lens.affine)}
+
+#image size: "height" and "width"
+
+{lens.height_px} {lens.width_px}
+
+"""
 
 
 def _lines(text: str) -> list[tuple[int, list[str]]]:
@@ -51,87 +113,18 @@ def _lines(text: str) -> list[tuple[int, list[str]]]:
 
 def _is_number(word: str) -> bool:
     try:
-        return math.isfinite(float(word))
-    except ValueError:
+        parse_number(word, "")
+    except CalibrationError:
         return False
+    return True
 
 
-def _read(text: str, source: str) -> list[Said]:
-    lines = _lines(text)
-    if len(lines) != len(BLOCKS):
-        raise CalibrationError(
-            f"{source}: {len(lines)} lines of numbers: want {len(BLOCKS)}: " + ", ".join(BLOCKS)
-        )
-    blocks, places = [], []
-    for (number, words), block in zip(lines, BLOCKS, strict=True):
-        places.append(f"{source}: line {number}: {block}")
-        wrong = next((word for word in words if not _is_number(word)), None)
-        if wrong is not None:
-            raise CalibrationError(f"{places[-1]}: {short(wrong)}: want a number")
-        blocks.append([float(word) for word in words])
-    places = [
-        f"{source}: line {number}: {block}"
-        for (number, _), block in zip(lines, BLOCKS, strict=True)
-    ]
-    for index in (0, 1):
-        if blocks[index][0] != len(blocks[index]) - 1:
-            raise CalibrationError(
-                f"{places[index]}: says {blocks[index][0]:g} coefficients and has "
-                f"{len(blocks[index]) - 1}"
-            )
-    for index, count in ((2, 2), (3, 3), (4, 2)):
-        if len(blocks[index]) != count:
-            raise CalibrationError(f"{places[index]}: {len(blocks[index])} numbers: want {count}")
-    row, column = blocks[2]
-    height, width = blocks[4]
-    if not all(1 <= side <= LARGEST_SIZE_PX and side == int(side) for side in (height, width)):
-        raise CalibrationError(f"{places[4]}: {height:g} {width:g}: want height and width")
-    first = 1.0 if _FROM_ONE.search(text) else 0.0
-    with making(source):
-        lens = OcamcalibCamera(
-            int(width),
-            int(height),
-            (column - first, row - first),
-            tuple(blocks[0][1:]),
-            tuple(blocks[3]),
-        )
-    return [Said("camera", lens)]
-
-
-def _write(cameras: Sequence[Said]) -> str:
-    (camera,) = cameras
-    lens: Any = camera.lens
-    column, row = lens.principal_point_px
-    inverse = inverse_polynomial(lens)
-
-    def numbers(values: Sequence[float]) -> str:
-        return " ".join(repr(float(value)) for value in values)
-
-    return f"""#polynomial coefficients for the DIRECT mapping function (cam2world)
-
-{len(lens.polynomial)} {numbers(lens.polynomial)}
-
-#polynomial coefficients for the inverse mapping function (world2cam)
-
-{len(inverse)} {numbers(inverse)}
-
-#center: "row" and "column", starting from 0 (C convention)
-
-{numbers((row, column))}
-
-#affine parameters "c", "d", "e"
-
-{numbers(lens.affine)}
-
-#image size: "height" and "width"
-
-{lens.height_px} {lens.width_px}
-
-"""
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
 
 
 def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
-    """Coefficients of ρ by atan(F(ρ)/ρ), as few as come within a hundredth of a pixel.
+    """Fewest coefficients of ρ by atan(F(ρ)/ρ) that come within a hundredth of a pixel.
 
     Over the angles that the picture shows; the toolbox's world2cam needs them.
     """
@@ -145,21 +138,9 @@ def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
     along_u = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
     radius = unskewed.pixel_from_ray(along_u).positions_px[:, 0] - lens.principal_point_px[0]
     elevation = theta - 0.5 * math.pi
-    for degree in range(1, MOST_INVERSE):
+    for degree in range(1, MAX_INVERSE_COEFFICIENTS):
         fitted = Chebyshev.fit(elevation, radius, degree)
         if np.abs(fitted(elevation) - radius).max() < INVERSE_WITHIN_PX:
             break
-    return fitted.convert(kind=Polynomial).coef.tolist()
-
-
-OCAMCALIB = Format(
-    "ocamcalib",
-    "OCamCalib: calib_results.txt",
-    ".txt",
-    _looks_like,
-    _read,
-    _write,
-    (OcamcalibCamera,),
-    ((OcamcalibCamera, {}),),
-    rename=nameless,
-)
+    coefficients: list[float] = fitted.convert(kind=Polynomial).coef.tolist()
+    return coefficients

@@ -17,17 +17,33 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from omnisim.calibration.calibration import Pose, find_pose
+from omnisim.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.calibration.documents import parse_json
-from omnisim.calibration.fields import Foreign, Numbers, Size, counted, parse
-from omnisim.calibration.formats.format import Format, Remarks, Said, making
-from omnisim.calibration.formats.quaternions import pose_of, position_and_quaternion
+from omnisim.calibration.fields import (
+    ForeignTable,
+    Numbers,
+    Size,
+    check_choice,
+    counted,
+    parse,
+    unexpected,
+)
+from omnisim.calibration.formats.format import (
+    ANY,
+    Format,
+    MetadataPlace,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.calibration.formats.quaternion_pose import (
+    pose_from_quaternion,
+    position_and_quaternion,
+)
 from omnisim.cameras import CentralCamera, FThetaCamera, KannalaBrandtCamera
-from omnisim.errors import CalibrationError
 from omnisim.parameters import Number
 
 
-class _Intrinsic(Foreign):
+class _Intrinsic(ForeignTable):
     model: str = "radial_poly"
     poly_order: Number = 4
     aspect_ratio: Number = 1.0
@@ -41,99 +57,88 @@ class _Intrinsic(Foreign):
     k4: Number
 
 
-class _Extrinsic(Foreign):
+class _Extrinsic(ForeignTable):
     quaternion: Numbers
     translation: Numbers
 
 
-class _File(Foreign):
+class _File(ForeignTable):
     name: str = "camera"
     intrinsic: dict[str, Any]
     extrinsic: dict[str, Any] | None = None
 
 
-def _looks_like(text: str) -> bool:
-    return bool(re.search(r'"cx_offset"\s*:|"radial_poly"', text))
+class Woodscape(Format[FThetaCamera]):
+    """The format of the WoodScape data set."""
 
+    name = "woodscape"
+    title = "WoodScape: calibration json"
+    suffix = ".json"
+    models = (FThetaCamera,)
+    fits = ((FThetaCamera, ANY),)
+    signature = re.compile(r'"cx_offset"\s*:|"radial_poly"')
+    metadata_place = MetadataPlace.KEY
 
-def _read(text: str, source: str) -> list[Said]:
-    file = parse(parse_json(text, source), _File, source)
-    intrinsic = parse(file.intrinsic, _Intrinsic, f"{source}: intrinsic")
-    name = file.name or "camera"
-    poses: tuple[Pose, ...] = ()
-    if file.extrinsic is not None:
-        place = f"{source}: extrinsic"
-        extrinsic = parse(file.extrinsic, _Extrinsic, place)
-        position = counted(extrinsic.translation, "x y z", f"{place}: translation")
-        quaternion = counted(extrinsic.quaternion, "x y z w", f"{place}: quaternion")
-        poses = (Pose("vehicle", name, pose_of(position, quaternion, place)),)
-    with making(f"{source}: intrinsic"):
-        return [Said(name, _lens(intrinsic, f"{source}: intrinsic"), poses)]
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """The camera."""
+        file = parse(parse_json(text, source), _File, source)
+        place = f"{source}: intrinsic"
+        intrinsic = parse(file.intrinsic, _Intrinsic, place)
+        name = file.name or "camera"
+        poses: tuple[NamedPose, ...] = ()
+        if file.extrinsic is not None:
+            where = f"{source}: extrinsic"
+            extrinsic = parse(file.extrinsic, _Extrinsic, where)
+            position = counted(extrinsic.translation, "x y z", f"{where}: translation")
+            quaternion = counted(extrinsic.quaternion, "x y z w", f"{where}: quaternion")
+            poses = (NamedPose("vehicle", name, pose_from_quaternion(position, quaternion, where)),)
+        with error_context(place):
+            return [ParsedCamera(name, _lens(intrinsic, place), poses)]
+
+    def encode(self, cameras: Sequence[ParsedCamera[FThetaCamera]]) -> str:
+        """Text of the camera."""
+        (camera,) = cameras
+        lens = camera.lens
+        k1, k2, k3, k4 = (*lens.coefficients_px, 0.0, 0.0, 0.0)[:4]
+        u, v = lens.principal_point_px
+        data: dict[str, Any] = {
+            "intrinsic": {
+                "aspect_ratio": 1.0,
+                "cx_offset": u - (0.5 * lens.width_px - 0.5),
+                "cy_offset": v - (0.5 * lens.height_px - 0.5),
+                "height": float(lens.height_px),
+                "k1": k1,
+                "k2": k2,
+                "k3": k3,
+                "k4": k4,
+                "model": "radial_poly",
+                "poly_order": 4,
+                "width": float(lens.width_px),
+            },
+            "name": camera.name,
+        }
+        pose = find_pose(camera.poses, "vehicle", camera.name)
+        if pose is not None:
+            position, quaternion = position_and_quaternion(pose)
+            data = {"extrinsic": {"quaternion": quaternion, "translation": position}, **data}
+        return json.dumps(data, indent=2) + "\n"
+
+    def unsupported(self, lens: FThetaCamera) -> str | None:
+        """Refuses more than four coefficients."""
+        return "it has four coefficients" if len(lens.coefficients_px) > 4 else None
 
 
 def _lens(part: _Intrinsic, place: str) -> CentralCamera:
     if part.poly_order != 4:
-        raise CalibrationError(f"{place}: poly_order = {part.poly_order:g}: want 4")
-    if part.model != "radial_poly":
-        raise CalibrationError(f"{place}: model = {part.model!r}: want radial_poly")
-    centre = (
-        part.cx_offset + 0.5 * part.width - 0.5,
-        part.cy_offset + 0.5 * part.height - 0.5,
-    )
-    coefficients = part.k1, part.k2, part.k3, part.k4
+        raise unexpected(f"{place}: poly_order", "4", part.poly_order)
+    check_choice(part.model, ("radial_poly",), f"{place}: model")
+    centre = part.cx_offset + 0.5 * part.width - 0.5, part.cy_offset + 0.5 * part.height - 0.5
     if part.aspect_ratio == 1.0:
+        coefficients = part.k1, part.k2, part.k3, part.k4
         return FThetaCamera(part.width, part.height, centre, coefficients)
     if part.k2 or part.k4 or part.k1 <= 0.0:
-        raise CalibrationError(
-            f"{place}: aspect_ratio = {part.aspect_ratio:g}: want 1: omnisim's f-theta lens has "
-            "square pixels"
-        )
+        expected = "1, as the f-theta lens has square pixels"
+        raise unexpected(f"{place}: aspect_ratio", expected, part.aspect_ratio)
     focal = part.k1, part.k1 * part.aspect_ratio
     odd = (part.k3 / part.k1, 0.0, 0.0, 0.0)
     return KannalaBrandtCamera(part.width, part.height, focal, centre, odd)
-
-
-def _write(cameras: Sequence[Said]) -> str:
-    (camera,) = cameras
-    lens: Any = camera.lens
-    k1, k2, k3, k4 = (*lens.coefficients_px, 0.0, 0.0, 0.0)[:4]
-    u, v = lens.principal_point_px
-    told: dict[str, Any] = {
-        "intrinsic": {
-            "aspect_ratio": 1.0,
-            "cx_offset": u - (0.5 * lens.width_px - 0.5),
-            "cy_offset": v - (0.5 * lens.height_px - 0.5),
-            "height": float(lens.height_px),
-            "k1": k1,
-            "k2": k2,
-            "k3": k3,
-            "k4": k4,
-            "model": "radial_poly",
-            "poly_order": 4,
-            "width": float(lens.width_px),
-        },
-        "name": camera.name,
-    }
-    pose = find_pose(camera.poses, "vehicle", camera.name)
-    if pose is not None:
-        position, quaternion = position_and_quaternion(pose)
-        told = {"extrinsic": {"quaternion": quaternion, "translation": position}, **told}
-    return json.dumps(told, indent=2) + "\n"
-
-
-def _refuse(lens: Any) -> str | None:
-    return "it has four coefficients" if len(lens.coefficients_px) > 4 else None
-
-
-WOODSCAPE = Format(
-    "woodscape",
-    "WoodScape: calibration json",
-    ".json",
-    _looks_like,
-    _read,
-    _write,
-    (FThetaCamera,),
-    ((FThetaCamera, {}),),
-    _refuse,
-    Remarks.KEY,
-)

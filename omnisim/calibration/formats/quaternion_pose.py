@@ -8,26 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from omnisim.errors import CalibrationError
+from omnisim.calibration.fields import unexpected
+from omnisim.poses import pose_from_rotation
 
 
-def pose_of(
-    position_m: Sequence[float], quaternion_xyzw: Sequence[float], source: str
+def pose_from_quaternion(
+    position_m: Sequence[float], quaternion: Sequence[float], place: str
 ) -> NDArray[np.float64]:
-    """The pose (4, 4); the quaternion may be of any length but 0.
+    """Pose (4, 4); the quaternion may be of any length but 0.
 
     Raises:
         CalibrationError: it is 0, or far too long.
     """
-    length = float(np.linalg.norm(np.clip(quaternion_xyzw, -1e100, 1e100)))
+    length = float(np.linalg.norm(np.clip(quaternion, -1e100, 1e100)))
     if not 1e-9 < length < 1e99:
-        raise CalibrationError(
-            f"{source}: quaternion {list(quaternion_xyzw)}: want x, y, z, w of length 1"
-        )
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_quat(np.asarray(quaternion_xyzw) / length).as_matrix()
-    pose[:3, 3] = position_m
-    return pose
+        raise unexpected(f"{place}: quaternion", "x, y, z, w of length 1", list(quaternion))
+    rotation = Rotation.from_quat(np.asarray(quaternion) / length).as_matrix()
+    return pose_from_rotation(rotation, position_m)
 
 
 def position_and_quaternion(pose: NDArray[np.float64]) -> tuple[list[float], list[float]]:

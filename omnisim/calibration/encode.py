@@ -1,0 +1,235 @@
+"""Texts of calibration files: exact where the format has the model, else by the best fit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+
+from omnisim.calibration.calibrated_camera import CalibratedCamera, Residuals
+from omnisim.calibration.equivalents import equivalent
+from omnisim.calibration.file_frame import (
+    camera_from_lens,
+    domain_limit_rad,
+    is_catadioptric,
+    is_inverted,
+    lens_of,
+)
+from omnisim.calibration.fit import Fit, fit_camera
+from omnisim.calibration.formats.format import Format, Lens, ParsedCamera
+from omnisim.calibration.metadata import embed_metadata, metadata_of
+from omnisim.cameras import (
+    CAMERA_MODELS,
+    CentralCamera,
+    CylindricalCamera,
+    EquirectangularCamera,
+    MirroredCamera,
+)
+from omnisim.cameras.domain import angles_from_axis, largest_theta_rad, optical_axis
+from omnisim.errors import CalibrationError, OmnisimError
+
+MIN_COVERED = 0.95  # of the picture's pixels; a fit that shows fewer is another camera
+MAX_RESIDUAL = 0.02  # of the picture's shorter side; a fit further off is no calibration
+GRID = 65
+GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less
+
+
+class Encoded(NamedTuple, Generic[Lens]):
+    """A camera by a model of a format.
+
+    Attributes:
+        lens: in the format's model.
+        mirrored, inverted: the lens's rays in the camera's frame, see `camera_from_lens`.
+        limit_rad: angle from the axis where the camera's domain ends, if at all.
+        residuals: of the fit, if the lens is one.
+    """
+
+    lens: Lens
+    mirrored: bool = False
+    inverted: bool = False
+    limit_rad: float | None = None
+    residuals: Residuals | None = None
+
+    @property
+    def camera(self) -> CentralCamera:
+        """Camera that a reader of the file finds."""
+        return camera_from_lens(self.lens, self.mirrored, self.inverted, self.limit_rad)
+
+
+def encode_cameras(
+    cameras: Sequence[CalibratedCamera], form: Format[Lens], model: str | None, source: str
+) -> tuple[str, tuple[CalibratedCamera, ...]]:
+    """Text of a file of a format, and the cameras in it.
+
+    Args:
+        cameras: to write; as many as the format takes.
+        form: the format.
+        model: name of the model to write by, or None for the nearest.
+        source: names the cameras' file in messages.
+
+    Raises:
+        CalibrationError: the format has no place for one of the cameras, with the reason.
+    """
+    parsed, metadata, written = [], [], []
+    for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
+        encoded = encode(named, form, f"{source}: {camera.name}", model)
+        parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
+        metadata.append(
+            metadata_of(
+                named.name,
+                encoded.mirrored,
+                encoded.inverted,
+                encoded.limit_rad,
+                encoded.residuals,
+            )
+        )
+        written.append(
+            dataclasses.replace(
+                named,
+                camera=encoded.camera,
+                residuals=encoded.residuals,
+                notes=_caveats(encoded.lens, form),
+                file_model=encoded.lens.model_name,
+            )
+        )
+    text = embed_metadata(form.encode(parsed), metadata, form.metadata_place)
+    return text, tuple(written)
+
+
+def encode(
+    camera: CalibratedCamera, form: Format[Lens], place: str, model: str | None = None
+) -> Encoded[Lens]:
+    """A camera by a model of a format; `place` names file and camera in messages.
+
+    Raises:
+        CalibrationError: no model is near, with the reason.
+    """
+    source = camera.camera
+    native = form.native(source)
+    if native is not None and model in (None, source.model_name):
+        return Encoded(native, residuals=camera.residuals)
+    wanted = None if model is None else CAMERA_MODELS.get(model)
+    if model is not None and wanted not in form.models:
+        names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
+        known = ", ".join(names[one] for one in form.models)
+        raise CalibrationError(f"--model {model}: {form.name} has {known}")
+    _check_cone(source, form, place)
+    frame = (is_catadioptric(source), is_inverted(source))
+    lens = lens_of(source)
+    reasons: list[str] = []
+    for one in form.models:
+        same = equivalent(lens, one) if lens is not None and wanted in (None, one) else None
+        reason = None if same is None else form.unsupported(same)
+        if same is not None and reason is None:
+            return Encoded(same, *frame, domain_limit_rad(source), camera.residuals)
+        if reason is not None and reason not in reasons:
+            reasons.append(reason)
+    if isinstance(source, CylindricalCamera | EquirectangularCamera):
+        raise CalibrationError(
+            f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
+        )
+    fit = _best_fit(source, form, place, wanted, reasons)
+    limit_rad = domain_limit_rad(fit.camera) or domain_limit_rad(source)
+    residuals = dataclasses.replace(fit.residuals, source_model=source.model_name)
+    return Encoded(fit.camera, *frame, limit_rad, residuals)
+
+
+def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
+    """Cameras by the names that they have in a format, in their poses too."""
+    names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
+    if len(set(names)) < len(names):
+        names = [form.camera_name(index, "") for index in range(len(names))]
+    new = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
+    return [
+        dataclasses.replace(
+            camera,
+            name=new[camera.name],
+            poses=tuple(
+                dataclasses.replace(
+                    pose,
+                    target=new.get(pose.target, pose.target),
+                    source=new.get(pose.source, pose.source),
+                )
+                for pose in camera.poses
+            ),
+        )
+        for camera in cameras
+    ]
+
+
+def _caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
+    """Notes where others interpret the file differently."""
+    if not form.caveat or isinstance(lens, EquirectangularCamera):
+        return ()
+    widest = _widest_rad(lens)
+    if widest <= form.caveat_theta_rad:
+        return ()
+    return (f"sees {math.degrees(widest):.1f}° from its axis: {form.caveat}",)
+
+
+def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
+    if math.isinf(form.max_theta_rad):
+        return
+    widest = _widest_rad(camera)
+    if form.max_theta_rad > widest > form.max_theta_rad - GRID_MARGIN_RAD:
+        widest = largest_theta_rad(camera)  # to the last bit, which takes its time
+    if widest >= form.max_theta_rad:
+        raise CalibrationError(
+            f"{place}: sees {math.degrees(widest):.1f}° from its axis: {form.name} ends before "
+            f"{math.degrees(form.max_theta_rad):g}°"
+        )
+
+
+def _widest_rad(camera: CentralCamera) -> float:
+    """Largest angle from the axis that a grid over the picture, border included, shows."""
+    steps = np.linspace(0.0, 1.0, GRID)
+    u, v = np.meshgrid(steps * camera.width_px - 0.5, steps * camera.height_px - 0.5)
+    rays = camera.ray_from_pixel(np.stack((u, v), axis=-1))
+    axis = optical_axis(camera)
+    return float(angles_from_axis(rays.directions[rays.valid], axis).max(initial=0.0))
+
+
+def _best_fit(
+    camera: CentralCamera,
+    form: Format[Lens],
+    place: str,
+    model: type[CentralCamera] | None,
+    reasons: list[str],
+) -> Fit[Lens]:
+    """Fit with the smallest largest residual, of those that show the whole picture."""
+    # a mirrored lens is fitted as the lens that it is
+    source = camera.lens if isinstance(camera, MirroredCamera) else camera
+    mirrored = source is camera and is_catadioptric(camera)
+    middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
+    centred = {"principal_point_px": middle} if form.centred else {}
+    fits = []
+    for target, fixed in form.fits:
+        if model not in (None, target):
+            continue
+        try:
+            with np.errstate(all="ignore"):  # a step too far of a fit is taken back
+                fit = fit_camera(source, target, mirrored=mirrored, fixed={**fixed, **centred})
+        except OmnisimError as error:
+            reasons.append(str(error).removeprefix("camera: "))
+            continue
+        reason = form.unsupported(fit.camera)
+        if reason is None:
+            fits.append(fit)
+        elif reason not in reasons:
+            reasons.append(reason)
+    failure = f"{place}: {form.name} cannot represent model {camera.model_name!r}"
+    if not fits:
+        reason = "; ".join(dict.fromkeys(reasons)) or "none of its models is one"
+        raise CalibrationError(f"{failure}: {reason}")
+    best = min(fits, key=lambda fit: (fit.covered < MIN_COVERED, fit.residuals.max_px))
+    side = min(camera.width_px, camera.height_px)
+    if best.covered < MIN_COVERED or best.residuals.max_px > MAX_RESIDUAL * side:
+        raise CalibrationError(
+            f"{failure}: the nearest, {best.camera.model_name!r}, is up to "
+            f"{best.residuals.max_px:.3g} px off and shows {100.0 * best.covered:.1f} % of its "
+            "pixels" + "".join(f"; {reason}" for reason in reasons)
+        )
+    return best

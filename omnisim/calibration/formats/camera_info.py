@@ -1,0 +1,83 @@
+"""Lenses of ROS's CameraInfo, in its YAML files and in Foxglove's JSON.
+
+| distortion_model | D | model |
+| --- | --- | --- |
+| plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0 |
+| rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | the same; fitted where k4, k5, k6 are not 0 |
+| equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
+
+Pixels count from the first one's centre, as ours. There is no model for rays at or past 90° from
+the axis: `P` and every rectified picture are a plane's.
+
+Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from omnisim.calibration.fields import check_choice
+from omnisim.calibration.formats.format import ANY, PINHOLE, Format, error_context
+from omnisim.calibration.formats.pinhole import (
+    beyond_pinhole,
+    brown_pinhole,
+    check_no_skew,
+    fisheye,
+    matrix_intrinsics,
+)
+from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+CameraInfoLens = UnifiedCamera | KannalaBrandtCamera
+
+
+class CameraInfo(Format[CameraInfoLens]):
+    """Base of the formats with a CameraInfo.
+
+    Attributes:
+        distortion_models: names of the distortion models; the last one is the fisheye's.
+    """
+
+    models = (UnifiedCamera, KannalaBrandtCamera)
+    fits = ((UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY))
+    max_theta_rad = 0.5 * math.pi
+    distortion_models: tuple[str, ...]
+    fisheye_models: tuple[str, ...]
+
+    def unsupported(self, lens: CameraInfoLens) -> str | None:
+        """Refuses ξ and skew."""
+        return beyond_pinhole(lens)
+
+    def _lens(
+        self,
+        size_px: tuple[int, int],
+        model: str,
+        matrix: Sequence[float],
+        coefficients: Sequence[float],
+        source: str,
+        keys: tuple[str, str],
+    ) -> CentralCamera:
+        """Lens of a picture's size, distortion model, K and D, whose keys are in messages.
+
+        Raises:
+            CalibrationError: another model, or numbers that do not fit it.
+        """
+        intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
+        check_no_skew(skew_px, f"{source}: {keys[0]}")
+        expected = (*self.distortion_models, *self.fisheye_models)
+        check_choice(model, expected, f"{source}: distortion_model")
+        with error_context(source):
+            if model in self.fisheye_models:
+                return fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
+            return brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
+
+
+def camera_info(lens: CameraInfoLens) -> tuple[bool, list[float], list[float], list[float]]:
+    """Flag of a fisheye, D, K, and P of a lens."""
+    (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
+    k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    if isinstance(lens, KannalaBrandtCamera):
+        return True, list(lens.coefficients), k, p
+    return False, [*lens.distortion[:4], lens.k3], k, p

@@ -1,0 +1,128 @@
+"""Pinhole cameras with Brown's distortion, and camera matrices, which many formats share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from omnisim.calibration.distorted_pinhole import BrownLens
+from omnisim.calibration.equivalents import equivalent
+from omnisim.calibration.fields import counted, unexpected
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+)
+from omnisim.errors import CalibrationError
+
+COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # OpenCV's
+UNSUPPORTED_COEFFICIENTS = ("s1", "s2", "s3", "s4", "τx", "τy")  # from the ninth on
+
+
+class Intrinsics(NamedTuple):
+    """First parameters of all models with two focal lengths."""
+
+    width_px: int
+    height_px: int
+    focal_lengths_px: tuple[float, float]
+    principal_point_px: tuple[float, float]
+
+
+def matrix_intrinsics(
+    size_px: tuple[int, int], matrix: Sequence[float], place: str
+) -> tuple[Intrinsics, float]:
+    """Intrinsics and skew of a camera matrix K, row by row; `place` names it in messages.
+
+    Raises:
+        CalibrationError: not nine numbers, or not those of a camera matrix.
+    """
+    fx, skew, cx, zero, fy, cy, *last_row = counted(matrix, "fx s cx 0 fy cy 0 0 1", place)
+    if [zero, *last_row] != [0.0, 0.0, 0.0, 1.0]:
+        raise unexpected(place, "[fx, s, cx, 0, fy, cy, 0, 0, 1]", matrix)
+    return Intrinsics(*size_px, (fx, fy), (cx, cy)), skew
+
+
+def check_no_skew(skew_px: float, place: str) -> None:
+    """Refuse a skew.
+
+    Raises:
+        CalibrationError: naming the camera matrix.
+    """
+    if skew_px:
+        raise unexpected(place, "no skew", skew_px)
+
+
+def fisheye(
+    intrinsics: Intrinsics, coefficients: Sequence[float], place: str
+) -> KannalaBrandtCamera:
+    """Kannala-Brandt lens of k1, k2, k3, k4; `place` names these in messages.
+
+    Raises:
+        CalibrationError: not four coefficients.
+        OpticsError: numbers that no camera has.
+    """
+    four = counted(coefficients, "k1 k2 k3 k4", place)
+    return KannalaBrandtCamera(*intrinsics, tuple(four))
+
+
+def pinhole(
+    intrinsics: Intrinsics, distortion: Sequence[float] = (0.0,) * 4, skew_px: float = 0.0
+) -> CentralCamera:
+    """Pinhole camera with k1, k2, p1, p2 (k3): unified with ξ = 0, or the perspective one.
+
+    Raises:
+        OpticsError: numbers that no camera has.
+    """
+    unified = UnifiedCamera(*intrinsics, 0.0, tuple(distortion), skew_px)
+    return equivalent(unified, PerspectiveCamera) or unified
+
+
+def brown_pinhole(
+    intrinsics: Intrinsics, coefficients: Sequence[float], place: str
+) -> CentralCamera:
+    """Pinhole camera with OpenCV's coefficients, without thin prisms and tilts.
+
+    Args:
+        intrinsics: of the picture.
+        coefficients: as many as OpenCV has.
+        place: names file and key in messages.
+
+    Raises:
+        CalibrationError: another number of coefficients, or one that no model of ours has.
+        OpticsError: numbers that no camera has.
+    """
+    if len(coefficients) not in COEFFICIENT_COUNTS:
+        expected = "k1, k2, p1, p2, k3 and optionally k4, k5, k6"
+        raise unexpected(place, expected, list(coefficients))
+    for name, value in zip(UNSUPPORTED_COEFFICIENTS, coefficients[8:], strict=False):
+        if value:
+            raise CalibrationError(f"{place}: {name}: expected 0, got {value:g}")
+    used = (*map(float, coefficients[:8]), *(0.0,) * 8)[:8]
+    if any(used[5:]):
+        return BrownLens(*intrinsics, used)
+    return pinhole(intrinsics, used[:5] if used[4] else used[:4])
+
+
+def as_pinhole(lens: CentralCamera) -> UnifiedCamera | None:
+    """Pinhole camera with distortion that is the same as a lens, or None."""
+    unified = equivalent(lens, UnifiedCamera)
+    return unified if unified is not None and unified.xi == 0.0 else None
+
+
+def beyond_pinhole(lens: CentralCamera) -> str | None:
+    """Reason why a format with pinhole cameras and fisheyes has no place for a lens, or None."""
+    if not isinstance(lens, UnifiedCamera):
+        return None
+    if not as_pinhole(lens):
+        return "it has no ξ"
+    return "it has no skew" if lens.skew_px else None
+
+
+def beyond_four_coefficients(lens: CentralCamera, allow_skew: bool = False) -> str | None:
+    """Reason why a format with k1, k2, p1, p2 alone has no place for a lens, or None."""
+    if not isinstance(lens, UnifiedCamera):
+        return None
+    if lens.skew_px and not allow_skew:
+        return "it has no skew"
+    return "it has no k3" if lens.k3 else None

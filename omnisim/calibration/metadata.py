@@ -1,0 +1,114 @@
+"""omnisim's own metadata of a camera, in files of formats that have no place for it.
+
+One JSON object a camera: in a comment line `# omnisim {…}`, an XML comment, or under the key
+`omnisim`. Other readers of the format ignore them.
+
+| key | |
+| --- | --- |
+| camera | name of the camera in the file |
+| mirrored | true: the file's rays are (x, y, −z) of the camera's, which looks into a mirror |
+| turned | true: they are (−x, −y, −z), as an elliptic mirror's |
+| theta_max_rad | angle from the axis where the camera's domain ends |
+| fitted_from | model of the camera that this one was fitted to |
+| rms_px, max_px | residuals of the fit, within cone_deg of the axis |
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from omnisim.calibration.calibrated_camera import Residuals
+from omnisim.calibration.documents import parse_json
+from omnisim.calibration.fields import ForeignTable, parse
+from omnisim.calibration.formats.format import MetadataPlace
+from omnisim.errors import CalibrationError
+from omnisim.parameters import Number
+
+_COMMENTS = {
+    MetadataPlace.LINES: ("# ", "", re.compile(r"^# omnisim (\{.*)$", re.M)),
+    MetadataPlace.XML: ("<!-- ", " -->", re.compile(r"^<!-- omnisim (\{.*) -->$", re.M)),
+}
+Angle = Annotated[Number, Field(gt=0.0, le=math.pi)]
+Flag = Annotated[bool, Field(strict=True)]
+
+
+class CameraMetadata(ForeignTable):
+    """One camera's metadata."""
+
+    camera: str
+    mirrored: Flag = False
+    turned: Flag = False
+    theta_max_rad: Angle | None = None
+    fitted_from: str | None = None
+    rms_px: Number | None = None
+    max_px: Number | None = None
+    cone_deg: Number | None = None
+
+    @property
+    def residuals(self) -> Residuals | None:
+        """Residuals of the fit, if the camera was fitted."""
+        match self.fitted_from, self.rms_px, self.max_px, self.cone_deg:
+            case str(model), float(rms_px), float(max_px), float(cone_deg):
+                return Residuals(rms_px, max_px, math.radians(cone_deg), model)
+        return None
+
+
+def metadata_of(
+    name: str,
+    mirrored: bool,
+    turned: bool,
+    theta_max_rad: float | None,
+    residuals: Residuals | None,
+) -> CameraMetadata:
+    """Metadata of a camera, by its name in the file."""
+    metadata = CameraMetadata(
+        camera=name, mirrored=mirrored, turned=turned, theta_max_rad=theta_max_rad
+    )
+    if residuals is None:
+        return metadata
+    fit = {
+        "fitted_from": residuals.source_model,
+        "rms_px": residuals.rms_px,
+        "max_px": residuals.max_px,
+        "cone_deg": math.degrees(residuals.theta_max_rad),
+    }
+    return metadata.model_copy(update=fit)
+
+
+def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: MetadataPlace) -> str:
+    """Text of a file with the cameras' metadata, as far as they differ from the defaults."""
+    entries = [one.model_dump(exclude_defaults=True) for one in metadata]
+    entries = [entry for entry in entries if len(entry) > 1]
+    if not entries:
+        return text
+    if place is MetadataPlace.KEY:
+        return json.dumps({**json.loads(text), "omnisim": entries}, indent=2) + "\n"
+    opening, closing, _ = _COMMENTS[place]
+    # "--" must not be in an XML comment
+    lines = ["omnisim " + json.dumps(entry).replace("--", "-\\u002d") for entry in entries]
+    if any(entry.get("mirrored") for entry in entries):
+        lines.append("mirrored: (x, y, z) here is (x, y, -z) of the camera, which faces a mirror")
+    return text + "".join(f"{opening}{line}{closing}\n" for line in lines)
+
+
+def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, CameraMetadata]:
+    """Metadata in a file, by the cameras' names.
+
+    Raises:
+        CalibrationError: metadata that are malformed.
+    """
+    where = f"{source}: omnisim's metadata"
+    if place is MetadataPlace.KEY:
+        entries = parse_json(text, source).get("omnisim", [])
+        if not isinstance(entries, list):
+            raise CalibrationError(f"{where}: expected a list, got {type(entries).__name__}")
+    else:
+        entries = [parse_json(line, where) for line in _COMMENTS[place][2].findall(text)]
+    found = (parse(entry, CameraMetadata, where) for entry in entries)
+    return {metadata.camera: metadata for metadata in found}

@@ -1,0 +1,92 @@
+"""Cameras of a calibration file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from omnisim.calibration.calibrated_camera import CalibratedCamera
+from omnisim.calibration.distorted_pinhole import DistortedPinhole
+from omnisim.calibration.documents import read_text
+from omnisim.calibration.file_frame import camera_from_lens
+from omnisim.calibration.fit import nearest_model
+from omnisim.calibration.formats.format import ParsedCamera, error_context
+from omnisim.calibration.metadata import CameraMetadata, read_metadata
+from omnisim.calibration.registry import detect_format
+from omnisim.cameras import CentralCamera
+from omnisim.errors import CalibrationError
+
+MAX_CENTRE_OFFSET = 0.5  # of the picture's size beside it: further away, one of both is wrong
+
+
+def read_cameras(
+    path: Path, format: str | None, mirrored: bool | None
+) -> tuple[tuple[CalibratedCamera, ...], str]:
+    """Cameras of a file, at least one, and the name of its format.
+
+    Args:
+        path: the file.
+        format: name of its format, or None.
+        mirrored: True if the cameras look into mirrors, None for what their metadata say.
+
+    Raises:
+        CalibrationError: naming file, key, the expected value and the one found.
+    """
+    text, source = read_text(path), str(path)
+    form = detect_format(text, source, format)
+    with error_context(source):
+        parsed = form.read(text, source)
+    metadata = read_metadata(text, form.metadata_place, source)
+    names = [camera.name for camera in parsed]
+    duplicate = next((name for name in names if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
+    if not parsed:
+        raise CalibrationError(f"{path}: expected a camera, got none")
+    cameras = []
+    for camera in parsed:
+        one = metadata.get(camera.name, CameraMetadata(camera=camera.name))
+        if mirrored is not None:
+            one = one.model_copy(update={"mirrored": mirrored})
+        cameras.append(_calibrated(camera, one, f"{source}: {camera.name}"))
+    return tuple(cameras), form.name
+
+
+def _calibrated(
+    parsed: ParsedCamera[CentralCamera], metadata: CameraMetadata, place: str
+) -> CalibratedCamera:
+    lens = parsed.lens
+    notes: tuple[str, ...] = ()
+    if isinstance(lens, DistortedPinhole):
+        lens, note = nearest_model(lens, place)
+        notes = (note,)
+    with error_context(place):
+        camera = camera_from_lens(lens, metadata.mirrored, metadata.turned, metadata.theta_max_rad)
+        _check_camera(camera, place)
+    return CalibratedCamera(
+        parsed.name, camera, parsed.poses, metadata.residuals, notes, lens.model_name
+    )
+
+
+def _check_camera(camera: CentralCamera, place: str) -> None:
+    """Refuse a camera whose picture shows nothing, or whose axis is far beside it.
+
+    Raises:
+        CalibrationError: with the centre, or with what the picture shows.
+    """
+    size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
+    centre = np.asarray(camera.principal_point_px)
+    offset = np.maximum(-0.5 - centre, centre - (size - 0.5)) / size
+    if not offset.max() <= MAX_CENTRE_OFFSET:
+        u, v = centre
+        raise CalibrationError(
+            f"{place}: centre: expected in the picture of {size[0]:g} × {size[1]:g} px or near by, "
+            f"got ({u:g}, {v:g}): is one of both another picture's?"
+        )
+    steps = np.linspace(0.0, 1.0, 33)
+    grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
+    # not the centre itself, which broken numbers show, too, but the pixel there
+    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(centre)[None])))
+    if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
+        raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")
