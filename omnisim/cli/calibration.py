@@ -16,9 +16,9 @@ from omnisim.calibration import (
     load_calibration,
     save_calibration,
 )
-from omnisim.calibration.file_frame import looks_back
-from omnisim.calibration.load import format_named
-from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.calibration.file_frame import is_catadioptric
+from omnisim.calibration.registry import format_named
+from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.cameras.domain import domain
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.console import out, pluralize, print_note
@@ -35,7 +35,11 @@ def list_formats() -> None:
     for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
         table.add_column(heading)
     for form in FORMATS.values():
-        models = "all" if form.is_own else ", ".join(model.model_name for model in form.models)
+        models = (
+            "all"
+            if len(form.models) == len(CAMERA_MODELS)
+            else ", ".join(model.model_name for model in form.models)
+        )
         table.add_row(
             form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
         )
@@ -135,11 +139,11 @@ def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
     """Summarize a camera's conversion: name, model, residual."""
     name = after.name if before.name == after.name else f"{after.name} (was {before.name})"
     is_mirror = after.mirrored or (
-        after.said_as != after.camera.model_name and looks_back(after.camera)
+        after.file_model != after.camera.model_name and is_catadioptric(after.camera)
     )
-    model = f"{after.said_as}{' in a mirrored frame' if is_mirror else ''}"
-    fit = after.residual
-    if fit is None or fit is before.residual:
+    model = f"{after.file_model}{' in a mirrored frame' if is_mirror else ''}"
+    fit = after.residuals
+    if fit is None or fit is before.residuals:
         return f"{name}: {model}, the same rays"
     return (
         f"{name}: {model}, fitted to {fit.source_model}: "
@@ -154,8 +158,8 @@ def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     parameters = camera.parameters()
     model = str(parameters.pop("model"))
     rows = [("model", model)]
-    if calibrated.said_as not in (None, model):
-        rows.append(("in the file", f"{calibrated.said_as}"))
+    if calibrated.file_model not in (None, model):
+        rows.append(("in the file", f"{calibrated.file_model}"))
     width, height = parameters.pop("width_px"), parameters.pop("height_px")
     rows.append(("picture", f"{width} × {height} px"))
     rows += [_parameter_row(key, value) for key, value in parameters.items()]
@@ -177,7 +181,7 @@ def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
         rows.append((f"{pose.target}_from_{pose.source}", f"at ({x:.6g}, {y:.6g}, {z:.6g}) m"))
     if len(calibrated.poses) > SHOWN_POSES:
         rows.append(("…", f"{len(calibrated.poses)} poses in all"))
-    fit = calibrated.residual
+    fit = calibrated.residuals
     if fit is not None:
         rows.append(
             (

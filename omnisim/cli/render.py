@@ -169,11 +169,11 @@ def _twist(request: RenderRequest, camera: OmniCamera) -> Twist:
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
     """Calibration of the camera with its pose on the vehicle, and the vehicle's in the world."""
-    from omnisim.calibration import CalibratedCamera, Calibration, Pose
+    from omnisim.calibration import CalibratedCamera, Calibration, NamedPose
 
     poses = (
-        Pose("base", "camera", sensor.base_from_optical),
-        Pose("world", "base", world_from_base),
+        NamedPose("base", "camera", sensor.base_from_optical),
+        NamedPose("world", "base", world_from_base),
     )
     return Calibration((CalibratedCamera("camera", sensor.model, poses),))
 

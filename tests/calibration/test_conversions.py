@@ -20,7 +20,7 @@ from tests.camera_examples import CAMERA_EXAMPLES
 
 @pytest.fixture
 def quick_fits(monkeypatch):
-    """Fits by their linear start, and of fewer rays: near, not the nearest."""
+    """Fits by their linear initialisation alone: near, not the nearest."""
     monkeypatch.setattr(fit, "_refined", lambda start, *arguments: start)
 
 
@@ -33,9 +33,9 @@ def test_any_format_becomes_any_other_or_says_why_not(path, tmp_path):
         try:
             text, written = calibration_text(first, name)
         except CalibrationError as reason:
-            told = str(reason)
-            assert "\n" not in told
-            assert len(told) < 500
+            message = str(reason)
+            assert "\n" not in message
+            assert len(message) < 500
             continue
         reached.add(name)
         target = tmp_path / f"file{form.suffix}"
@@ -46,31 +46,31 @@ def test_any_format_becomes_any_other_or_says_why_not(path, tmp_path):
             (ours, valid), (theirs, still_valid) = rig_rays(before.camera), rig_rays(after.camera)
             np.testing.assert_allclose(theirs, ours, atol=1e-14)
             assert np.array_equal(valid, still_valid)
-            if before.residual is None:
-                assert after.residual is None
+            if before.residuals is None:
+                assert after.residuals is None
             else:
-                stated = dataclasses.astuple(before.residual)[:3]
+                stated = dataclasses.astuple(before.residuals)[:3]
                 # the cone goes through degrees
-                assert dataclasses.astuple(after.residual)[:3] == pytest.approx(stated, rel=1e-14)
+                assert dataclasses.astuple(after.residuals)[:3] == pytest.approx(stated, rel=1e-14)
     assert {"omnisim", loaded.format} <= reached
 
 
 @pytest.mark.parametrize(
     ("form", "name", "words"),
     [
-        ("ros", "kannala-brandt-tum-vi", r"sees 115\.6° from its axis: ros says nothing at 90°"),
-        ("foxglove", "equirectangular", "sees 180.0° from its axis: foxglove says nothing at 90°"),
+        ("ros", "kannala-brandt-tum-vi", r"sees 115\.6° from its axis: ros ends before 90°"),
+        ("foxglove", "equirectangular", "sees 180.0° from its axis: foxglove ends before 90°"),
         ("kalibr", "equirectangular", "kalibr has no panorama, and this one is equirectangular"),
         ("colmap", "cylindrical", "colmap has no panorama, and this one is cylindrical"),
         ("opencv_omnidir", "equidistant-full-sphere",
-         "opencv_omnidir cannot say model 'equidistant': the nearest, 'unified', is up to"),
+         "opencv_omnidir cannot represent model 'equidistant': the nearest, 'unified', is up to"),
         ("gazebo", "hyperbolic-off-centre",
-         "gazebo cannot say model 'hyperbolic'"),
+         "gazebo cannot represent model 'hyperbolic'"),
         ("basalt", "orthographic-full", None),
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("quick_fits")
-def test_what_a_format_cannot_say_is_refused_with_the_reason(form, name, words, tmp_path):
+def test_unsupported_cameras_are_refused_with_the_reason(form, name, words, tmp_path):
     calibration = calibration_of(CAMERA_EXAMPLES[name])
     path = tmp_path / "file"
     if words is None:
@@ -99,18 +99,18 @@ def test_a_fit_states_a_residual_that_a_count_confirms(name, form, model, tmp_pa
     text = path.read_text()
     found = load_calibration(path).cameras[0]
     assert model in (None, found.camera.model_name)
-    assert f'"rms_px": {found.residual.rms_px!r}' in text
-    assert f'"max_px": {found.residual.max_px!r}' in text
-    assert found.residual.source_model == camera.model_name
+    assert f'"rms_px": {found.residuals.rms_px!r}' in text
+    assert f'"max_px": {found.residuals.max_px!r}' in text
+    assert found.residuals.source_model == camera.model_name
     pixels = pixel_grid(camera.width_px, camera.height_px)
     rays = camera.ray_from_pixel(pixels)
     seen = found.camera.pixel_from_ray(rays.directions[rays.valid])
     assert seen.valid.mean() > 0.99
     off = np.linalg.norm(seen.positions_px - pixels[rays.valid], axis=-1)[seen.valid]
     # the fit's own pixels are others, and fewer, its edge half a pixel further out
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.residual.rms_px, rel=0.25)
-    assert off.max() <= 1.05 * found.residual.max_px
-    assert off.max() > 0.3 * found.residual.max_px
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(found.residuals.rms_px, rel=0.25)
+    assert off.max() <= 1.05 * found.residuals.max_px
+    assert off.max() > 0.3 * found.residuals.max_px
     assert isinstance(found.camera, MirroredCamera) == (name == "hyperbolic-paper")
 
 
@@ -132,7 +132,7 @@ def test_poses_find_their_way(tmp_path):
     )
 
 
-def test_poses_that_nobody_knows_are_not_made_up(tmp_path):
+def test_unknown_poses_are_not_made_up(tmp_path):
     calibration = load_calibration(FOLDER / "kalibr_models.yaml")
     (camera,) = (one for one in calibration.cameras if one.camera.model_name == "double_sphere")
     calibration.only(camera.name).save(tmp_path / "basalt.json", "basalt")
@@ -153,12 +153,12 @@ def test_a_model_can_be_asked_for(tmp_path):
     calibration = calibration_of(CAMERA_EXAMPLES["perspective"])
     written = calibration.save(tmp_path / "a.yaml", "kalibr", model="eucm")
     assert written.cameras[0].camera.model_name == "eucm"
-    assert written.cameras[0].residual is None
+    assert written.cameras[0].residuals is None
     fitted = calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"])
     written = fitted.save(tmp_path / "a.json", "omnisim", model="kannala_brandt").cameras[0]
     found = load_calibration(tmp_path / "a.json").cameras[0]
     assert found.camera == written.camera
     assert isinstance(found.camera, MirroredCamera)
-    assert found.residual.max_px < 0.01
+    assert found.residuals.max_px < 0.01
     with pytest.raises(CalibrationError, match="--model gazebo: kalibr has unified"):
         calibration.save(tmp_path / "a.yaml", "kalibr", model="gazebo")

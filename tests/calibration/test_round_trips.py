@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from omnisim.calibration import FORMATS, calibration_of, calibration_text, load_calibration, save
+from omnisim.calibration import (
+    FORMATS,
+    calibration_of,
+    calibration_text,
+    encode,
+    load_calibration,
+)
 from omnisim.cameras import CAMERA_MODELS, KannalaBrandtCamera, MirroredCamera
 from omnisim.errors import CalibrationError
 from tests.calibration.sample_files import EXACT_SAMPLES, rig_rays
@@ -18,7 +24,7 @@ EXAMPLES = {
         320, 240, (150.0, 151.0), (160.25, 118.5), (-0.012, 0.021, -0.015, 0.0035)
     ),
 }
-# The models of which some example is said exactly, by format.
+# Models of which some example is exact, by format.
 EXACT = {
     "omnisim": set(CAMERA_MODELS),
     "kalibr": UNIFIED | FISHEYES | SPHERES,
@@ -45,25 +51,25 @@ def no_fits(monkeypatch):
     def refuse(*arguments, **keywords):
         raise CalibrationError("camera: not exactly")
 
-    monkeypatch.setattr(save, "fit_camera", refuse)
+    monkeypatch.setattr(encode, "fit_camera", refuse)
 
 
 @pytest.mark.usefixtures("no_fits")
 @pytest.mark.parametrize("form", FORMATS)
-def test_what_a_format_says_exactly_comes_back(form, tmp_path):
+def test_exact_models_come_back(form, tmp_path):
     path = tmp_path / f"file{FORMATS[form].suffix}"
-    told = set()
+    exact = set()
     for name, camera in EXAMPLES.items():
         try:
             text, written = calibration_text(calibration_of(camera), form)
         except CalibrationError:
             continue
-        told.add(camera.model_name)
+        exact.add(camera.model_name)
         path.write_text(text)
         loaded = load_calibration(path)
         assert loaded.format == form, name
         found = loaded.cameras[0]
-        assert found.residual is None
+        assert found.residuals is None
         assert type(found.camera) is type(written.cameras[0].camera) or "perspective" in name
         (ours, valid), (back, still_valid) = rig_rays(camera), rig_rays(found.camera)
         # where a domain ends by 1e-12, which rounding moves, no pixel's centre of these is
@@ -72,7 +78,7 @@ def test_what_a_format_says_exactly_comes_back(form, tmp_path):
         assert chords[valid].max() < 1e-9, name
         size = camera.width_px, camera.height_px
         assert (found.camera.width_px, found.camera.height_px) == size
-    assert told == EXACT[form]
+    assert exact == EXACT[form]
 
 
 @pytest.mark.usefixtures("no_fits")
@@ -105,14 +111,14 @@ def test_a_file_of_its_own_format_keeps_every_bit(path, tmp_path):
 
 @pytest.mark.usefixtures("no_fits")
 @pytest.mark.parametrize("form", ["kalibr", "opencv_omnidir", "ocamcalib", "basalt", "gazebo"])
-def test_a_mirror_is_written_as_a_lens_and_says_so(form, tmp_path):
+def test_mirror_is_written_as_a_lens_with_metadata(form, tmp_path):
     camera = CAMERA_EXAMPLES["planar"] if form == "gazebo" else CAMERA_EXAMPLES["parabolic"]
     path = tmp_path / f"mirror{FORMATS[form].suffix}"
     calibration_of(camera).save(path, form)
     assert '"mirrored": true' in path.read_text()
     mirror = load_calibration(path).cameras[0]
     assert mirror.camera.rig_from_optical[2, 2] == 1.0  # looks up
-    # without the remark it is the lens that its numbers are
+    # without the metadata it is the lens that its numbers are
     lens = load_calibration(path, mirrored=False).cameras[0].camera
     middle = camera.principal_point_px
     assert lens.ray_from_pixel(middle).directions[2] == pytest.approx(1.0)
@@ -126,9 +132,9 @@ def test_a_fitted_mirror_is_a_mirrored_lens(tmp_path):
     found = load_calibration(path).cameras[0]
     assert isinstance(found.camera, MirroredCamera)
     assert found.camera == written.camera
-    assert found.residual.max_px == written.residual.max_px
+    assert found.residuals.max_px == written.residuals.max_px
     (ours, valid), (back, still_valid) = rig_rays(camera), rig_rays(found.camera)
     both = valid & still_valid
     assert both.sum() > 0.99 * valid.sum()
     # a pixel is at least 0.5° wide there
-    assert np.linalg.norm(ours - back, axis=-1)[both].max() < found.residual.max_px * 0.02
+    assert np.linalg.norm(ours - back, axis=-1)[both].max() < found.residuals.max_px * 0.02
