@@ -9,7 +9,7 @@ import numpy as np
 from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.run_requests import LocalizeRequest
 from omnisim.errors import LocalizationError
-from omnisim.localization.localize import localize, sighting_of
+from omnisim.localization.localize import localize, observation_from_detection
 from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import read_parameters
 from omnisim.perception.color_model import ColorModel, Costs
@@ -54,10 +54,13 @@ def run(request: LocalizeRequest) -> None:
         notices.append(
             f"{', '.join(detector.ignored)}: not looked for: the model has not their colours"
         )
-    sightings = [[sighting_of(each, chosen.measurement) for each in found] for found in detections]
+    observations = [
+        [observation_from_detection(each, chosen.measurement) for each in found]
+        for found in detections
+    ]
     found = localize(
         data.odometry,
-        sightings,
+        observations,
         LandmarkMap.of_scene(data.landmarks),
         chosen,
         data.mount.position_m,

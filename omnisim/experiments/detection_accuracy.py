@@ -19,7 +19,7 @@ FOUND_WITHIN_SHARE = 0.25
 
 
 @dataclass(frozen=True)
-class Found:
+class DetectionMatch:
     """One landmark in one picture: where it truly is, and what was found of it.
 
     Attributes:
@@ -53,7 +53,7 @@ def compare(
     true_poses: NDArray[np.float64],
     landmarks: LandmarkMap,
     camera_m: tuple[float, float],
-) -> list[Found]:
+) -> list[DetectionMatch]:
     """What was found of each landmark at each step, against the truth."""
     told = []
     for step, (pose, found) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
@@ -63,10 +63,12 @@ def compare(
             range_m, bearing_rad = expected[0], expected[4]
             detection = by_name.get(name)
             if detection is None:
-                told.append(Found(step, name, range_m, None))
+                told.append(DetectionMatch(step, name, range_m, None))
                 continue
             off = wrap_angle(detection.bearing_rad - bearing_rad)
-            told.append(Found(step, name, range_m, detection, detection.range_m - range_m, off))
+            told.append(
+                DetectionMatch(step, name, range_m, detection, detection.range_m - range_m, off)
+            )
     return told
 
 
@@ -92,7 +94,7 @@ class Accuracy:
     count: int
 
 
-def accuracy(found: Sequence[Found], nearest_m: float, farthest_m: float) -> Accuracy:
+def accuracy(found: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:
     """Of what is truly between two distances; NaN where there is nothing to tell from."""
     there = [each for each in found if nearest_m <= each.range_m < farthest_m]
     seen = [each for each in there if each.detection is not None]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.experiments.detection_accuracy import Found, compare
+from omnisim.experiments.detection_accuracy import DetectionMatch, compare
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
 from omnisim.experiments.real_setting import put_down_wrongly
 from omnisim.experiments.seeds import (
@@ -16,7 +16,7 @@ from omnisim.experiments.seeds import (
     detect_with_noise,
     run_seeds,
 )
-from omnisim.localization.localize import sighting_of
+from omnisim.localization.localize import observation_from_detection
 from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.localization.parameters import FilterParameters, read_parameters
 from omnisim.perception.color_training import PixelRates, Training, pixel_rates
@@ -42,8 +42,8 @@ class Simulated:
         self.pixels = _pixel_rates(run, trained, progress)
         self.wheels = Vehicle.load("p2at").odometry
         noisy = detect_with_noise(run, self.detector, SEEDS, progress)
-        self.sightings = [sightings_of(each, parameters) for each in noisy]
-        self.seeds = run_seeds(run, self.wheels, self.sightings, parameters)
+        self.observations = [observations_from_detections(each, parameters) for each in noisy]
+        self.seeds = run_seeds(run, self.wheels, self.observations, parameters)
 
 
 class Real:
@@ -59,15 +59,15 @@ class Real:
         self.found = _compared(run, self.detections)
         self.pixels = _pixel_rates(run, trained, progress)
         self.wheels = Vehicle.load("superscout").odometry
-        self.sightings = [_picked(run, seed) for seed in range(SEEDS)]
+        self.observations = [_picked(run, seed) for seed in range(SEEDS)]
         certain = np.zeros((3, 3))
         self.seeds = run_seeds(
-            run, self.wheels, self.sightings, self.parameters, certain, put_down_wrongly
+            run, self.wheels, self.observations, self.parameters, certain, put_down_wrongly
         )
         self.honest = run_seeds(
-            run, self.wheels, self.sightings, parameters, certain, put_down_wrongly
+            run, self.wheels, self.observations, parameters, certain, put_down_wrongly
         )
-        automatic = sightings_of(self.detections, parameters)
+        automatic = observations_from_detections(self.detections, parameters)
         self.automatic = run_seeds(run, self.wheels, [automatic] * SEEDS, parameters)
 
 
@@ -87,7 +87,7 @@ def _timed(
     return found, 1e3 * float(np.median(times))
 
 
-def _compared(run: RunData, detections: Sequence[Sequence[Detection]]) -> list[Found]:
+def _compared(run: RunData, detections: Sequence[Sequence[Detection]]) -> list[DetectionMatch]:
     poses = run.true_poses
     assert poses is not None
     landmarks = LandmarkMap.of_scene(run.landmarks)
@@ -100,11 +100,14 @@ def _pixel_rates(run: RunData, trained: Training, progress: Progress) -> PixelRa
     return pixel_rates(trained.model, labels.pixels(track))
 
 
-def sightings_of(
+def observations_from_detections(
     detections: Sequence[Sequence[Detection]], parameters: FilterParameters
 ) -> list[list[Observation]]:
     """Detections of each step as the filter takes them."""
-    return [[sighting_of(each, parameters.measurement) for each in step] for step in detections]
+    return [
+        [observation_from_detection(each, parameters.measurement) for each in step]
+        for step in detections
+    ]
 
 
 def _picked(run: RunData, seed: int) -> list[list[Observation]]:

@@ -1,8 +1,8 @@
 """Landmarks as somebody picks them in a picture by hand: where they are, and a hand's noise.
 
 The paper's authors did so in the pictures of the real robot, where their classifier found too much
-that is no landmark. This is the only place where sightings are made from the true pose; the filter
-gets the picked pixels' range and bearing and nothing else.
+that is no landmark. Only here are observations made from the true pose; the filter gets the picked
+pixels' range and bearing and nothing else.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from omnisim.experiments.detection_accuracy import Found, accuracy
+from omnisim.experiments.detection_accuracy import DetectionMatch, accuracy
 from omnisim.experiments.experiment_runs import Real, Simulated
 from omnisim.experiments.recordings import Recordings
 from omnisim.experiments.seeds import Progress
@@ -157,7 +157,7 @@ def detection(simulated: Simulated, real: Real) -> Section:
     )  # fmt: skip
 
 
-def _rates(found: Sequence[Found]) -> Rates:
+def _rates(found: Sequence[DetectionMatch]) -> Rates:
     told = [accuracy(found, low, high) for low, high in pairwise(EDGES_M)]
     return Rates(
         EDGES_M,

@@ -37,7 +37,7 @@ def first_experiment(simulated: Simulated) -> Section:
     seeds = simulated.seeds
     late = seeds.errors_m[:, LATE_STEP:]
     by_step = seeds.nees_by_step
-    band = seeds.nees_band
+    band = seeds.nees_interval
     mean = float(np.nanmean(by_step[1:]))  # at the start nothing is estimated: it is the truth
     inside = np.mean((by_step[1:] > band.low) & (by_step[1:] < band.high))
     numbers = [
@@ -50,7 +50,7 @@ def first_experiment(simulated: Simulated) -> Section:
                paper="0.349 m"),
         Measure("largest error by the wheels alone, median",
                float(np.median(seeds.reckoned_m.max(axis=1))), "m", paper="well above 1 m"),
-        Measure("step at which the gate opens, median", float(np.median(seeds.opens)),
+        Measure("step at which the gate opens, median", float(np.median(seeds.gate_opening_steps)),
                paper="1: instantly"),
         Measure(f"NEES, mean of seeds and steps (3 expected), not above its 95 % band of {SEEDS}",
                mean, "", band.high),
@@ -73,7 +73,7 @@ def first_experiment(simulated: Simulated) -> Section:
                                           f"{SEEDS} seeds of experiment 1"),
                     "The estimate stays within millimetres while the wheels are off by a metre."),
             CaptionedFigure("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
-                                                      seeds.nis_bands),
+                                                      seeds.nis_intervals),
                     "NEES about 3, with the wandering that all seeds share; NIS below 1: what is "
                     "seen agrees better than it says."),
         ),
@@ -83,7 +83,7 @@ def first_experiment(simulated: Simulated) -> Section:
 def second_experiment(real: Real) -> Section:
     """The paper's real setting: 20 seeds against the bounds."""
     seeds = real.seeds
-    opens = seeds.opens
+    opens = seeds.gate_opening_steps
     after = [
         float(errors[int(step) :].max())
         for errors, step in zip(seeds.errors_m, opens, strict=True)
@@ -110,7 +110,7 @@ def second_experiment(real: Real) -> Section:
         Measure("seeds of 20 that stay within 0.6 m after it opens",
                float(np.sum(np.array(after) <= PAPER_BOUND_M))),
         Measure("with experiment 1's noise instead: step at which the gate opens, median",
-               float(np.median(real.honest.opens))),
+               float(np.median(real.honest.gate_opening_steps))),
         Measure("with it: mean error after step 5, median",
                float(np.median(real.honest.errors_m[:, LATE_STEP:].mean(axis=1))), "m"),
         Measure("landmarks found automatically and a start that is known: mean error, median",
@@ -162,7 +162,7 @@ def side_by_side(simulated: Simulated, real: Real) -> Section:
 
 
 def _typical(seeds: SeedRuns) -> int:
-    opens = seeds.opens
+    opens = seeds.gate_opening_steps
     known = np.where(np.isfinite(opens), opens, 1e9)
     return int(np.abs(known - np.median(opens)).argmin())
 
@@ -173,13 +173,13 @@ def gains(simulated: Simulated) -> Section:
     ahead = run_seeds(
         simulated.run,
         simulated.wheels,
-        [ahead_only(each, FORWARD_RAD) for each in simulated.sightings],
+        [ahead_only(each, FORWARD_RAD) for each in simulated.observations],
         simulated.parameters,
     )
-    seen = [np.mean([len(step) for step in each]) for each in simulated.sightings]
+    seen = [np.mean([len(step) for step in each]) for each in simulated.observations]
     seen_ahead = [
         np.mean([len(step) for step in ahead_only(each, FORWARD_RAD)])
-        for each in simulated.sightings
+        for each in simulated.observations
     ]
     rows = []
     for name, errors, count in (
@@ -224,6 +224,6 @@ def _step_microseconds(simulated: Simulated) -> float:
         speed = float(run.odometry.distances_m[k - 1]) / (time_s - robot.estimate.time_s)
         turn = float(run.odometry.turns_rad[k - 1])
         start = time.thread_time()
-        robot.step(time_s, speed, turn, simulated.sightings[0][k])
+        robot.step(time_s, speed, turn, simulated.observations[0][k])
         times.append(time.thread_time() - start)
     return 1e6 * float(np.median(times))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.localization.consistency import Band, mean_band
+from omnisim.localization.consistency import Interval, mean_interval
 from omnisim.localization.localize import localize
 from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.localization.parameters import FilterParameters
@@ -66,9 +66,9 @@ class SeedRuns:
     nis_degrees: NDArray[np.intp]
 
     @property
-    def nees_band(self) -> Band:
+    def nees_interval(self) -> Interval:
         """Of the mean of the seeds at one step."""
-        return mean_band(3, len(self.tracks))
+        return mean_interval(3, len(self.tracks))
 
     @property
     def nees_by_step(self) -> NDArray[np.float64]:
@@ -82,21 +82,21 @@ class SeedRuns:
         return np.where(degrees > 0, np.nansum(self.nis, axis=0) / np.maximum(degrees, 1), np.nan)
 
     @property
-    def nis_bands(self) -> list[Band]:
+    def nis_intervals(self) -> list[Interval]:
         """Of each step."""
-        return [mean_band(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
+        return [mean_interval(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
 
     @property
-    def opens(self) -> NDArray[np.float64]:
+    def gate_opening_steps(self) -> NDArray[np.float64]:
         """The step (seeds,) at which the gate opens; infinite where it does not."""
-        steps = [track.gate_opens for track in self.tracks]
+        steps = [track.gate_opening_step for track in self.tracks]
         return np.array([math.inf if step is None else step for step in steps])
 
 
 def run_seeds(
     run: RunData,
     wheels: OdometryErrors,
-    sightings: Sequence[Sequence[Sequence[Observation]]],
+    observations: Sequence[Sequence[Sequence[Observation]]],
     parameters: FilterParameters,
     covariance: ArrayLike | None = None,
     prepare: Callable[[Odometry], Odometry] = lambda odometry: odometry,
@@ -106,7 +106,7 @@ def run_seeds(
     Args:
         run: with its truth, against which errors are counted.
         wheels: their errors; each seed has its own noise.
-        sightings: of each seed and step.
+        observations: of each seed and step.
         parameters: of the filter.
         covariance: (3, 3) of the start, or None: by the parameters.
         prepare: what is done to the wheels' readings before.
@@ -116,7 +116,7 @@ def run_seeds(
     assert truth is not None
     landmarks = LandmarkMap.of_scene(run.landmarks)
     tracks = []
-    for seed, seen in enumerate(sightings):
+    for seed, seen in enumerate(observations):
         odometry = prepare(simulate_odometry(run.truth, wheels, seed))
         tracks.append(
             localize(odometry, seen, landmarks, parameters, run.mount.position_m, covariance)
@@ -132,19 +132,19 @@ def run_seeds(
 
 
 def ahead_only(
-    sightings: Sequence[Sequence[Observation]], field_of_view_rad: float
+    observations: Sequence[Sequence[Observation]], field_of_view_rad: float
 ) -> list[list[Observation]]:
     """What of them a camera sees that looks forward."""
     half = 0.5 * field_of_view_rad
-    return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in sightings]
+    return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in observations]
 
 
-def with_more_noise(sighting: Observation, factor: float) -> Observation:
-    """The same sighting that trusts itself less."""
+def with_more_noise(observation: Observation, factor: float) -> Observation:
+    """The same observation that trusts itself less."""
     return dataclasses.replace(
-        sighting,
-        range_sigma_m=factor * sighting.range_sigma_m,
-        bearing_sigma_rad=factor * sighting.bearing_sigma_rad,
+        observation,
+        range_sigma_m=factor * observation.range_sigma_m,
+        bearing_sigma_rad=factor * observation.bearing_sigma_rad,
     )
 
 

@@ -19,7 +19,7 @@ from scipy.signal import fftconvolve
 
 from omnisim.experiments.detection_accuracy import accuracy, compare
 from omnisim.experiments.seeds import Progress, run_seeds
-from omnisim.localization.localize import sighting_of
+from omnisim.localization.localize import observation_from_detection
 from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import FilterParameters
 from omnisim.perception.color_model import ColorModel
@@ -173,7 +173,10 @@ def sweep(
         assert poses is not None
         landmarks = LandmarkMap.of_scene(run.landmarks)
         near = accuracy(compare(detections, poses, landmarks, run.mount.position_m), 0.0, NEAR_M)
-        seen = [[sighting_of(each, parameters.measurement) for each in step] for step in detections]
+        seen = [
+            [observation_from_detection(each, parameters.measurement) for each in step]
+            for step in detections
+        ]
         seeds = run_seeds(run, wheels, [seen] * SEEDS, parameters)
         return Outcome(
             near.recall,

@@ -1,4 +1,4 @@
-"""Where a robot is: an extended Kalman filter over wheel readings and sightings of landmarks.
+"""Localization: an extended Kalman filter over wheel odometry and observations of landmarks.
 
-It knows nothing of pictures, files of runs or the GPU; numbers go in and an estimate comes out.
+The filter knows nothing of pictures or the GPU; numbers go in and an estimate comes out.
 """

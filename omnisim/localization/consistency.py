@@ -1,4 +1,4 @@
-"""Whether a filter is as sure as it should be: NEES and NIS against their χ² bounds.
+"""Consistency of a filter: NEES and NIS against their χ² bounds.
 
 Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
 section 5.4.
@@ -15,18 +15,18 @@ from scipy.stats import chi2
 from omnisim.poses import wrap_angles
 
 
-class Band(NamedTuple):
-    """Between what a mean lies in a given share of all cases."""
+class Interval(NamedTuple):
+    """Probability interval of a mean."""
 
     low: float
     high: float
 
 
-def mean_band(degrees: int, count: int, share: float = 0.95) -> Band:
-    """Where the mean of `count` independent χ² values of `degrees` each lies."""
+def mean_interval(degrees: int, count: int, share: float = 0.95) -> Interval:
+    """Interval of the mean of `count` independent χ² values of `degrees` of freedom each."""
     tail = 0.5 * (1.0 - share)
-    low, high = chi2.ppf((tail, 1.0 - tail), degrees * count) / count
-    return Band(float(low), float(high))
+    low, high = (float(chi2.ppf(share, degrees * count)) for share in (tail, 1.0 - tail))
+    return Interval(low / count, high / count)
 
 
 def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
@@ -39,7 +39,7 @@ def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
 def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArray[np.float64]:
     """Normalised estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
 
-    NaN where a covariance has no inverse, as that of a start without doubt.
+    NaN where a covariance is singular, as that of an exactly known start.
     """
     found = np.full(len(errors), np.nan)
     for k, (error, covariance) in enumerate(zip(errors, covariances, strict=True)):

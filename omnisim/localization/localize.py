@@ -1,4 +1,4 @@
-"""From sightings and wheel readings to where a robot believes to be, step by step."""
+"""Localization of a whole run by its odometry and observations."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.observations import LandmarkMap, Observation
-from omnisim.localization.parameters import FilterParameters, Measurement
+from omnisim.localization.parameters import FilterParameters, MeasurementNoise
 from omnisim.localization.track import Track
 from omnisim.perception.landmark_detector import Detection
 from omnisim.robot.odometry import Odometry
 
 
-def sighting_of(detection: Detection, relation: Measurement) -> Observation:
-    """A detection as the filter takes it, its range by the relation that the file names."""
+def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:
+    """Observation of a detection, its range by the relation that the parameters name."""
     is_paper = relation.relation == "eq2" and math.isfinite(detection.range_eq2_m)
     return Observation(
         (detection.landmark,),
@@ -29,7 +29,7 @@ def sighting_of(detection: Detection, relation: Measurement) -> Observation:
 
 def localize(
     odometry: Odometry,
-    sightings: Sequence[Sequence[Observation]],
+    observations: Sequence[Sequence[Observation]],
     landmarks: LandmarkMap,
     parameters: FilterParameters,
     camera_m: tuple[float, float],
@@ -39,23 +39,23 @@ def localize(
 
     Args:
         odometry: readings, from the start that is known.
-        sightings: of each step; those of the first are not used: the start is known.
+        observations: of each step; those of the first are not used: the start is known.
         landmarks: where they are.
         parameters: of the filter.
         camera_m: x and y of the effective viewpoint in the base frame.
         covariance: (3, 3) of the start, or None: by the parameters.
 
     Raises:
-        LocalizationError: readings or sightings that cannot be.
+        LocalizationError: invalid readings or observations.
     """
     times = odometry.times_s
     robot = LocalizationFilter(
         landmarks, parameters, camera_m, float(times[0]), odometry.start, covariance
     )
     estimates = [robot.estimate]
-    for k in range(1, len(sightings)):
+    for k in range(1, len(observations)):
         time_s = float(times[k])
         speed = float(odometry.distances_m[k - 1]) / (time_s - estimates[-1].time_s)
         turn = float(odometry.turns_rad[k - 1])
-        estimates.append(robot.step(time_s, speed, turn, sightings[k]))
-    return Track(tuple(estimates), odometry.planar_poses[: len(sightings)])
+        estimates.append(robot.step(time_s, speed, turn, observations[k]))
+    return Track(tuple(estimates), odometry.planar_poses[: len(observations)])

@@ -1,4 +1,4 @@
-"""How a planar pose moves by what the wheels report, and how the uncertainty moves along."""
+"""Motion model of a planar pose by wheel readings, and its Jacobians."""
 
 from __future__ import annotations
 

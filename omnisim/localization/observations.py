@@ -1,4 +1,4 @@
-"""What a robot at a pose should see of landmarks: range and bearing, the paper's m = (r, γ).
+"""Measurement model of landmarks: range and bearing, the paper's m = (r, γ).
 
 A slim landmark, a beacon, is a point: its axis. A wide one, a goal, has corners: its bearing is
 midway between the two that are outermost as seen by the camera, and its range is that of the
@@ -44,7 +44,7 @@ Corners = tuple[tuple[float, float], ...]  # of a landmark: x and y in the world
 
 
 class LandmarkMap:
-    """Landmarks and where they are.
+    """Map of landmarks.
 
     Args:
         corners_m: by name, (n, 2) corners in the world; one for a point.
@@ -58,27 +58,29 @@ class LandmarkMap:
 
     def __init__(self, corners_m: Mapping[str, ArrayLike]):
         if not corners_m:
-            raise LocalizationError("landmarks: none: want at least one to find oneself by")
+            raise LocalizationError("landmarks: expected at least one to localize by")
         self.corners_m: dict[str, Corners] = {}
         for name, corners in corners_m.items():
             given = np.atleast_2d(np.asarray(corners, dtype=np.float64))
             if given.ndim != 2 or given.shape[1] != 2 or not np.all(np.isfinite(given)):
-                raise LocalizationError(f"landmark {name!r}: want finite corners (x, y)")
+                raise LocalizationError(f"landmark {name!r}: expected finite corners (x, y)")
             self.corners_m[name] = tuple((x, y) for x, y in given.tolist())
 
     @classmethod
     def of_scene(
         cls, landmarks: Iterable[Landmark], offsets_m: Mapping[str, ArrayLike] | None = None
     ) -> LandmarkMap:
-        """The map of a scene's landmarks.
+        """Build the map of a scene's landmarks.
 
         Args:
             landmarks: with positions and footprints.
             offsets_m: by name, (2,) how far off the map has it.
         """
-        corners = {}
+        offsets, corners = offsets_m or {}, {}
         for landmark in landmarks:
-            middle = np.array(landmark.position_m[:2]) + (offsets_m or {}).get(landmark.name, 0.0)
+            middle = np.array(landmark.position_m[:2]) + np.asarray(
+                offsets.get(landmark.name, 0.0), dtype=np.float64
+            )
             half = 0.5 * np.array(landmark.footprint_m)
             if landmark.is_slim:
                 corners[landmark.name] = middle[None]
@@ -88,7 +90,7 @@ class LandmarkMap:
         return cls(corners)
 
     def corners(self, name: str) -> Corners:
-        """Those of one landmark.
+        """Corners of one landmark.
 
         Raises:
             LocalizationError: it is not on the map.
@@ -104,7 +106,7 @@ class LandmarkMap:
 def expect(
     pose: tuple[float, float, float], camera_m: tuple[float, float], corners_m: Corners
 ) -> tuple[float, ...]:
-    """What a robot at a pose should measure of a landmark, and the Jacobian by the pose.
+    """Expected range and bearing of a landmark from a pose, and their Jacobian by the pose.
 
     In plain floats: for one landmark at a time NumPy would take ten times as long.
 

@@ -1,4 +1,4 @@
-"""The filter's parameters, from a TOML file. `default.toml` beside this file has each with a word.
+"""Parameters of the filter, from a TOML file. `default.toml` explains each.
 
 The paper publishes none of them: all values are our choices.
 """
@@ -23,18 +23,18 @@ NotNegative = Annotated[Number, Field(ge=0.0, le=_LARGEST)]
 Positive = Annotated[Number, Field(gt=0.0, le=_LARGEST)]
 
 
-class Start(Table):
-    """How well the first pose is known: standard deviations."""
+class StartNoise(Table):
+    """Standard deviations of the first pose."""
 
     position_sigma_m: NotNegative
     heading_sigma_deg: NotNegative
 
 
-class Motion(Table):
-    """How far the wheels may be off.
+class MotionNoise(Table):
+    """Noise of the wheels.
 
-    Noise that forgets grows with the root of the way, errors that stay the same grow with the way
-    itself: a filter of three states cannot know them, and takes them for noise of each step.
+    White noise grows with the root of the distance, systematic errors grow with the distance
+    itself: a filter of three states cannot estimate them, and takes them for noise of each step.
     """
 
     distance_sigma_m_per_sqrt_m: NotNegative
@@ -59,8 +59,8 @@ class Motion(Table):
         return distance, turn
 
 
-class Measurement(Table):
-    """How far a sighting may be off beyond what it says of itself, and how it is judged."""
+class MeasurementNoise(Table):
+    """Noise of an observation beyond its own sigmas, and the validation gate."""
 
     range_sigma_share: NotNegative
     range_sigma_m: NotNegative
@@ -71,11 +71,11 @@ class Measurement(Table):
 
 
 class FilterParameters(Table):
-    """Everything that the filter is told, apart from wheels, sightings and landmarks."""
+    """All parameters of the filter."""
 
-    start: Start
-    motion: Motion
-    measurement: Measurement
+    start: StartNoise
+    motion: MotionNoise
+    measurement: MeasurementNoise
 
 
 def read_parameters(path: Path | None = None) -> FilterParameters:

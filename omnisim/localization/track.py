@@ -1,4 +1,4 @@
-"""The estimates of a whole run, and what can be told of them."""
+"""Estimates of a whole run, and notices about them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from omnisim.localization.parameters import FilterParameters
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The estimates of a run, one a step; the first is the start.
+    """Estimates of a run, one a step; the first is the start.
 
     Attributes:
         estimates: of the filter.
-        reckoned: (n, 3) x, y, yaw by the wheels alone.
+        reckoned: (n, 3) x, y, yaw by dead reckoning.
     """
 
     estimates: tuple[Estimate, ...]
@@ -26,64 +26,69 @@ class Track:
 
     @property
     def times_s(self) -> NDArray[np.float64]:
-        """Of the steps (n,)."""
+        """Times (n,) of the steps."""
         return np.array([estimate.time_s for estimate in self.estimates])
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """x, y, yaw (n, 3)."""
+        """Poses x, y, yaw (n, 3)."""
         return np.array([estimate.pose for estimate in self.estimates])
 
     @property
     def covariances(self) -> NDArray[np.float64]:
-        """Of the poses (n, 3, 3)."""
+        """Covariances (n, 3, 3) of the poses."""
         return np.array([estimate.covariance for estimate in self.estimates])
 
     def counts(self, accepted: bool) -> NDArray[np.intp]:
-        """How many sightings were let through (n,), or were not."""
+        """Numbers (n,) of accepted, or of rejected, observations."""
         return np.array(
             [
-                sum((judged.verdict == "accepted") == accepted for judged in estimate.judgements)
+                sum((each.verdict == "accepted") == accepted for each in estimate.associations)
                 for estimate in self.estimates
             ]
         )
 
     @property
-    def gate_opens(self) -> int | None:
-        """The first step at which most of what is seen is let through, or None: at none."""
+    def gate_opening_step(self) -> int | None:
+        """First step at which most observations are accepted, or None: at none."""
         accepted, rejected = self.counts(True), self.counts(False)
         steps = np.flatnonzero((accepted > 0) & (accepted >= rejected))
         return int(steps[0]) if len(steps) else None
 
     def errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distance from the true position (n,)."""
-        return np.linalg.norm(self.poses[:, :2] - true_poses[:, :2], axis=1)
+        return _distances(self.poses, true_poses)
 
     def reckoned_errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same by the wheels alone."""
-        return np.linalg.norm(self.reckoned[:, :2] - true_poses[:, :2], axis=1)
+        """Distance (n,) of dead reckoning from the true position."""
+        return _distances(self.reckoned, true_poses)
 
     def nees(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Normalised estimation error squared (n,); NaN where there is no doubt at all."""
+        """Normalised estimation error squared (n,); NaN where the covariance is singular."""
         return nees(pose_errors(self.poses, true_poses), self.covariances)
 
 
+def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    distances: NDArray[np.float64] = np.linalg.norm(poses[:, :2] - others[:, :2], axis=1)
+    return distances
+
+
 def notices(track: Track, parameters: FilterParameters) -> list[str]:
-    """What somebody should know: for how long nothing was let through, or nothing was seen."""
-    told, limit = [], parameters.measurement.report_after_steps
+    """Notices of long rejection, and of steps without observations."""
+    texts, limit = [], parameters.measurement.report_after_steps
     first = None
     for k, estimate in enumerate((*track.estimates, None)):
         if estimate is not None and estimate.steps_rejected > 0:
             first = k if first is None else first
             continue
         if first is not None and k - first >= limit:
-            told.append(
+            texts.append(
                 f"steps {first} to {k - 1}: none of the landmarks that were seen passed the gate; "
                 "the estimate went by the wheels, and its doubt grew"
             )
         first = None
-    blind = [k for k, estimate in enumerate(track.estimates) if k and not estimate.judgements]
+    blind = [k for k, estimate in enumerate(track.estimates) if k and not estimate.associations]
     if blind:
         shown = ", ".join(map(str, blind[:8])) + (", ..." if len(blind) > 8 else "")
-        told.append(f"{len(blind)} of {len(track.estimates) - 1} steps show no landmark: {shown}")
-    return told
+        texts.append(f"{len(blind)} of {len(track.estimates) - 1} steps show no landmark: {shown}")
+    return texts

@@ -1,4 +1,4 @@
-"""A track as files: a trajectory, the same with covariances, and what became of each sighting."""
+"""Files of a track: a trajectory, the same with covariances, and the data associations."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ def write_track(folder: Path, track: Track) -> None:
     lines = [_ESTIMATE_COLUMNS]
     for k, estimate in enumerate(track.estimates):
         numbers = (estimate.time_s, *estimate.pose, *estimate.covariance[upper])
-        told = [f"{number:.12g}" for number in numbers]
+        cells = [f"{number:.12g}" for number in numbers]
         nis = f"{estimate.nis:.6g}" if math.isfinite(estimate.nis) else ""
-        told += [str(accepted[k]), str(rejected[k]), nis, str(estimate.nis_degrees)]
-        lines.append(",".join(told))
+        cells += [str(accepted[k]), str(rejected[k]), nis, str(estimate.nis_degrees)]
+        lines.append(",".join(cells))
     _write(folder / ESTIMATE_CSV, lines)
     lines = [_MEASUREMENT_COLUMNS]
     for step, estimate in enumerate(track.estimates):
-        for judged in estimate.judgements:
+        for association in estimate.associations:
             numbers = (
-                judged.range_m,
-                judged.bearing_rad,
-                judged.range_innovation_m,
-                judged.bearing_innovation_rad,
-                judged.distance_squared,
+                association.range_m,
+                association.bearing_rad,
+                association.range_innovation_m,
+                association.bearing_innovation_rad,
+                association.distance_squared,
             )
-            told = [str(step), f"{estimate.time_s:.9f}", judged.landmark]
-            told += [f"{number:.6f}" for number in numbers]
-            lines.append(",".join((*told, judged.verdict)))
+            cells = [str(step), f"{estimate.time_s:.9f}", association.landmark]
+            cells += [f"{number:.6f}" for number in numbers]
+            lines.append(",".join((*cells, association.verdict)))
     _write(folder / MEASUREMENTS, lines)
 
 

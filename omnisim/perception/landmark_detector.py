@@ -17,7 +17,11 @@ from numpy.typing import NDArray
 
 from omnisim.errors import LocalizationError
 from omnisim.perception.color_model import ColorModel
-from omnisim.perception.measuring import Finding, measure_pillar, measure_wide
+from omnisim.perception.landmark_measurement import (
+    LandmarkMeasurement,
+    measure_pillar,
+    measure_wide,
+)
 from omnisim.perception.panorama import CameraMount, Panorama
 from omnisim.perception.regions import Region, find_regions, wrapped_around
 from omnisim.poses import wrap_angle
@@ -105,7 +109,7 @@ class LandmarkDetector:
         classes = self.classes(panorama)
         regions = find_regions(classes, len(self.model.colors), SMALLEST_PX)
         doubled = wrapped_around(panorama)
-        found: list[tuple[Landmark, Finding]] = []
+        found: list[tuple[Landmark, LandmarkMeasurement]] = []
         in_pillars: set[int] = set()
         for lower, upper in _stacked(regions):
             landmark = self._pillars.get((lower.color, upper.color))
@@ -124,7 +128,7 @@ class LandmarkDetector:
                 found.append((landmark, finding))
         return [self._detection(landmark, best) for landmark, best in _best_of_each(found)]
 
-    def _detection(self, landmark: Landmark, finding: Finding) -> Detection:
+    def _detection(self, landmark: Landmark, finding: LandmarkMeasurement) -> Detection:
         width = self.panorama.camera.width_px
         turns = finding.left // width  # boxes start within the panorama
         bearing = float(self.panorama.bearings_rad(finding.column))
@@ -169,9 +173,11 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
     return pairs
 
 
-def _best_of_each(found: list[tuple[Landmark, Finding]]) -> list[tuple[Landmark, Finding]]:
+def _best_of_each(
+    found: list[tuple[Landmark, LandmarkMeasurement]],
+) -> list[tuple[Landmark, LandmarkMeasurement]]:
     """Of several places for one landmark the one of most pixels: there is one of each."""
-    best: dict[str, tuple[Landmark, Finding]] = {}
+    best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
     for landmark, finding in found:
         other = best.get(landmark.name)
         if other is None or finding.area_px > other[1].area_px:

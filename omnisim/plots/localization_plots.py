@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Rectangle
 from numpy.typing import NDArray
 
-from omnisim.localization.consistency import Band
+from omnisim.localization.consistency import Interval
 from omnisim.localization.track import Track
 from omnisim.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED, label_axes
 from omnisim.scene.model import Landmark
@@ -129,23 +129,27 @@ def seeds_figure(
 
 def consistency_figure(
     nees: NDArray[np.float64],
-    nees_band: Band,
+    nees_interval: Interval,
     nis: NDArray[np.float64],
-    nis_bands: Sequence[Band],
+    nis_intervals: Sequence[Interval],
 ) -> Figure:
     """Mean NEES and mean NIS of all seeds against the step, with their 95 % bands.
 
     Args:
         nees: (steps,) means.
-        nees_band: of such a mean.
+        nees_interval: of such a mean.
         nis: (steps,) means of NIS over its degrees of freedom.
-        nis_bands: of each step's mean.
+        nis_intervals: of each step's mean.
     """
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
     for column, (title, values, low, high) in enumerate(
         (
-            ("NEES, mean of all seeds", nees, *(np.full(len(nees), edge) for edge in nees_band)),
-            ("NIS over its degrees of freedom", nis, *np.array(nis_bands).T),
+            (
+                "NEES, mean of all seeds",
+                nees,
+                *(np.full(len(nees), edge) for edge in nees_interval),
+            ),
+            ("NIS over its degrees of freedom", nis, *np.array(nis_intervals).T),
         )
     ):
         axes = figure.add_subplot(1, 2, column + 1)

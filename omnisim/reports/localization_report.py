@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.localization.consistency import mean_band
+from omnisim.localization.consistency import mean_interval
 from omnisim.localization.parameters import FilterParameters
 from omnisim.localization.track import Track, notices
 from omnisim.localization.track_files import write_track
@@ -99,7 +99,7 @@ def _section(
 def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:
     """What can be told of a single track."""
     accepted, rejected = int(track.counts(True).sum()), int(track.counts(False).sum())
-    opens = track.gate_opens
+    opens = track.gate_opening_step
     numbers = [
         Measure("landmarks let through the gate", accepted),
         Measure("landmarks rejected", rejected),
@@ -124,7 +124,7 @@ def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Measu
     found = [estimate for estimate in track.estimates if estimate.nis_degrees]
     degrees = sum(estimate.nis_degrees for estimate in found)
     if degrees:
-        low, high = mean_band(1, degrees)
+        low, high = mean_interval(1, degrees)
         numbers.append(
             Measure(
                 f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})",

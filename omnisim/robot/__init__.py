@@ -6,13 +6,13 @@ above. Nothing here knows of pictures or of the GPU.
 
 from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
 from omnisim.robot.kinematics import Kinematics, check_drivable, find_excess
-from omnisim.robot.locate import builtin_robots, find_robot
 from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry
 from omnisim.robot.odometry_files import read_odometry, write_odometry
 from omnisim.robot.robot_file import Footprint, Robot, load_robot, parse_robot, read_robot
+from omnisim.robot.robot_lookup import builtin_robots, find_robot
 from omnisim.robot.timing import time_poses
 from omnisim.robot.trajectory import Trajectory, check_continuous
-from omnisim.robot.trajectory_files import read_recording, read_trajectory, write_trajectory
+from omnisim.robot.trajectory_files import parse_trajectory, read_trajectory, write_trajectory
 from omnisim.robot.waypoints import lap_and_diagonal
 
 __all__ = [
@@ -32,8 +32,8 @@ __all__ = [
     "lap_and_diagonal",
     "load_robot",
     "parse_robot",
+    "parse_trajectory",
     "read_odometry",
-    "read_recording",
     "read_robot",
     "read_trajectory",
     "simulate_odometry",

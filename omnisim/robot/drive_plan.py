@@ -25,7 +25,7 @@ SMALLEST_TURN_RAD = 1e-9
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _Segment:
     """A leg or a turn on the spot, from rest to rest."""
 
     start: tuple[float, float, float]  # x, y, yaw
@@ -100,12 +100,12 @@ def drive_in_steps(
     for name, value, most in (("step_m", step_m, math.inf), ("step_rad", step_rad, math.pi / 2.0)):
         if not 0.0 < value <= most:
             raise TrajectoryError(f"{name} = {value:g}: want more than 0, at most {most:.6g}")
-    motions = list(_motions(waypoints_m, kinematics, start_yaw_rad))
+    segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
     counts = [
-        _count(motion.amount / (step_m if motion.move_m != (0.0, 0.0) else step_rad))
-        for motion in motions
+        _count(segment.amount / (step_m if segment.move_m != (0.0, 0.0) else step_rad))
+        for segment in segments
     ]
-    return _sampled(motions, counts)
+    return _sampled(segments, counts)
 
 
 def drive_with_period(
@@ -130,14 +130,14 @@ def drive_with_period(
     """
     if not 0.0 < period_s < math.inf:
         raise TrajectoryError(f"period_s = {period_s:g}: want a finite number above 0")
-    motions = list(_motions(waypoints_m, kinematics, start_yaw_rad))
-    counts = [_count(motion.duration_s / period_s) for motion in motions]
-    return _sampled(motions, counts, period_s)
+    segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
+    counts = [_count(segment.duration_s / period_s) for segment in segments]
+    return _sampled(segments, counts, period_s)
 
 
-def _motions(
+def _segments(
     waypoints_m: ArrayLike, kinematics: Kinematics, start_yaw_rad: float | None
-) -> Iterator[_Motion]:
+) -> Iterator[_Segment]:
     points = check_waypoints(waypoints_m)
     legs = np.diff(points, axis=0)
     headings = np.arctan2(legs[:, 1], legs[:, 0])
@@ -152,9 +152,9 @@ def _motions(
         if turn < SMALLEST_TURN_RAD - math.pi:
             turn += 2.0 * math.pi
         if abs(turn) > SMALLEST_TURN_RAD:
-            yield _Motion((x, y, yaw), (0.0, 0.0), turn, *turning)
+            yield _Segment((x, y, yaw), (0.0, 0.0), turn, *turning)
         yaw = heading
-        yield _Motion((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
+        yield _Segment((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
 
 
 def _count(steps: float) -> int:
@@ -165,23 +165,23 @@ def _count(steps: float) -> int:
 
 
 def _sampled(
-    motions: list[_Motion], counts: list[int], period_s: float | None = None
+    segments: list[_Segment], counts: list[int], period_s: float | None = None
 ) -> Trajectory:
-    """Poses of motions one after the other, each cut into a count of steps.
+    """Poses of segments one after the other, each cut into a count of steps.
 
     The steps are equal in time where a period is given, and else equally long.
     """
     if sum(counts) > MOST_POSES:
         raise TrajectoryError(f"{sum(counts)} steps: want at most {MOST_POSES}: make them longer")
-    times, poses, start_s = [np.zeros(1)], [np.array([motions[0].start])], 0.0
-    for motion, count in zip(motions, counts, strict=True):
+    times, poses, start_s = [np.zeros(1)], [np.array([segments[0].start])], 0.0
+    for segment, count in zip(segments, counts, strict=True):
         shares = np.arange(1, count + 1) / count
         if period_s is None:
-            times.append(start_s + motion.times_at(shares * motion.amount))
-            start_s += motion.duration_s
+            times.append(start_s + segment.times_at(shares * segment.amount))
+            start_s += segment.duration_s
         else:
-            shares = motion.amounts_at(shares * motion.duration_s) / motion.amount
-        poses.append(motion.poses_at(shares))
+            shares = segment.amounts_at(shares * segment.duration_s) / segment.amount
+        poses.append(segment.poses_at(shares))
     planar = np.concatenate(poses)
     stamps = np.concatenate(times) if period_s is None else period_s * np.arange(len(planar))
     return Trajectory.on_ground(stamps, planar[:, :2], planar[:, 2])

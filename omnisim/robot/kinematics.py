@@ -13,7 +13,7 @@ from omnisim.errors import TrajectoryError
 from omnisim.poses import rotation_angles
 from omnisim.robot.trajectory import Trajectory, step_lengths_m
 
-Drive = Literal["differential", "skid_steer"]
+DriveType = Literal["differential", "skid_steer"]
 # Of the limits: a trajectory that goes right up to them is off by its rounding.
 TOLERANCE = 1e-6
 
@@ -34,15 +34,17 @@ class Kinematics:
         TrajectoryError: an unknown drive, or a limit that is not a finite number above 0.
     """
 
-    drive: Drive
+    drive: DriveType
     max_speed_mps: float
     max_turn_rate_radps: float
     max_acceleration_mps2: float
     max_turn_acceleration_radps2: float
 
     def __post_init__(self) -> None:
-        if self.drive not in get_args(Drive):
-            raise TrajectoryError(f"drive {self.drive!r}: want one of {', '.join(get_args(Drive))}")
+        if self.drive not in get_args(DriveType):
+            raise TrajectoryError(
+                f"drive {self.drive!r}: want one of {', '.join(get_args(DriveType))}"
+            )
         for name in (
             "max_speed_mps",
             "max_turn_rate_radps",

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.poses import LARGEST_M, wrap_angle
-from omnisim.robot.formats.recording import read_times
-from omnisim.robot.formats.table import check_printed_times, read_table
+from omnisim.robot.formats.parsed_trajectory import read_times
+from omnisim.robot.formats.text_table import check_printed_times, read_text_table
 from omnisim.robot.odometry import Odometry
 from omnisim.robot.trajectory_files import write_lines
 
@@ -44,7 +44,7 @@ def read_odometry(path: Path) -> Odometry:
         TrajectoryError: naming file, line, what was found and what was wanted; also where poses do
             not follow from the readings.
     """
-    table = read_table(path)
+    table = read_text_table(path)
     if table.lines[0].cells != COLUMNS:
         found = ",".join(table.lines[0].cells)
         raise table.fault(table.lines[0], f"header {found[:60]!r}: want {','.join(COLUMNS)}")

@@ -14,9 +14,9 @@ from pydantic import Field
 
 from omnisim.errors import RobotFileError, TrajectoryError
 from omnisim.parameters import Number, Table, parse_table
-from omnisim.robot.kinematics import Drive, Kinematics
-from omnisim.robot.locate import find_robot
+from omnisim.robot.kinematics import DriveType, Kinematics
 from omnisim.robot.odometry import OdometryErrors
+from omnisim.robot.robot_lookup import find_robot
 from omnisim.robot.sensor_mounts import Name, SensorMount, parse_mounts
 from omnisim.toml_file import read_toml
 
@@ -30,7 +30,7 @@ Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 class _KinematicsTable(Table):
     """Track and wheels are the body's; nothing here drives by them."""
 
-    type: Drive
+    type: DriveType
     track_m: Length | None = None
     wheel_diameter_m: Length | None = None
     max_speed_mps: Limit

@@ -9,8 +9,8 @@ from pathlib import Path
 from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import TrajectoryError
 from omnisim.robot.formats import euroc, kitti, pose_csv, tum
-from omnisim.robot.formats.recording import Recording
-from omnisim.robot.formats.table import Table, is_number, quote, read_table
+from omnisim.robot.formats.parsed_trajectory import ParsedTrajectory
+from omnisim.robot.formats.text_table import TextTable, is_number, quote, read_text_table
 from omnisim.robot.trajectory import Trajectory, check_continuous
 
 FORMATS = {"tum": tum, "kitti": kitti, "euroc": euroc, "csv": pose_csv}
@@ -20,7 +20,7 @@ WANTED = (
 )
 
 
-def read_recording(path: Path, format_name: str | None = None) -> Recording:
+def parse_trajectory(path: Path, format_name: str | None = None) -> ParsedTrajectory:
     """Read the poses of a file, and its times where it has any.
 
     Args:
@@ -30,7 +30,7 @@ def read_recording(path: Path, format_name: str | None = None) -> Recording:
     Raises:
         TrajectoryError: naming file, line, what was found and what was wanted.
     """
-    table = read_table(path)
+    table = read_text_table(path)
     name = _known(format_name) if format_name else _format_of(path, table)
     return FORMATS[name].read(table)
 
@@ -53,7 +53,7 @@ def read_trajectory(
     Raises:
         TrajectoryError: naming file, line, what was found and what was wanted.
     """
-    recording = read_recording(path, format_name)
+    recording = parse_trajectory(path, format_name)
     trajectory = recording.trajectory(rate_hz)
     check_continuous(
         trajectory, max_step_m, recording.source, max_speed_mps, recording.line_numbers
@@ -99,7 +99,7 @@ def _known(name: str) -> str:
     return name
 
 
-def _format_of(path: Path, table: Table) -> str:
+def _format_of(path: Path, table: TextTable) -> str:
     suffix = path.suffix.lower()
     if suffix in (".tum", ".kitti"):
         return suffix[1:]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot.formats.table import read_table
+from omnisim.robot.formats.text_table import read_text_table
 from omnisim.robot.waypoints import check_waypoints
 
 
@@ -21,7 +21,7 @@ def read_waypoints(path: Path) -> NDArray[np.float64] | None:
     Raises:
         TrajectoryError: naming file, line, what was found and what was wanted.
     """
-    table = read_table(path)
+    table = read_text_table(path)
     names = table.lines[0].cells
     if sorted(names) != ["x_m", "y_m"]:
         return None

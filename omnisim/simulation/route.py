@@ -17,10 +17,10 @@ from omnisim.robot import (
     check_drivable,
     drive_in_steps,
     drive_with_period,
-    read_recording,
+    parse_trajectory,
     time_poses,
 )
-from omnisim.robot.formats.table import check_printed_times
+from omnisim.robot.formats.text_table import check_printed_times
 from omnisim.robot.waypoint_files import read_waypoints
 from omnisim.scene import Scene
 from omnisim.simulation.vehicle import Vehicle
@@ -109,7 +109,7 @@ def _from_file(path: Path, vehicle: Vehicle, route: Route) -> Trajectory:
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
         return _along(waypoints_m, None, vehicle, route, str(path))
-    recording = read_recording(path)
+    recording = parse_trajectory(path)
     if route.ground_m != 0.0:
         raise TrajectoryError(
             f"{path}: has poses, which have heights of their own: want no --ground, or waypoints"

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.experiments.detection_accuracy import Found, accuracy, compare
+from omnisim.experiments.detection_accuracy import DetectionMatch, accuracy, compare
 from omnisim.experiments.experiment_runs import REAL_PARAMETERS
 from omnisim.experiments.recordings import LEARNING_WAY, real_camera
 from omnisim.experiments.seeds import SeedRuns
-from omnisim.localization.consistency import mean_band
+from omnisim.localization.consistency import mean_interval
 from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import read_parameters
 from omnisim.perception.landmark_detector import Detection
@@ -43,8 +43,8 @@ def test_found_is_what_is_where_it_should_be():
 
 
 def test_a_range_that_is_far_off_is_no_find_unless_it_says_so():
-    off = Found(0, "a", 2.0, _detection("a", 2.7, 0.0), 0.7, 0.0)
-    unsure = Found(0, "a", 2.0, _detection("a", 2.7, 0.0, sigma_m=0.5), 0.7, 0.0)
+    off = DetectionMatch(0, "a", 2.0, _detection("a", 2.7, 0.0), 0.7, 0.0)
+    unsure = DetectionMatch(0, "a", 2.0, _detection("a", 2.7, 0.0, sigma_m=0.5), 0.7, 0.0)
     assert (off.is_right, unsure.is_right) == (False, True)
 
 
@@ -57,7 +57,7 @@ def test_seeds_are_averaged_over_what_is_known():
     )  # fmt: skip
     np.testing.assert_array_equal(runs.nees_by_step, [np.nan, 2.0, 3.0])
     np.testing.assert_array_equal(runs.nis_by_step, [np.nan, 0.75, 1.0])
-    assert runs.nis_bands[2] == mean_band(1, 8)
+    assert runs.nis_intervals[2] == mean_interval(1, 8)
 
 
 def test_the_real_setting_starts_without_any_doubt():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import LocalizationError
-from omnisim.localization.consistency import mean_band, nees, pose_errors
+from omnisim.localization.consistency import mean_interval, nees, pose_errors
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.motion import move
 from omnisim.localization.observations import LandmarkMap, Observation, expect
@@ -40,14 +40,16 @@ def _seen_from(pose, name, sigma_m=0.05, sigma_rad=0.01, error=(0.0, 0.0)):
     return Observation((name,), range_m + more_m, bearing_rad + more_rad, sigma_m, sigma_rad)
 
 
-def _sigmas(parameters, sighting):
-    """What a sighting's range and bearing may be off by the filter's own account."""
+def _sigmas(parameters, observation):
+    """Standard deviations of an observation's range and bearing, as the filter has them."""
     extra = parameters.measurement
     return (
         math.hypot(
-            sighting.range_sigma_m, extra.range_sigma_m, extra.range_sigma_share * sighting.range_m
+            observation.range_sigma_m,
+            extra.range_sigma_m,
+            extra.range_sigma_share * observation.range_m,
         ),
-        math.hypot(sighting.bearing_sigma_rad, math.radians(extra.bearing_sigma_deg)),
+        math.hypot(observation.bearing_sigma_rad, math.radians(extra.bearing_sigma_deg)),
     )
 
 
@@ -90,12 +92,12 @@ def test_a_goal_is_seen_at_its_nearest_corner_and_midway_between_its_outermost()
     np.testing.assert_allclose((told[0], told[4]), (math.hypot(2.7, 0.4), -0.5), atol=1e-12)
 
 
-def test_sightings_draw_the_estimate_to_the_truth():
+def test_observations_draw_the_estimate_to_the_truth():
     true, start = (0.3, -0.1, 0.25), (0.1, -0.2, 0.3)
     robot = _filter(np.diag([0.04, 0.04, 0.01]), start)
     seen = [_seen_from(true, name) for name in MAP.corners_m]
     estimate = robot.step(1.0, 0.0, 0.0, seen)
-    assert {each.verdict for each in estimate.judgements} == {"accepted"}
+    assert {each.verdict for each in estimate.associations} == {"accepted"}
     assert math.dist(estimate.pose, true) < 0.05 < math.dist(start, true)
     assert np.trace(estimate.covariance) < 0.1 * 0.09
     np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)
@@ -106,33 +108,35 @@ def test_a_bearing_may_lie_on_the_other_side_of_the_half_turn():
     robot = _filter(np.diag([1e-4, 1e-4, 1e-4]), true)
     seen = _seen_from(true, "b")
     other = Observation(seen.candidates, seen.range_m, seen.bearing_rad + 2 * math.pi, 0.05, 0.01)
-    for sighting in (seen, other):
-        (judged,) = _filter(np.diag([1e-4] * 3), true).step(1.0, 0.0, 0.0, [sighting]).judgements
+    for observation in (seen, other):
+        (judged,) = (
+            _filter(np.diag([1e-4] * 3), true).step(1.0, 0.0, 0.0, [observation]).associations
+        )
         assert judged.verdict == "accepted"
         assert abs(judged.bearing_innovation_rad) < 1e-9
     assert abs(robot.step(1.0, 0.0, 7.0).pose[2]) <= math.pi
 
 
-def test_the_order_of_sightings_makes_no_difference():
+def test_the_order_of_observations_makes_no_difference():
     seen = [_seen_from((0.2, -0.1, 0.3), name) for name in MAP.corners_m]
     one = _filter(np.diag([0.04, 0.04, 0.01])).step(1.0, 0.3, 0.1, seen)
     other = _filter(np.diag([0.04, 0.04, 0.01])).step(1.0, 0.3, 0.1, seen[::-1])
     np.testing.assert_allclose(one.pose, other.pose, atol=1e-12)
 
 
-def test_a_sighting_of_many_candidates_is_taken_for_the_nearest():
+def test_an_observation_of_many_candidates_is_taken_for_the_nearest():
     start = (0.1, -0.2, 0.3)
-    sighting = _seen_from(start, "c", error=(0.05, 0.01))
-    unclear = dataclasses.replace(sighting, candidates=("a", "b", "c", "d"))
+    observation = _seen_from(start, "c", error=(0.05, 0.01))
+    unclear = dataclasses.replace(observation, candidates=("a", "b", "c", "d"))
     robot = _filter(np.diag([0.01, 0.01, 0.01]), start)
-    (judged,) = robot.step(1.0, 0.0, 0.0, [unclear]).judgements
+    (judged,) = robot.step(1.0, 0.0, 0.0, [unclear]).associations
     assert (judged.landmark, judged.verdict) == ("c", "accepted")
 
 
-def test_of_two_sightings_of_one_landmark_the_better_counts():
+def test_of_two_observations_of_one_landmark_the_better_counts():
     start = (0.1, -0.2, 0.3)
     seen = [_seen_from(start, "a", error=(0.1, 0.0)), _seen_from(start, "a")]
-    judged = _filter(np.diag([0.01] * 3), start).step(1.0, 0.0, 0.0, seen).judgements
+    judged = _filter(np.diag([0.01] * 3), start).step(1.0, 0.0, 0.0, seen).associations
     assert [each.verdict for each in judged] == ["superseded", "accepted"]
 
 
@@ -141,8 +145,10 @@ def test_the_gate_keeps_out_what_is_too_far_off():
     robot = _filter(np.diag([1e-6] * 3), start)
     sigma, _ = _sigmas(_parameters(), _seen_from(start, "a"))
     for sigmas, verdict in ((2.9, "accepted"), (3.2, "gated")):  # the gate is at 3.03
-        sighting = _seen_from(start, "a", error=(sigmas * sigma, 0.0))
-        (judged,) = _filter(np.diag([1e-6] * 3), start).step(1.0, 0.0, 0.0, [sighting]).judgements
+        observation = _seen_from(start, "a", error=(sigmas * sigma, 0.0))
+        (judged,) = (
+            _filter(np.diag([1e-6] * 3), start).step(1.0, 0.0, 0.0, [observation]).associations
+        )
         assert judged.verdict == verdict
     for k in range(1, 30):  # all gated for long: it says so, and doubts grow
         before = robot.estimate
@@ -155,8 +161,8 @@ def test_without_any_doubt_nothing_can_be_learned():
     quiet = {f"motion__{name}": 0.0 for name in read_parameters().motion.model_dump()}
     quiet |= {"measurement__range_sigma_share": 0.0, "measurement__range_sigma_m": 0.0}
     robot = _filter(np.zeros((3, 3)), measurement__bearing_sigma_deg=0.0, **quiet)
-    sighting = _seen_from((0.1, -0.2, 0.3), "a", sigma_m=0.0, sigma_rad=0.0)
-    (judged,) = robot.step(1.0, 0.0, 0.0, [sighting]).judgements
+    observation = _seen_from((0.1, -0.2, 0.3), "a", sigma_m=0.0, sigma_rad=0.0)
+    (judged,) = robot.step(1.0, 0.0, 0.0, [observation]).associations
     assert judged.verdict == "singular"
     np.testing.assert_allclose(robot.estimate.pose, (0.1, -0.2, 0.3))
 
@@ -165,11 +171,11 @@ def test_no_doubt_at_the_start_closes_the_gate_until_doubt_has_grown():
     """The paper's real setting: biased wheels, and a start that the filter is certain of."""
     certain, true = np.zeros((3, 3)), np.array([0.0, 0.0, 0.0])
     robot = _filter(certain, (0.0, 0.15, 0.0))  # 15 cm off, and sure of it
-    judged = robot.step(1.0, 0.01, 0.0, [_seen_from(true, "a")]).judgements
+    judged = robot.step(1.0, 0.01, 0.0, [_seen_from(true, "a")]).associations
     assert judged[0].verdict == "gated"
     for k in range(2, 200):
         estimate = robot.step(float(k), 0.1 * (-1) ** k, 0.0, [_seen_from(true, "a")])
-        if estimate.judgements[0].verdict == "accepted":
+        if estimate.associations[0].verdict == "accepted":
             break
     assert 2 < k < 199
 
@@ -178,23 +184,23 @@ def test_no_doubt_at_the_start_closes_the_gate_until_doubt_has_grown():
 def test_times_must_increase(time_s):
     robot = _filter()
     before = robot.step(1.0, 0.1, 0.0)
-    with pytest.raises(LocalizationError, match="want times that increase"):
+    with pytest.raises(LocalizationError, match="expected a time after"):
         robot.step(time_s, 0.1, 0.0)
     assert robot.estimate is before
 
 
 @pytest.mark.parametrize(
-    ("sighting", "words"),
+    ("observation", "words"),
     [
         (Observation(("nobody",), 1.0, 0.0, 0.1, 0.1), "'nobody': not on the map, which has a, b"),
         (Observation(("a",), math.nan, 0.0, 0.1, 0.1), "finite numbers, and sigmas"),
         (Observation(("a",), 1.0, 0.0, -0.1, 0.1), "sigmas of 0 or more"),
-        (Observation((), 1.0, 0.0, 0.1, 0.1), "want a candidate"),
+        (Observation((), 1.0, 0.0, 0.1, 0.1), "expected a candidate"),
     ],
 )
-def test_a_sighting_that_is_none_is_refused(sighting, words):
+def test_an_invalid_observation_is_refused(observation, words):
     with pytest.raises(LocalizationError, match=words):
-        _filter().step(1.0, 0.1, 0.0, [sighting])
+        _filter().step(1.0, 0.1, 0.0, [observation])
 
 
 def test_a_start_must_be_one():
@@ -228,8 +234,8 @@ def _simulate(parameters, generator, steps=60):
         told = np.array([distance, turn]) + generator.normal(size=2) * sigmas
         seen = []
         for name in MAP.corners_m:
-            sighting = _seen_from(true, name)
-            error = generator.normal(size=2) * _sigmas(parameters, sighting)
+            observation = _seen_from(true, name)
+            error = generator.normal(size=2) * _sigmas(parameters, observation)
             seen.append(_seen_from(true, name, error=error))
         estimate = robot.step(float(k), told[0], told[1], seen)
         errors.append(pose_errors(estimate.pose, true))
@@ -244,11 +250,11 @@ def test_it_is_as_sure_as_it_should_be():
     generator = np.random.default_rng(2)
     found = [_simulate(parameters, generator, steps) for _ in range(runs)]
     each = np.mean([run[0] for run in found], axis=0)
-    low, high = mean_band(3, runs)
+    low, high = mean_interval(3, runs)
     # 95 % of the steps are expected within; successive steps are alike, so that some runs of
     # seeds have less: 85 % leaves three standard deviations for 20 independent ones
     assert np.mean((each > low) & (each < high)) > 0.85
-    low, high = mean_band(10, runs * steps, share=0.999)
+    low, high = mean_interval(10, runs * steps, share=0.999)
     assert low < np.mean([run[1][:, 0] for run in found]) < high
     # and a filter that takes its wheels for five times as good is found out
     told = {name: value / 5.0 for name, value in parameters.motion.model_dump().items()}
@@ -265,7 +271,7 @@ def test_it_is_as_sure_as_it_should_be():
         estimate = robot.step(float(k), told[0], told[1], [_seen_from(true, "a", 0.2, 0.1)])
         errors.append(pose_errors(estimate.pose, true))
         covariances.append(estimate.covariance)
-    assert np.nanmean(nees(np.array(errors), np.array(covariances))) > mean_band(3, steps).high
+    assert np.nanmean(nees(np.array(errors), np.array(covariances))) > mean_interval(3, steps).high
 
 
 def test_a_step_takes_a_tenth_of_a_millisecond():

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from omnisim.cli.app import app
 from omnisim.errors import OmnisimError
 from omnisim.image_files import read_image, write_image
-from omnisim.localization.localize import localize, sighting_of
+from omnisim.localization.localize import localize, observation_from_detection
 from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.parameters import read_parameters
 from omnisim.localization.track import notices
@@ -124,12 +124,12 @@ def _track(folder, model):
     data, parameters = read_run(folder), read_parameters()
     colors, landmarks = load_model(model)
     detector = LandmarkDetector(colors, landmarks, data.mount)
-    sightings = [
-        [sighting_of(each, parameters.measurement) for each in detector(picture)]
+    observations = [
+        [observation_from_detection(each, parameters.measurement) for each in detector(picture)]
         for picture in data.pictures()
     ]
     known = LandmarkMap.of_scene(data.landmarks)
-    return localize(data.odometry, sightings, known, parameters, data.mount.position_m)
+    return localize(data.odometry, observations, known, parameters, data.mount.position_m)
 
 
 def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):

@@ -26,8 +26,8 @@ def _track(*seen):
 
 
 def test_the_gate_opens_where_most_pass():
-    assert _track((0, 0), (0, 3), (1, 2), (2, 1), (0, 3)).gate_opens == 3
-    assert _track((0, 0), (0, 3)).gate_opens is None
+    assert _track((0, 0), (0, 3), (1, 2), (2, 1), (0, 3)).gate_opening_step == 3
+    assert _track((0, 0), (0, 3)).gate_opening_step is None
 
 
 def test_long_rejection_and_blindness_are_told():

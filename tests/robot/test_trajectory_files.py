@@ -9,7 +9,7 @@ from omnisim.robot.formats.pose_csv import heading_along
 from omnisim.robot.trajectory import Trajectory
 from omnisim.robot.trajectory_files import (
     FORMATS,
-    read_recording,
+    parse_trajectory,
     read_trajectory,
     write_trajectory,
 )
@@ -42,7 +42,7 @@ def test_there_and_back(tmp_path, format_name, count):
     suffix = {"euroc": "csv"}.get(format_name, format_name)
     path = tmp_path / f"a.{suffix}"
     write_trajectory(path, trajectory, format_name)
-    again = read_recording(path)  # recognised
+    again = parse_trajectory(path)  # recognised
     if format_name == "kitti":
         assert again.times_s is None
     else:
@@ -59,7 +59,7 @@ def test_recognised_by_its_columns(tmp_path, format_name):
     trajectory = _trajectory(3)
     path = tmp_path / "poses.txt"
     write_trajectory(path, trajectory, format_name)
-    recording = read_recording(path)
+    recording = parse_trajectory(path)
     np.testing.assert_allclose(recording.world_from_base, trajectory.world_from_base, atol=1e-8)
 
 
@@ -98,12 +98,12 @@ def test_header_in_any_order_and_spaced(tmp_path):
 def test_csv_has_all_three_angles(tmp_path):
     path = _write(tmp_path, "a.csv", "x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg\n1,2,3,10,20,30\n")
     expected = pose((1, 2, 3), roll_deg=10, pitch_deg=20, yaw_deg=30)
-    np.testing.assert_allclose(read_recording(path).world_from_base[0], expected)
+    np.testing.assert_allclose(parse_trajectory(path).world_from_base[0], expected)
 
 
 def test_without_yaw_it_looks_along_its_path(tmp_path):
     path = _write(tmp_path, "a.csv", "x_m,y_m\n0,0\n1,0\n1,0\n1,2\n0,2\n0,2\n")
-    recording = read_recording(path)
+    recording = parse_trajectory(path)
     assert recording.times_s is None
     yaw = np.degrees(recording.trajectory(1.0).yaw_rad)
     np.testing.assert_allclose(yaw, (0, 90, 90, 180, 180, 180), atol=1e-13)

@@ -13,8 +13,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from omnisim.poses import quaternion_from_rotation
-from omnisim.robot.formats.recording import Recording, read_quaternions, recording
-from omnisim.robot.formats.table import Line, Table, check_printed_times, is_number, quote
+from omnisim.robot.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_quaternions,
+)
+from omnisim.robot.formats.text_table import Line, TextTable, check_printed_times, is_number, quote
 from omnisim.robot.trajectory import Trajectory
 
 STAMP = re.compile(r"\d{1,19}", re.ASCII)
@@ -27,7 +31,7 @@ COLUMNS = (
 UNITS = ["ns"] + ["m"] * 3 + [""] * 4 + ["m s^-1"] * 3 + ["rad s^-1"] * 3 + ["m s^-2"] * 3
 
 
-def read(table: Table) -> Recording:
+def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 17 columns, with a header or without.
 
     Raises:
@@ -40,10 +44,10 @@ def read(table: Table) -> Recording:
     times_s = np.array([stamp / 1_000_000_000 for stamp in stamps])
     table.check_times(times_s, [f"{stamp} ns" for stamp in stamps])
     rotations = read_quaternions(table, numbers[:, (5, 6, 7, 4)])
-    return recording(table, times_s, numbers[:, 1:4], rotations)
+    return parsed_trajectory(table, times_s, numbers[:, 1:4], rotations)
 
 
-def _stamp(table: Table, line: Line) -> int:
+def _stamp(table: TextTable, line: Line) -> int:
     if not STAMP.fullmatch(line.cells[0]):
         raise table.fault(line, f"timestamp = {quote(line.cells[0])}: want whole nanoseconds")
     return int(line.cells[0])

@@ -8,21 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from omnisim.robot.formats.recording import Recording, read_rotations, recording
-from omnisim.robot.formats.table import Table
+from omnisim.robot.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_rotations,
+)
+from omnisim.robot.formats.text_table import TextTable
 from omnisim.robot.trajectory import Trajectory
 
 COLUMNS = [f"{name}{row}" for row in "012" for name in ("x", "y", "z", "t")]
 
 
-def read(table: Table) -> Recording:
+def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 12 columns.
 
     Raises:
         TrajectoryError: naming file, line, what was found and what was wanted.
     """
     matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
-    return recording(table, None, matrices[:, :, 3], read_rotations(table, matrices[:, :, :3]))
+    return parsed_trajectory(
+        table, None, matrices[:, :, 3], read_rotations(table, matrices[:, :, :3])
+    )
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from omnisim.errors import did_you_mean
 from omnisim.poses import roll_pitch_yaw_from_rotation, rotation_from_roll_pitch_yaw
-from omnisim.robot.formats.recording import Recording, read_times, recording
-from omnisim.robot.formats.table import Table, check_printed_times, quote
+from omnisim.robot.formats.parsed_trajectory import ParsedTrajectory, parsed_trajectory, read_times
+from omnisim.robot.formats.text_table import TextTable, check_printed_times, quote
 from omnisim.robot.trajectory import Trajectory
 
 COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]
 
 
-def read(table: Table) -> Recording:
+def read(table: TextTable) -> ParsedTrajectory:
     """Read a table whose first line names its columns.
 
     Raises:
@@ -38,10 +38,10 @@ def read(table: Table) -> Recording:
         [rotation_from_roll_pitch_yaw(*angles) for angles in zip(roll, pitch, yaw, strict=True)]
     )
     times_s = read_times(table, values["t_s"]) if "t_s" in values else None
-    return recording(table, times_s, positions, rotations)
+    return parsed_trajectory(table, times_s, positions, rotations)
 
 
-def _header(table: Table) -> list[str]:
+def _header(table: TextTable) -> list[str]:
     line = table.lines[0]
     for k, name in enumerate(line.cells):
         if name not in COLUMNS:

@@ -10,14 +10,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from omnisim.poses import quaternion_from_rotation
-from omnisim.robot.formats.recording import Recording, read_quaternions, read_times, recording
-from omnisim.robot.formats.table import Table, check_printed_times
+from omnisim.robot.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_quaternions,
+    read_times,
+)
+from omnisim.robot.formats.text_table import TextTable, check_printed_times
 from omnisim.robot.trajectory import Trajectory
 
 COLUMNS = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
 
 
-def read(table: Table) -> Recording:
+def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 8 columns.
 
     Raises:
@@ -25,7 +30,9 @@ def read(table: Table) -> Recording:
     """
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])
-    return recording(table, times_s, numbers[:, 1:4], read_quaternions(table, numbers[:, 4:]))
+    return parsed_trajectory(
+        table, times_s, numbers[:, 1:4], read_quaternions(table, numbers[:, 4:])
+    )
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:

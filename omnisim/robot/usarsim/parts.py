@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import poses
-from omnisim.robot.formats.table import quote
+from omnisim.robot.formats.text_table import quote
 from omnisim.robot.usarsim.ini import Entry, Struct, Value, parse_struct
 
 # Farther from its robot no sensor is: such numbers are in another unit.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from omnisim.robot.formats.table import quote
+from omnisim.robot.formats.text_table import quote
 from omnisim.robot.usarsim.ini import Entry, Section
 from omnisim.robot.usarsim.notices import Notices
 from omnisim.robot.usarsim.parts import Part, Units, angle_rad, length_m, number

@@ -26,7 +26,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """The lines of a file that are neither empty nor comments.
 
     Attributes:
@@ -43,7 +43,7 @@ class Table:
         """An error at a line of this file."""
         return TrajectoryError(f"{self.source}:{line.number}: {words}")
 
-    def without_header(self) -> Table:
+    def without_header(self) -> TextTable:
         """The lines but the first.
 
         Raises:
@@ -101,7 +101,7 @@ class Table:
             )
 
 
-def read_table(path: Path) -> Table:
+def read_text_table(path: Path) -> TextTable:
     """Read a text file of lines with cells between commas or blanks; `#` starts a comment line.
 
     Raises:
@@ -121,7 +121,7 @@ def read_table(path: Path) -> Table:
         raise TrajectoryError(f"{path}: empty: want at least one line of numbers")
     separator = "," if "," in kept[0][1] else None
     lines = [Line(k, [cell.strip() for cell in line.split(separator)]) for k, line in kept]
-    return Table(str(path), lines, separator)
+    return TextTable(str(path), lines, separator)
 
 
 def is_number(cell: str) -> bool:

@@ -17,7 +17,7 @@ from omnisim.poses import (
     pose_from_rotation,
     rotation_from_quaternion,
 )
-from omnisim.robot.formats.table import Table
+from omnisim.robot.formats.text_table import TextTable
 from omnisim.robot.trajectory import LARGEST_S, Trajectory
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
@@ -25,7 +25,7 @@ ROUNDING = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class ParsedTrajectory:
     """Poses of a file, with or without times.
 
     Attributes:
@@ -60,12 +60,12 @@ class Recording:
         return Trajectory(np.arange(count) / rate_hz, self.world_from_base)
 
 
-def recording(
-    table: Table,
+def parsed_trajectory(
+    table: TextTable,
     times_s: NDArray[np.float64] | None,
     positions_m: NDArray[np.float64],
     rotations: NDArray[np.float64],
-) -> Recording:
+) -> ParsedTrajectory:
     """Put together what a format's module has read from a table, a line a pose.
 
     Args:
@@ -83,10 +83,12 @@ def recording(
         lambda k: f"position {positions_m[k].tolist()}: want less than {LARGEST_M:g} m",
     )
     poses = pose_from_rotation(rotations, positions_m)
-    return Recording(table.source, np.array([line.number for line in table.lines]), times_s, poses)
+    return ParsedTrajectory(
+        table.source, np.array([line.number for line in table.lines]), times_s, poses
+    )
 
 
-def read_times(table: Table, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Times (n,) from a table's first column, checked.
 
     Raises:
@@ -99,7 +101,7 @@ def read_times(table: Table, times_s: NDArray[np.float64]) -> NDArray[np.float64
     return times_s
 
 
-def read_quaternions(table: Table, xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotations (n, 3, 3) from a table's quaternions (n, 4).
 
     Raises:
@@ -114,7 +116,7 @@ def read_quaternions(table: Table, xyzw: NDArray[np.float64]) -> NDArray[np.floa
     return rotation_from_quaternion(xyzw)
 
 
-def read_rotations(table: Table, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotations (n, 3, 3) from a table's matrices, freed from their rounding.
 
     Raises:
@@ -128,7 +130,7 @@ def read_rotations(table: Table, matrices: NDArray[np.float64]) -> NDArray[np.fl
     return nearest_rotation(matrices)
 
 
-def _refuse(table: Table, good: NDArray[np.bool_], words: Callable[[int], str]) -> None:
+def _refuse(table: TextTable, good: NDArray[np.bool_], words: Callable[[int], str]) -> None:
     if not np.all(good):
         k = int(np.argmin(good))
         raise table.fault(table.lines[k], words(k))

@@ -29,7 +29,7 @@ LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
 
 
 @dataclass(frozen=True)
-class Finding:
+class LandmarkMeasurement:
     """What was measured of one landmark; columns may run past the panorama's right edge.
 
     Attributes:
@@ -58,7 +58,7 @@ def measure_pillar(
     lower: Region,
     upper: Region,
     landmark: Landmark,
-) -> Finding | None:
+) -> LandmarkMeasurement | None:
     """Measure a pillar by two of its bands, or None: it cannot be one of that size.
 
     Args:
@@ -93,7 +93,7 @@ def measure_pillar(
     width_px = 2.0 * radius_m / range_m * panorama.camera.focal_length_px
     if not 0.4 * width_px - 1.5 <= right - left <= 1.8 * width_px + 2.5:
         return None
-    return Finding(
+    return LandmarkMeasurement(
         column, COLUMN_SIGMA_PX, range_m, range_eq2_m, sigma_m,
         left, right, upper.top, lower.bottom, lower.area_px + upper.area_px,
     )  # fmt: skip
@@ -173,7 +173,7 @@ def _fit_range(
 
 def measure_wide(
     panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
-) -> Finding | None:
+) -> LandmarkMeasurement | None:
     """Measure something wide of one colour that stands on the ground, or None: it is none."""
     height, width = region.mask.shape
     if height < 3 or width < 4:
@@ -210,7 +210,7 @@ def measure_wide(
     sigma_m = math.hypot(sigma_m, CORNER_SIGMA_M)
     if is_cut:  # the top that is seen may be that of its far end
         sigma_m += longest
-    return Finding(
+    return LandmarkMeasurement(
         region.left + 0.5 * (width - 1), WIDE_COLUMN_SIGMA_PX, range_m,
         float(panorama.ranges_eq2_m(panorama.rows(range_m, height_m), height_m)), sigma_m,
         region.left, region.right, region.top, region.bottom, region.area_px,
