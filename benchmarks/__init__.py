@@ -1,1 +1,1 @@
-"""How fast omnisim is: `python -m benchmarks SUITE`. The method is in README.md."""
+"""Performance of omnisim: `python -m benchmarks SUITE`. The method is in README.md."""

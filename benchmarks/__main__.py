@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
-from benchmarks.progress import show_turns
+from benchmarks.progress import show_progress
 from benchmarks.report import write_report
 from benchmarks.timer import ROUNDS, WARM_UP
 from omnisim.atomic_file import check_target
@@ -28,7 +28,7 @@ DEFAULT_FOLDER = Path("out") / "benchmarks"
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Parser that reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
         """End with status 2."""
@@ -37,28 +37,28 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what is named, print and write what was found.
+    """Run suites, print and write their reports.
 
     Returns:
-        The exit status: 1 where a bound does not hold or a suite cannot be run, 2 where what is
-        asked for cannot be.
+        The exit status: 1 if a bound does not hold or a suite cannot be run, 2 for wrong
+        arguments.
     """
-    asked = _parser().parse_args(arguments)
+    parsed = _parser().parse_args(arguments)
     try:
-        names = _chosen(asked.suite)
+        names = _suite_names(parsed.suite)
         options = Options(
-            rounds=asked.rounds,
-            warm_up=asked.warm_up,
-            device=asked.device,
-            scenes=tuple(asked.scene),
-            progress=partial(show_turns, err=err),
+            rounds=parsed.rounds,
+            warm_up=parsed.warm_up,
+            device=parsed.device,
+            scenes=tuple(parsed.scene),
+            progress=partial(show_progress, err=err),
         )
-        _make_folder(asked.output, names)
+        _make_folder(parsed.output, names)
     except OmnisimError as reason:
         print(f"error: {reason}", file=sys.stderr)
         return 2
     # every suite is run before the status says that one of them failed
-    return 0 if all([_passes(name, options, asked.output) for name in names]) else 1
+    return 0 if all([_passes(name, options, parsed.output) for name in names]) else 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -80,24 +80,24 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _chosen(suite: str) -> list[str]:
-    """The suites that are meant.
+def _suite_names(suite: str) -> list[str]:
+    """Names of the suites to run.
 
     Raises:
-        BenchmarkError: there is none of that name.
+        BenchmarkError: no suite has that name.
     """
-    there = [name for name in SUITES if find_spec(f"benchmarks.suites.{name}")]
+    available = [name for name in SUITES if find_spec(f"benchmarks.suites.{name}")]
     if suite == ALL:
-        return there
-    if suite not in there:
-        near = difflib.get_close_matches(suite, there, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"want {', '.join(there)} or {ALL}"
+        return available
+    if suite not in available:
+        near = difflib.get_close_matches(suite, available, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"want {', '.join(available)} or {ALL}"
         raise BenchmarkError(f"suite {suite!r}: no such suite; {hint}")
     return [suite]
 
 
 def _make_folder(folder: Path, names: list[str]) -> None:
-    """Refuse early what could only fail after the work is done.
+    """Refuse a folder that cannot be written to, before the work is done.
 
     Raises:
         OutputError: the folder cannot be made or written to.
@@ -112,7 +112,7 @@ def _make_folder(folder: Path, names: list[str]) -> None:
 
 
 def _passes(name: str, options: Options, folder: Path) -> bool:
-    """Whether a suite could be run and all its bounds hold."""
+    """True if a suite could be run and all its bounds hold."""
     try:
         suite = import_module(f"benchmarks.suites.{name}")
         report = suite.run(options)

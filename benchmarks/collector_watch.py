@@ -1,4 +1,4 @@
-"""How long Python's garbage collector runs, and when."""
+"""Time that Python's garbage collector takes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 
 class CollectorWatch:
-    """Adds up the collector's time.
+    """Sum of the collector's time.
 
     Attributes:
         seconds: in all collections since it was made.
-        collections: how many there were.
+        collections: number of collections.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class CollectorWatch:
 
 @contextmanager
 def watching_the_collector() -> Iterator[CollectorWatch]:
-    """Watch it for a `with` block."""
+    """Watch the collector during a `with` block."""
     watch = CollectorWatch()
     gc.callbacks.append(watch._note)
     try:

@@ -1,7 +1,7 @@
-"""What can be put right by whoever runs a benchmark."""
+"""Errors that the user of a benchmark can correct."""
 
 from omnisim.errors import OmnisimError
 
 
 class BenchmarkError(OmnisimError):
-    """Options that no suite can run with, or a report that is not one."""
+    """Invalid options, or a report that breaks the schema."""

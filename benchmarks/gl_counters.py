@@ -1,4 +1,4 @@
-"""What OpenGL counts while it draws: the same numbers in every run, whatever the machine does.
+"""OpenGL's pipeline statistics: the same numbers in every run.
 
 moderngl has two of the counters. The others are OpenGL 4.6's, or an extension's, and are left out
 where a driver has neither.
@@ -20,16 +20,16 @@ _QUERY_RESULT = 0x8866
 
 @dataclass(frozen=True)
 class Counts:
-    """What was drawn.
+    """Pipeline statistics of a draw.
 
     Attributes:
-        samples: that passed the depth test; where it comes before the fragment shader, which is
-            the rule for what has no holes, as many as were shaded and kept.
-        triangles: that left the vertex stage: submitted.
-        triangles_inside: left by the edges of the picture; None: the driver does not count them.
-        vertices: how often the vertex shader ran; None likewise.
-        lanes: how often the fragment shader ran, by the driver's own way of counting: a software
-            renderer runs it for whole blocks, and counts them; None likewise.
+        samples: passed the depth test; with early depth tests, the rule for opaque surfaces, as
+            many as were shaded and kept.
+        triangles: submitted by the vertex stage.
+        triangles_inside: left after clipping; None: the driver does not count them.
+        vertices: invocations of the vertex shader; None likewise.
+        lanes: invocations of the fragment shader as the driver counts them: a software renderer
+            counts whole blocks; None likewise.
     """
 
     samples: int
@@ -40,10 +40,7 @@ class Counts:
 
 
 def count(context: moderngl.Context, draw: Callable[[], object]) -> Counts:
-    """Draw, and say what it took; the context must be current.
-
-    It is drawn once for each of OpenGL's counters.
-    """
+    """Count a draw in the current context; it is drawn once for each of OpenGL's counters."""
     query = context.query(samples=True, primitives=True)
     with query:
         draw()

@@ -1,4 +1,4 @@
-"""How a suite is run: the same options for all of them."""
+"""Options of a run, the same for all suites."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.timer import ROUNDS, WARM_UP, silently
+from benchmarks.timer import ROUNDS, WARM_UP, without_progress
 
-# Goes along steps, says what they are for, and how many there are.
+# Iterates over steps, given a description and their number.
 Progress = Callable[[Iterable[int], str, int], Iterator[int]]
 FEWEST_ROUNDS, FEWEST_TO_WARM_UP = 6, 2  # six are the fewest whose extremes hold a median at 95 %
 
 
 @dataclass(frozen=True)
 class Options:
-    """How often, where and in which scenes.
+    """Number of rounds, GPU and scenes.
 
     Attributes:
-        rounds: timed turns of each variant.
-        warm_up: turns before, not timed.
+        rounds: timed runs of each variant.
+        warm_up: rounds before, not timed.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
         scenes: names of built-in scenes, or files; none: the suite's own choice.
-        progress: goes along the turns and may show how far it is.
+        progress: iterates over the rounds and may show a bar.
 
     Raises:
-        BenchmarkError: a number that cannot be.
+        BenchmarkError: a number out of range.
     """
 
     rounds: int = ROUNDS
     warm_up: int = WARM_UP
     device: int | None = None
     scenes: tuple[str, ...] = ()
-    progress: Progress = field(default=silently, compare=False)
+    progress: Progress = field(default=without_progress, compare=False)
 
     def __post_init__(self) -> None:
         if self.rounds < 1:
@@ -44,7 +44,7 @@ class Options:
             raise BenchmarkError(f"--device {self.device}: want 0 or more, see `omnisim info`")
 
     def fewer(self, times: int) -> Options:
-        """So many times fewer turns, for variants that take long; never more than there were."""
+        """Options with so many times fewer rounds, for slow variants."""
         return dataclasses.replace(
             self,
             rounds=min(self.rounds, max(FEWEST_ROUNDS, self.rounds // times)),

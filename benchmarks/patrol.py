@@ -1,4 +1,4 @@
-"""The robot that benchmarks drive, where it goes, and what a user sees of it."""
+"""Robot, poses and viewport of the benchmarks."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
     """
     if not scene.paths:
         camera, start = vehicle.camera().sensor, scene.start
-        turns = np.arange(count) * 360.0 / count
-        return np.array([camera.base_pose(start.position_m, start.yaw_deg + t) for t in turns])
+        yaws_deg = start.yaw_deg + np.arange(count) * 360.0 / count
+        return np.array([camera.base_pose(start.position_m, yaw_deg) for yaw_deg in yaws_deg])
     driven = plan_route(scene, vehicle, Route(scene.paths[0].name)).world_from_base
     return driven[np.arange(count) * len(driven) // count]
 
 
 def viewport() -> OmniCamera:
-    """What a simulator's window shows, as one draws it: a sample for each of its pixels."""
+    """Camera of a simulator's window: one sample per pixel, as windows are drawn."""
     lens = PerspectiveCamera.with_field_of_view(*VIEWPORT_PX, VIEWPORT_FIELD_RAD)
     return OmniCamera(
         lens,

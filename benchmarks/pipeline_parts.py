@@ -1,4 +1,4 @@
-"""A look inside a frame: where its time goes, and what it draws.
+"""Parts of a frame: their times, and what is drawn.
 
 The one place of the benchmarks that knows how a `Renderer` is made: its virtual cameras are drawn
 by `CameraPasses.cube`, which its pipeline calls; what comes after, up to the first read from the
@@ -37,7 +37,7 @@ class PartSeconds(NamedTuple):
     virtual_cameras: float  # the faces of the cube
     capture: float  # mirror pass, averaging, encoding
     readback: float
-    around: float  # what Python does before, between and after
+    around: float  # Python's work before, between and after
 
     @property
     def whole(self) -> float:
@@ -47,12 +47,12 @@ class PartSeconds(NamedTuple):
 
 @dataclass(frozen=True)
 class FrameCounts:
-    """What a frame draws.
+    """Draws of a frame.
 
     Attributes:
-        virtual_cameras: what OpenGL counts there.
-        calls: of Python's that draw, in the whole frame.
-        draws: that they are of; an indirect list has many.
+        virtual_cameras: pipeline statistics of the faces.
+        calls: draw calls from Python, in the whole frame.
+        draws: in these calls; an indirect list has many.
     """
 
     virtual_cameras: Counts
@@ -61,7 +61,7 @@ class FrameCounts:
 
 
 class RepeatedFrame:
-    """One renderer's frame from one pose, again and again.
+    """One renderer's frame from one pose, repeatable.
 
     Args:
         renderer: of an ideal camera.
@@ -73,34 +73,34 @@ class RepeatedFrame:
 
     @classmethod
     def at_start(cls, stage: Stage, camera: OmniCamera) -> RepeatedFrame:
-        """From where the scene's pictures are taken when nobody says."""
+        """Frame from the scene's start pose."""
         start = stage.scene.start
         return cls(Renderer(stage, camera), camera.base_pose(start.position_m, start.yaw_deg))
 
     def render(self) -> NDArray[np.uint8]:
-        """The picture (height, width, 4), as anybody gets it; nothing is left to be done."""
+        """Picture (height, width, 4), complete."""
         return self.renderer.render(self.world_from_base).rgba
 
     def render_faces(self) -> None:
-        """The virtual cameras alone, until they are drawn."""
+        """Draw the virtual cameras alone, and wait for the GPU."""
         with self.renderer._current() as passes:  # not nested: the inner end would be the outer's
             self._draw_faces(passes)
             self.renderer._stage.context.finish()
 
     def parts(self) -> PartSeconds:
-        """Render it, waiting for the GPU at every boundary, and say how long each part took."""
+        """Render, waiting for the GPU at every boundary, and time each part."""
         marks = _Marks(self.renderer._stage.context)
         with self.renderer._current() as passes:
             cube = passes.cube
         start = time.perf_counter()
-        with _instead(cube, "render", marks.faces), _reads(marks.read):
+        with _patched(cube, "render", marks.faces), _reads(marks.read):
             self.render()
         whole = time.perf_counter() - start
         faces, capture, reads = marks.seconds
         return PartSeconds(faces, capture, reads, whole - faces - capture - reads)
 
     def count(self) -> FrameCounts:
-        """Render it and count."""
+        """Render, and count what is drawn."""
         with self.renderer._current() as passes:
             counted = count(self.renderer._stage.context, lambda: self._draw_faces(passes))
         calls: list[int] = []
@@ -117,8 +117,8 @@ class RepeatedFrame:
             return wrapped
 
         with (
-            _instead(moderngl.VertexArray, "render", noting(lambda *_, **__: 1)),
-            _instead(moderngl.VertexArray, "render_indirect", noting(_listed)),
+            _patched(moderngl.VertexArray, "render", noting(lambda *_, **__: 1)),
+            _patched(moderngl.VertexArray, "render_indirect", noting(_listed)),
         ):
             self.render()
         return FrameCounts(counted, len(calls), sum(calls))
@@ -131,7 +131,7 @@ class RepeatedFrame:
 
 
 class _Marks:
-    """Adds up the time between the boundaries of one frame."""
+    """Sums of the times between the boundaries of one frame."""
 
     def __init__(self, context: moderngl.Context):
         self._context = context
@@ -140,11 +140,11 @@ class _Marks:
 
     @property
     def seconds(self) -> tuple[float, float, float]:
-        """Of faces, capture and reads."""
+        """Seconds of faces, capture and reads."""
         return self._faces, self._capture, self._reads
 
     def faces(self, render: Callable[..., Any]) -> Callable[..., Any]:
-        """The drawing of the faces, with a clock around it."""
+        """Drawing of the faces, timed."""
 
         @wraps(render)
         def timed(*arguments: Any, **options: Any) -> Any:
@@ -159,7 +159,7 @@ class _Marks:
         return timed
 
     def read(self, read: Callable[..., Any]) -> Callable[..., Any]:
-        """A read, with a clock around it; what it had to wait for is the capture's."""
+        """Read, timed; its wait for the GPU counts as capture."""
 
         @wraps(read)
         def timed(*arguments: Any, **options: Any) -> Any:
@@ -176,10 +176,10 @@ class _Marks:
 
 
 @contextmanager
-def _instead(
+def _patched(
     owner: Any, name: str, change: Callable[[Callable[..., Any]], Callable[..., Any]]
 ) -> Iterator[None]:
-    """Put a changed function in the place of an object's or a class's own."""
+    """Patch a function of an object or a class during a `with` block."""
     is_own = name in vars(owner)
     original = getattr(owner, name)
     setattr(owner, name, change(original))
@@ -194,11 +194,11 @@ def _instead(
 
 @contextmanager
 def _reads(change: Callable[[Callable[..., Any]], Callable[..., Any]]) -> Iterator[None]:
-    """Change all that reads from the GPU."""
+    """Patch all functions that read from the GPU."""
     with ExitStack() as stack:
         for owner, names in _READS:
             for name in names:
-                stack.enter_context(_instead(owner, name, change))
+                stack.enter_context(_patched(owner, name, change))
         yield
 
 
@@ -209,5 +209,5 @@ def _listed(
     count: int = -1,
     first: int = 0,
 ) -> int:
-    """How many draws an indirect list has from the first on."""
+    """Number of draws in an indirect list from the first on."""
     return buffer.size // _INDIRECT_BYTES - first if count < 0 else count

@@ -1,4 +1,4 @@
-"""A bar on a terminal, drawn between the turns alone: no thread draws while the clock runs."""
+"""Progress bar, drawn between the rounds only: no thread draws while the clock runs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from rich.markup import escape
 from rich.progress import Progress
 
 
-def show_turns(steps: Iterable[int], what: str, total: int, err: Console) -> Iterator[int]:
-    """The turns themselves, with a bar that says what they are for and how far it is."""
+def show_progress(steps: Iterable[int], what: str, total: int, err: Console) -> Iterator[int]:
+    """Iterate over the steps with a progress bar."""
     with Progress(
         console=err, transient=True, auto_refresh=False, disable=not err.is_terminal
     ) as bar:

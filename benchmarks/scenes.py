@@ -1,4 +1,4 @@
-"""The scenes that are raced in."""
+"""Scenes of the benchmarks."""
 
 from __future__ import annotations
 

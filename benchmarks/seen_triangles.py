@@ -1,7 +1,7 @@
-"""How many triangles of a scene a picture shows: what no culling can spare.
+"""Number of triangles that a picture shows: the least that culling can leave.
 
-Independent of the renderer: every triangle is drawn into whole faces of the cube by a program of
-its own that paints its number.
+Independent of the renderer: a program of its own draws every triangle's ID into whole faces of the
+cube.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ void main() {
 
 
 class _Triangles(NamedTuple):
-    """Corners (n, 3, 3) in metres from the viewpoint, of those that have two sides and one."""
+    """Corners (n, 3, 3), metres from the viewpoint, of double-sided and single-sided triangles."""
 
     double_sided: NDArray[np.float32]
     single_sided: NDArray[np.float32]
@@ -55,18 +55,18 @@ def count_seen_triangles(
     face_px: int,
     near_m: float,
 ) -> int:
-    """Triangles that are in front in at least one texel that the picture shows, once for each face
-    of the cube in which they are.
+    """Triangles that are nearest in at least one texel that the picture shows, once for each face
+    of the cube that shows them.
 
-    Holes count as filled, and what is blended as not there.
+    Holes count as filled; blended surfaces are left out.
 
     Args:
-        context: where; becomes the current one.
-        scene: what there is to see.
-        camera: whose picture.
+        context: to draw in; becomes the current one.
+        scene: to draw.
+        camera: of the picture.
         world_from_rig: (4, 4).
         face_px: texels across the 90° of a face.
-        near_m: what is nearer is not seen.
+        near_m: near plane.
     """
     parts = _triangles(scene, world_from_rig[:3, 3])
     with context:
@@ -107,7 +107,7 @@ def count_seen_triangles(
 
 
 def _shown(camera: CentralCamera, face: int, face_px: int) -> NDArray[np.bool_]:
-    """Which texels (size, size) of a whole face the picture shows; first row at the top."""
+    """Mask (size, size) of a whole face's texels that the picture shows; first row at the top."""
     line = (2.0 * np.arange(face_px) + 1.0) / face_px - 1.0
     right, down = np.meshgrid(line, line)
     local = np.stack((right, down, np.ones_like(right)), axis=-1)
@@ -124,10 +124,10 @@ def _triangles(scene: Scene, viewpoint_m: NDArray[np.float64]) -> _Triangles:
         material = scene.materials[mesh.material]
         if material.alpha_mode is AlphaMode.BLEND:
             continue
-        turn = instance.world_from_mesh[:3, :3]
-        here = mesh.positions @ turn.T + (instance.world_from_mesh[:3, 3] - viewpoint_m)
-        corners = here.astype(np.float32)[mesh.triangles]
-        if np.linalg.det(turn) < 0.0:
+        linear = instance.world_from_mesh[:3, :3]
+        positions_m = mesh.positions @ linear.T + (instance.world_from_mesh[:3, 3] - viewpoint_m)
+        corners = positions_m.astype(np.float32)[mesh.triangles]
+        if np.linalg.det(linear) < 0.0:
             corners = corners[:, ::-1]
         parts[not material.double_sided].append(corners)
     none = [np.empty((0, 3, 3), dtype=np.float32)]

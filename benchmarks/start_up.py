@@ -1,4 +1,4 @@
-"""How long a fresh process takes until its first picture is there."""
+"""Start-up: time of a fresh process until its first picture."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from benchmarks.options import Options
 from benchmarks.start_up_phases import AFTER, PHASES
 from omnisim.reports.machine import ROOT
 
-# With what the driver compiled in runs before, and without.
+# With the driver's shader cache, and without.
 CACHED, ANEW = "to a picture and the end", "shaders compiled anew"
 
-# What the installed command does, on the checkout that this is in.
+# The installed command, run on this checkout.
 _COMMAND = "from omnisim.cli.app import main; main()"
 # Drivers keep compiled shaders on disk; these turn that off, Mesa's and NVIDIA's.
 _NO_CACHE = {"MESA_SHADER_CACHE_DISABLE": "true", "__GL_SHADER_DISK_CACHE": "0"}
@@ -31,10 +31,10 @@ _NOW = "NOW"  # stands for the time at which the process is started
 
 
 class Run(NamedTuple):
-    """A process from its start to its end."""
+    """Times and output of a process."""
 
     seconds: float  # by the wall clock
-    processor_seconds: float  # of all its threads, which what else the machine does hardly touches
+    processor_seconds: float  # of all its threads; other load hardly changes it
     output: str
 
 
@@ -42,9 +42,9 @@ def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, A
     """Rows of a report: whole runs, with and without the driver's cache, and their phases.
 
     Args:
-        scene: which.
+        scene: name or file.
         starts: of each; 0: no rows at all. One more before fills the driver's cache.
-        options: on what, and with what progress.
+        options: device and progress.
 
     Raises:
         BenchmarkError: a process fails.
@@ -65,30 +65,33 @@ def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, A
                 phases[phase].append(seconds)
     rows: list[dict[str, Any]] = [
         {"kind": "start-up", "what": what, "rounds": starts,
-         **_middle("seconds", [run.seconds for run in done]),
-         **_middle("processor_seconds", [run.processor_seconds for run in done])}
+         **_statistics("seconds", [run.seconds for run in done]),
+         **_statistics("processor_seconds", [run.processor_seconds for run in done])}
         for what, done in runs.items()
     ]  # fmt: skip
     rows += [
-        {"kind": "start-up phase", "what": phase, "rounds": starts, **_middle("seconds", found)}
+        {"kind": "start-up phase", "what": phase, "rounds": starts, **_statistics("seconds", found)}
         for phase, found in phases.items()
     ]
     return rows
 
 
-def _middle(name: str, values: list[float]) -> dict[str, float]:
-    middle = float(np.median(values))
-    return {name: middle, f"{name}_least": min(values), f"{name}_most": max(values)}
+def _statistics(name: str, values: list[float]) -> dict[str, float]:
+    return {
+        name: float(np.median(values)),
+        f"{name}_least": min(values),
+        f"{name}_most": max(values),
+    }
 
 
 def render(scene: str, path: Path, device: int | None, cached: bool = True) -> Run:
     """Run `omnisim render SCENE -o PATH` in a process of its own.
 
     Args:
-        scene: which.
+        scene: name or file.
         path: of the picture.
         device: number of the GPU, or None.
-        cached: whether the driver may find the shaders that it compiled in runs before.
+        cached: let the driver use its shader cache.
 
     Raises:
         BenchmarkError: it fails.

@@ -1,4 +1,4 @@
-"""What `omnisim render SCENE` does until its first frame is written, step by step, with a clock.
+"""Phases of `omnisim render SCENE` until its first frame is written, timed.
 
 Run in a fresh process: `python -m benchmarks.start_up_phases START SCENE FILE [DEVICE]`, START by
 the monotonic clock. Prints seconds by phase as JSON.
@@ -19,7 +19,7 @@ PHASES = (BEFORE, IMPORTS, SCENE, CONTEXT, UPLOAD, COMPILE, FRAME, WRITE, AFTER)
 
 
 def main(start: float, scene_name: str, path: str, device: int | None) -> dict[str, float]:
-    """Render, and say how long each phase took."""
+    """Render, and return the seconds of each phase."""
     seconds: dict[str, float] = {}
     last = start
 
@@ -40,12 +40,12 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     done(SCENE)
     open_context = vars(stage)["open_context"]
 
-    def noted(*arguments: Any, **options: Any) -> Any:
+    def timed(*arguments: Any, **options: Any) -> Any:
         context = open_context(*arguments, **options)
         done(CONTEXT)
         return context
 
-    vars(stage)["open_context"] = noted
+    vars(stage)["open_context"] = timed
     with Stage(scene, device=device) as on_stage:
         done(UPLOAD)
         camera = OmniCamera()

@@ -1,4 +1,4 @@
-"""The one timer: variants in turns, one process, and how sure their ratios are."""
+"""The one timer: interleaved variants in one process, and confidence intervals of their ratios."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A median over rounds, and how sure it is.
+    """Median over rounds, and its confidence interval.
 
     Attributes:
-        median: it.
-        low, high: an interval that holds the true median with at least 95 % probability, where
-            there are six rounds or more.
+        median: of the rounds.
+        low, high: an interval that holds the true median with at least 95 % probability, given
+            six rounds or more.
     """
 
     median: float
@@ -36,81 +36,80 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Timings:
-    """Every round, by variant; the same round of two variants is a pair.
+    """Seconds of every round, by variant; the same round of two variants is a pair.
 
     Attributes:
         seconds: by the wall clock.
-        processor_seconds: of all threads of this process together, which other processes on the
-            machine hardly touch. All the work where the renderer is software; on a GPU only what
-            Python and the driver do.
+        processor_seconds: of all threads of this process together; other processes hardly change
+            them. All the work of a software renderer; on a GPU only Python and the driver.
     """
 
     seconds: dict[str, NDArray[np.float64]]
     processor_seconds: dict[str, NDArray[np.float64]]
 
     def percentile_ms(self, variant: str, percent: float) -> float:
-        """Milliseconds that so many percent of the rounds stay below."""
+        """Percentile of the rounds in milliseconds."""
         return 1e3 * float(np.percentile(self.seconds[variant], percent))
 
     def cheapest(self) -> str:
-        """The variant that is cheapest next to the others of its rounds."""
+        """Variant that is cheapest relative to its rounds' means."""
         of_round = np.mean(list(self.seconds.values()), axis=0)
         return min(self.seconds, key=lambda name: float(np.median(self.seconds[name] / of_round)))
 
     def row(self, variant: str) -> dict[str, float]:
-        """What a row of a report says of a variant alone."""
+        """Columns of a report that concern one variant alone."""
         return {
             "fps": self.frames_per_second(variant).median,
             **{f"p{percent}_ms": self.percentile_ms(variant, percent) for percent in (50, 95, 99)},
         }
 
     def frames_per_second(self, variant: str) -> Estimate:
-        """How many times in a second it could be done, one after the other."""
+        """Runs per second, one after the other."""
         return _estimate(1.0 / self.seconds[variant])
 
     def ratio(self, variant: str, to: str) -> Estimate:
-        """How many times as long `variant` takes as `to`, paired by rounds."""
+        """Ratio of the times of `variant` and `to`, paired by rounds."""
         return _estimate(self.seconds[variant] / self.seconds[to])
 
     def processor_ratio(self, variant: str, to: str) -> Estimate:
-        """How many times as much of the processor `variant` takes as `to`."""
+        """Ratio of the processor times of `variant` and `to`, paired by rounds."""
         return _estimate(self.processor_seconds[variant] / self.processor_seconds[to])
 
     def cost_ms(self, variant: str, without: str) -> Estimate:
-        """How many milliseconds `variant` takes longer than `without`, paired by rounds."""
+        """Milliseconds that `variant` takes longer than `without`, paired by rounds."""
         return _estimate(1e3 * (self.seconds[variant] - self.seconds[without]))
 
 
-def silently(steps: Iterable[int], what: str, total: int) -> Iterator[int]:
-    """The steps themselves: progress that is not shown."""
+def without_progress(steps: Iterable[int], what: str, total: int) -> Iterator[int]:
+    """Iterate over the steps without a progress bar."""
     yield from steps
 
 
-def take_turns(
+def time_interleaved(
     variants: Mapping[str, Callable[[], object]],
     rounds: int = ROUNDS,
     warm_up: int = WARM_UP,
-    progress: Callable[[Iterable[int], str, int], Iterator[int]] = silently,
+    progress: Callable[[Iterable[int], str, int], Iterator[int]] = without_progress,
     what: str = "",
 ) -> Timings:
-    """Time variants in turns, A B C A B C, so that a slow minute of the machine meets them all.
+    """Time variants interleaved, A B C A B C, so that a slow minute of the machine meets them all.
 
     Args:
         variants: each does its work and waits until it is done.
-        rounds: timed turns.
-        warm_up: turns before, not timed: shaders compile at their first use.
-        progress: goes along all turns and may show how far it is.
-        what: the turns are for.
+        rounds: timed runs of each.
+        warm_up: rounds before, not timed: shaders compile at their first use.
+        progress: iterates over all rounds and may show a bar.
+        what: description of the rounds.
     """
     seconds = {name: np.empty(rounds) for name in variants}
     processor_seconds = {name: np.empty(rounds) for name in variants}
-    for turn in progress(range(-warm_up, rounds), what, warm_up + rounds):
+    for index in progress(range(-warm_up, rounds), what, warm_up + rounds):
         for name, work in variants.items():
             start, busy = time.perf_counter(), time.process_time()
             work()
-            if turn >= 0:
-                seconds[name][turn] = time.perf_counter() - start
-                processor_seconds[name][turn] = time.process_time() - busy
+            if index >= 0:
+                seconds[name][index] = time.perf_counter() - start
+                processor_seconds[name][index] = time.process_time() - busy
     return Timings(seconds, processor_seconds)
 
 
@@ -121,7 +120,7 @@ def _estimate(values: NDArray[np.float64]) -> Estimate:
 
 
 def _outer(count: int) -> int:
-    """How many of the sorted values to leave out at either end for a median's interval.
+    """Number of sorted values to leave out at either end for a median's interval.
 
     The true median is left of k values with a binomial probability, whatever the distribution.
     """

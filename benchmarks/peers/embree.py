@@ -16,7 +16,7 @@ _BEYOND = 1e-5
 
 
 class EmbreeGeometry(Peer):
-    """Which triangle each valid pixel's ray hits, and nothing else."""
+    """Index of the triangle that each valid pixel's ray hits, and nothing else."""
 
     name = "Embree, geometry"
 
@@ -25,17 +25,17 @@ class EmbreeGeometry(Peer):
         self.texels = self._rays.count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Numbers (n,) of the triangles that the valid pixels' rays hit; −1: none."""
+        """Indices (n,) of the triangles that the valid pixels' rays hit; −1: none."""
         return self._rays.cast(world_from_rig)
 
 
 class EmbreeColors(PicturePeer):
-    """The picture: what is hit, lit and textured in NumPy.
+    """Picture by ray casting: hits lit and textured in NumPy.
 
-    A ray goes on where it hits a hole, the back of a surface that has none, or glass.
+    A ray continues behind holes, backs of single-sided surfaces, and glass.
 
     Attributes:
-        rays: that are cast.
+        rays: one per pixel.
     """
 
     name = "Embree, colour"
@@ -47,7 +47,7 @@ class EmbreeColors(PicturePeer):
         self._background = np.array(scene.background, dtype=np.float32)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The picture (height, width, 3)."""
+        """Picture (height, width, 3)."""
         origins_m, directions = self.rays.aim(world_from_rig)
         total = np.zeros_like(directions)
         rays = np.arange(len(total))

@@ -12,28 +12,28 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.cube import face_index, face_tangents
 from omnisim.srgb import linear_from_srgb
 
-CAPTURES = 8  # to a side of a pixel of the reference
+CAPTURES = 8  # samples along each side of a pixel of the reference
 _BANDS = 24  # of the reference's rows, one after the other: its rays take gigabytes
 
 
 class FaceMaps:
-    """Where in the faces each pixel looks; made once.
+    """Remap tables from pixels to texels of the faces; made once.
 
     Args:
-        camera: whose pixels.
+        camera: of the picture.
         face_px: size of a face.
-        faces: how many stand side by side, in the order of `omnisim.cube.FACE_NAMES`.
+        faces: number of faces side by side, in the order of `omnisim.cube.FACE_NAMES`.
     """
 
     def __init__(self, camera: HyperbolicCamera, face_px: int, faces: int):
         import cv2
 
-        x, y, self.valid = _places(camera, face_px, faces)
+        x, y, self.valid = _texels(camera, face_px, faces)
         self._maps = cv2.convertMaps(x, y, cv2.CV_16SC2)
         self._outside = ~self.valid
 
-    def look_up(self, faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The picture (height, width, 3), between four texels; black where it is not valid."""
+    def remap(self, faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Picture (height, width, 3), bilinear; black where it is not valid."""
         import cv2
 
         picture = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
@@ -41,7 +41,7 @@ class FaceMaps:
         return picture
 
 
-def _places(
+def _texels(
     camera: HyperbolicCamera, face_px: int, faces: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Columns and rows (height, width) among the faces' texels, and which pixels are valid."""
@@ -58,14 +58,14 @@ def _places(
 def _fine_bands(
     face_px: int, faces: int
 ) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]]:
-    """The same for the finer picture that the reference is averaged from, in bands of rows."""
+    """Remap tables of the finer picture that the reference is averaged from, by bands of rows."""
     import dataclasses
 
     fine = CAMERA.scaled(CAPTURES)
     u, v = fine.principal_point_px
     rows = fine.height_px // _BANDS
     return [
-        _places(
+        _texels(
             dataclasses.replace(fine, height_px=rows, principal_point_px=(u, v - band * rows)),
             face_px,
             faces,
@@ -75,11 +75,11 @@ def _fine_bands(
 
 
 def averaged(linear_faces: NDArray[np.float32], faces: int) -> NDArray[np.float32]:
-    """The reference (height, width, 3): captured 8 × 8 times a pixel, averaged in linear light.
+    """Reference (height, width, 3): 8 × 8 samples per pixel, averaged in linear light.
 
     Args:
         linear_faces: (size, faces * size, 3), side by side.
-        faces: how many.
+        faces: their number.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""What the peers on OpenGL share: faces of 90°, and the scene drawn into them object by object."""
+"""Faces of 90° for the peers on OpenGL: the scene drawn into them object by object."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def peer_program(context: moderngl.Context, vertex: str, fragment: str) -> moder
 
 
 def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """8-bit colours, stored as sRGB, looked up in linear light between four texels."""
+    """Texture of 8-bit sRGB colours with bilinear lookups in linear light."""
     texture = context.texture(size, 4, internal_format=SRGB8_ALPHA8)
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
@@ -39,16 +39,16 @@ def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.T
 
 
 def face_target(context: moderngl.Context, texture: moderngl.Texture) -> moderngl.Framebuffer:
-    """A framebuffer for one face, with depth of its own."""
+    """Framebuffer for one face, with its own depth buffer."""
     return context.framebuffer([texture], float_depth(context, texture.size, 0))
 
 
-class ObjectDrawing:
+class ObjectDrawer:
     """Draws a scene's objects one by one with omnisim's surface shaders.
 
     Args:
-        context: where.
-        scene: what there is to see.
+        context: to draw in.
+        scene: to draw.
 
     Attributes:
         opaque, blended: indices of the objects, in the order of their materials.
@@ -63,31 +63,31 @@ class ObjectDrawing:
         self.draws = self._buffers.draw_items
         variants = [variant_of(draw.material, unlit=False) for draw in self.draws]
         self._used = [surfaces[variant] for variant in set(variants)]
-        brushes = {one: _Brush(self._buffers, surfaces[one]) for one in set(variants)}
-        self._brushes = [brushes[variant] for variant in variants]
+        shaders = {one: _SurfaceShader(self._buffers, surfaces[one]) for one in set(variants)}
+        self._shaders = [shaders[variant] for variant in variants]
         self._is_blended = [is_blended(draw.material) for draw in self.draws]
         self.opaque = np.flatnonzero(~np.array(self._is_blended))
         self.blended = np.flatnonzero(self._is_blended)
         self.counts = np.array([draw.count // 3 for draw in self.draws])
 
-    def move_to(self, viewpoint_m: NDArray[np.float64]) -> None:
-        """Draw the next faces from (3,), world."""
+    def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
+        """Set the viewpoint (3,), world, of the next faces."""
         placement = self._buffers.instance_transforms(viewpoint_m)
         self._viewpoint_from_mesh = placement.viewpoint_from_mesh
-        self._here_matrices = columns_first(placement.viewpoint_from_mesh)
+        self._viewpoint_matrices = columns_first(placement.viewpoint_from_mesh)
         self._normal_matrices = columns_first(placement.normal_from_mesh)
         self.centres_m = placement.centres_m
         for program in self._used:
             program.set_viewpoint(viewpoint_m)
 
-    def from_far_to_near(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Objects in the order in which what is blended is drawn."""
+    def back_to_front(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Objects from back to front, as blended ones are drawn."""
         distances = np.linalg.norm(self.centres_m[indices], axis=1)
         return indices[np.argsort(-distances, kind="stable")]
 
     def front_to_back(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Objects in the order in which least is painted twice."""
-        return self.from_far_to_near(indices)[::-1]
+        """Objects from front to back, for least overdraw."""
+        return self.back_to_front(indices)[::-1]
 
     def draw_face(
         self,
@@ -119,9 +119,9 @@ class ObjectDrawing:
         front, texture, culled, blended = None, None, True, False
         for index in order:
             draw = self.draws[index]
-            turns = "ccw" if draw.flips_winding else "cw"  # y of the clip space runs down
-            if turns != front:
-                context.front_face = front = turns
+            winding = "ccw" if draw.flips_winding else "cw"  # y of the clip space runs down
+            if winding != front:
+                context.front_face = front = winding
             if culled == draw.material.double_sided:
                 culled = not culled
                 (context.enable if culled else context.disable)(moderngl.CULL_FACE)
@@ -132,18 +132,18 @@ class ObjectDrawing:
             if draw.texture is not texture:
                 texture = draw.texture
                 texture.use(0)
-            brush = self._brushes[index]
-            brush.place(
-                clip_matrices[index], self._here_matrices[index], self._normal_matrices[index]
+            shader = self._shaders[index]
+            shader.set_matrices(
+                clip_matrices[index], self._viewpoint_matrices[index], self._normal_matrices[index]
             )
-            brush.draw(draw)
+            shader.draw(draw)
         target.depth_mask = True
         context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
         context.disable_direct(FRAMEBUFFER_SRGB)
 
 
-class _Brush:
-    """A variant of the surface shader with its vertex array; says nothing to it twice."""
+class _SurfaceShader:
+    """Variant of the surface shader with its vertex array; sets no uniform twice."""
 
     def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
         program = surface.program
@@ -151,18 +151,18 @@ class _Brush:
         self._clip_from_mesh = uniform(program, "u_clip_from_mesh")
         self._base_color = uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
-        # what has no lamps has neither
+        # left out where a scene has no punctual lights
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
         self._material: Material | None = None
 
-    def place(
+    def set_matrices(
         self,
         clip_from_mesh: NDArray[np.float32],
         viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Say where the next object is; matrices (4, 4) and (3, 3), columns first."""
+        """Set the next object's matrices (4, 4) and (3, 3), columns first."""
         self._clip_from_mesh.write(clip_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)
@@ -170,7 +170,7 @@ class _Brush:
             self._normal_from_mesh.write(normal_from_mesh)
 
     def draw(self, draw: DrawItem) -> None:
-        """Draw it."""
+        """Draw an object."""
         material = draw.material
         if material is not self._material:
             self._material = material

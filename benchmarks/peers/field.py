@@ -1,4 +1,4 @@
-"""Who races in a scene: all that this machine has, and why the others do not."""
+"""Racers in a scene, and the reasons why some are missing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NAMES = (*LADDER, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_
 
 
 def rung(name: str) -> OmniCamera:
-    """Our camera at a setting of `LADDER`."""
+    """Camera of omnisim at a setting of `LADDER`."""
     if name in BETWEEN:
         fast = at_setting(SENSOR, "fast")
         return dataclasses.replace(fast, texels_per_pixel=BETWEEN[name])
@@ -41,7 +41,7 @@ class Field(Closing):
 
     Attributes:
         peers: by name.
-        missing: why others are not there, by name.
+        missing: reasons why others are not available, by name.
     """
 
     def __init__(self, stage: Stage, device: int | None = None):

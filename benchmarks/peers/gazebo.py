@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.peers.face_target import (
     FRAMEBUFFER_SRGB,
     SRGB8_ALPHA8,
-    ObjectDrawing,
+    ObjectDrawer,
     face_target,
     peer_program,
     srgb_texture,
@@ -45,13 +45,13 @@ _SIDES: NDArray[np.float64] = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1
 
 
 class GazeboWay(PicturePeer):
-    """One texture that is drawn into, one cube map that is looked up."""
+    """One texture to draw into, one cube map to look up."""
 
     name = "Gazebo's way"
 
     def __init__(self, context: moderngl.Context, scene: Scene):
         self._context = context
-        self._drawing = ObjectDrawing(context, scene)
+        self._drawing = ObjectDrawer(context, scene)
         self._boxes_m = _boxes_m(self._drawing)
         self.texels = 6 * FACE_PX**2
         drawn = srgb_texture(context, (FACE_PX, FACE_PX))
@@ -81,9 +81,9 @@ class GazeboWay(PicturePeer):
 
     def _render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         context, drawing = self._context, self._drawing
-        drawing.move_to(world_from_rig[:3, 3])
+        drawing.set_viewpoint(world_from_rig[:3, 3])
         opaque = drawing.front_to_back(drawing.opaque)
-        order = np.concatenate((opaque, drawing.from_far_to_near(drawing.blended)))
+        order = np.concatenate((opaque, drawing.back_to_front(drawing.blended)))
         middles, halves = self._boxes_m
         middles = middles - world_from_rig[:3, 3]
         self.triangles = 0
@@ -110,8 +110,8 @@ class GazeboWay(PicturePeer):
         return self._pixels.copy()
 
 
-def _boxes_m(drawing: ObjectDrawing) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Middles and half the sizes (n, 3) of the objects' bounding boxes along the world's axes."""
+def _boxes_m(drawing: ObjectDrawer) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres and half extents (n, 3) of the objects' axis-aligned bounding boxes, world."""
     middles, halves = [], []
     for draw in drawing.draws:
         low, high = draw.mesh.positions.min(axis=0), draw.mesh.positions.max(axis=0)

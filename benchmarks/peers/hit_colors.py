@@ -1,6 +1,6 @@
-"""What rays see where they hit: base colour, texture and light, in NumPy.
+"""Colours at the hits of rays: base colour, texture and light, in NumPy.
 
-No `matmul`: BLAS would hand it to threads, and one thread is what is raced.
+No `matmul`: BLAS would use threads, and the race is on one thread.
 
 The surfaces and lights are those of `shaders/scene/surface.frag` and `shaders/scene/lighting.glsl`,
 but for the textures: four texels of the finest level, whatever the distance.
@@ -27,7 +27,7 @@ class WorldTriangles:
         normals: (n, 3, 3) of the corners; zero: flat.
         coordinates: (n, 3, 2) of the texture.
         colors: (n, 3, 4) of the corners, linear RGBA.
-        is_textured: (n,) whether the mesh has coordinates.
+        is_textured: (n,) the mesh has texture coordinates.
     """
 
     def __init__(self, scene: Scene):
@@ -86,26 +86,26 @@ class HitColors:
         points_m: Floats,
         directions: Floats,
     ) -> tuple[Floats, Floats]:
-        """Linear RGB (n, 3) and opacity (n, 1) that rays see.
+        """Linear RGB (n, 3) and opacity (n, 1) at hits.
 
         Args:
-            triangles: (n,) that are hit.
-            u, v: (n,) shares of their second and third corners.
-            points_m, directions: (n, 3) where, and along which way, world.
+            triangles: (n,) indices.
+            u, v: (n,) barycentric coordinates of the second and third corners.
+            points_m, directions: (n, 3) of hits and rays, world.
         """
         world = self._world
         weights = np.stack((1.0 - u - v, u, v), axis=1)
 
-        def between(corners: Floats) -> Floats:
+        def interpolated(corners: Floats) -> Floats:
             values: Floats = np.einsum("nk,nkc->nc", weights, corners[triangles])
             return values
 
         material = world.materials[triangles]
         color = self._base[material] * self._table.lookup(
-            self._texture[triangles], between(world.coordinates)
+            self._texture[triangles], interpolated(world.coordinates)
         )
         if self._has_colors:
-            color *= between(world.colors)
+            color *= interpolated(world.colors)
         flat = self._flat[triangles]
         is_back = np.einsum("ij,ij->i", flat, directions) > 0.0
         opacity = np.where(self._blended[material], color[:, 3], np.float32(1.0))
@@ -113,7 +113,7 @@ class HitColors:
         opacity[is_back & ~self._two_sided[material]] = 0.0
 
         flat = np.where(is_back[:, None], -flat, flat)
-        normal = between(world.normals)
+        normal = interpolated(world.normals)
         is_flat = ~normal.any(axis=1)
         normal[is_flat] = flat[is_flat]
         normal *= np.where(np.einsum("ij,ij->i", normal, flat) < 0.0, -1.0, 1.0)[:, None]
@@ -123,7 +123,7 @@ class HitColors:
         return color[:, :3] * light, opacity[:, None].astype(np.float32)
 
     def _light(self, points_m: Floats, normals: Floats) -> Floats:
-        """What a white surface shows (n, 3)."""
+        """Light (n, 3) that a white surface reflects."""
         lighting = self._lighting
         total = np.empty_like(normals)
         total[:] = lighting.ambient
@@ -167,10 +167,10 @@ class _TextureTable:
         self._rows = np.array(rows, dtype=np.int32)
 
     def lookup(self, textures: NDArray[np.int_], coordinates: Floats) -> Floats:
-        """Colours (n, 4) between four texels, at coordinates (n, 2) of textures (n,)."""
+        """Bilinear colours (n, 4) at coordinates (n, 2) of textures (n,)."""
         first, width, height, clamp_u, clamp_v = self._rows[textures].T
-        columns = _between(coordinates[:, 0], width, clamp_u)
-        rows = _between(coordinates[:, 1], height, clamp_v)
+        columns = _linear_weights(coordinates[:, 0], width, clamp_u)
+        rows = _linear_weights(coordinates[:, 1], height, clamp_v)
         total = np.zeros((len(textures), 4), dtype=np.float32)
         for row, row_share in rows:
             start = first + row * width
@@ -187,13 +187,13 @@ def _linear(pixels: NDArray[np.uint8]) -> Floats:
     return linear.reshape(-1, 4)
 
 
-def _between(
+def _linear_weights(
     coordinate: Floats, count: NDArray[np.int32], clamped: NDArray[np.int32]
 ) -> list[tuple[NDArray[np.int32], Floats]]:
-    """The two texels (n,) along one axis that a lookup is between, and their shares."""
-    place = coordinate * count - np.float32(0.5)
-    low = np.floor(place)
-    share = (place - low).astype(np.float32)
+    """Two texels (n,) along one axis of a linear lookup, and their weights."""
+    texel_position = coordinate * count - np.float32(0.5)
+    low = np.floor(texel_position)
+    share = (texel_position - low).astype(np.float32)
     low = low.astype(np.int32)
     texels = []
     for texel, weight in ((low, 1.0 - share), (low + 1, share)):

@@ -10,7 +10,7 @@ from omnisim.sensors import OmniCamera, Renderer, Stage
 
 
 class Omnisim(PicturePeer):
-    """A renderer on a stage."""
+    """Renderer of omnisim on a stage."""
 
     def __init__(self, stage: Stage, sensor: OmniCamera, name: str, unlit: bool = False):
         self.name = name

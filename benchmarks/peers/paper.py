@@ -13,7 +13,7 @@ from benchmarks.peers.batching import batched
 from benchmarks.peers.face_target import (
     FRAMEBUFFER_SRGB,
     SRGB8_ALPHA8,
-    ObjectDrawing,
+    ObjectDrawer,
     face_target,
     peer_program,
     srgb_texture,
@@ -42,7 +42,7 @@ class PaperWay(PicturePeer):
 
     def __init__(self, context: moderngl.Context, scene: Scene):
         self._context = context
-        self._drawing = ObjectDrawing(context, batched(scene))
+        self._drawing = ObjectDrawer(context, batched(scene))
         self._textures = [srgb_texture(context, (FACE_PX, FACE_PX)) for _ in FACES]
         self._targets = [face_target(context, texture) for texture in self._textures]
         self.texels = len(FACES) * FACE_PX**2
@@ -61,7 +61,7 @@ class PaperWay(PicturePeer):
         self._parts = self._mirror_parts()
 
     def _mirror_parts(self) -> list[moderngl.VertexArray]:
-        """The mirror, cut along the edges of the cube: one vertex array a face."""
+        """Mirror, cut along the edges of the cube: one vertex array per face."""
         mirror = CAMERA.mirror
         mesh = unfold(mirror, tessellate(mirror, PAPER_POLYGONS))
         cells = mesh.texture_coordinates * (LAYOUT_COLUMNS, LAYOUT_ROWS)
@@ -97,8 +97,8 @@ class PaperWay(PicturePeer):
 
     def _render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         context, drawing = self._context, self._drawing
-        drawing.move_to(world_from_rig[:3, 3])
-        order = np.concatenate((drawing.opaque, drawing.from_far_to_near(drawing.blended)))
+        drawing.set_viewpoint(world_from_rig[:3, 3])
+        order = np.concatenate((drawing.opaque, drawing.back_to_front(drawing.blended)))
         for face, target in zip(FACES, self._targets, strict=True):
             drawing.draw_face(target, FACE_FROM_RIG[face] @ world_from_rig[:3, :3].T, order)
         self._picture.use()

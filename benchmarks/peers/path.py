@@ -1,4 +1,4 @@
-"""Where the race goes: a path through open space in any scene, the same for all."""
+"""Path of the race: through open space in any scene, the same for all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from omnisim.sensors import Renderer, Stage
 
 HEIGHT_M = 1.0  # of the camera above a path's ground
 SHARE, FARTHEST_M = 0.7, 8.0  # of the free way ahead
-TURN_DEG = 17.0  # from one pose to the next: no way to draw faces is meant to like the axes
+YAW_STEP_DEG = 17.0  # from one pose to the next: no peer shall gain from aligned axes
 # The way is free as far as the nearest surface within these angles of its middle, to both sides
 # and up and down; further down there is the ground.
 BESIDE_DEG, ABOVE_DEG, LOOK_PX = 15.0, 5.0, 240
@@ -25,8 +25,8 @@ def race_poses(stage: Stage, count: int) -> NDArray[np.float64]:
         corners = np.array(scene.paths[0].waypoints_m)
         return np.array(
             [
-                SENSOR.base_pose((*place, HEIGHT_M), yaw_deg + TURN_DEG * step)
-                for step, (place, yaw_deg) in enumerate(_along(corners, count))
+                SENSOR.base_pose((*position_m, HEIGHT_M), yaw_deg + YAW_STEP_DEG * step)
+                for step, (position_m, yaw_deg) in enumerate(_along(corners, count))
             ]
         )
     start = np.array(scene.start.position_m)
@@ -35,28 +35,28 @@ def race_poses(stage: Stage, count: int) -> NDArray[np.float64]:
     shares = np.linspace(0.0, 1.0, count)
     return np.array(
         [
-            SENSOR.base_pose(start + share * reach_m * ahead, yaw_deg + TURN_DEG * step)
+            SENSOR.base_pose(start + share * reach_m * ahead, yaw_deg + YAW_STEP_DEG * step)
             for step, share in enumerate(shares)
         ]
     )
 
 
 def _along(corners: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.float64], float]]:
-    """Places (2,) equally far apart along corners (n, 2), and headings in degrees."""
+    """Positions (2,) at equal distances along corners (n, 2), and headings in degrees."""
     legs = np.diff(corners, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     ends = np.cumsum(lengths)
-    places = []
+    positions = []
     for distance in (np.arange(count) + 0.5) * ends[-1] / count:
         leg = int(np.searchsorted(ends, distance))
         share = 1.0 - (ends[leg] - distance) / lengths[leg]
         heading = float(np.degrees(np.arctan2(legs[leg, 1], legs[leg, 0])))
-        places.append((corners[leg] + share * legs[leg], heading))
-    return places
+        positions.append((corners[leg] + share * legs[leg], heading))
+    return positions
 
 
 def _free_way(stage: Stage) -> tuple[float, float]:
-    """Heading in degrees of the longest free way from the scene's start, and how far to go."""
+    """Heading in degrees and length of the longest free way from the scene's start."""
     sensor = SENSOR.resized(LOOK_PX)
     camera = sensor.model
     pose = sensor.base_pose(stage.scene.start.position_m)

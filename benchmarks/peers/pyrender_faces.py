@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +25,25 @@ from omnisim.validation.oracles.pyrender_rasteriser import (
     pyrender_scene,
 )
 
+if TYPE_CHECKING:
+    import pyrender
+
 FACE_PX = 360
 FACES = tuple(range(5))  # all but the one that looks up
 REFERENCE_FACE_PX = 4 * FACE_PX  # each texel of four samples, as pyrender always has
 
 
 class PyrenderFaces(PicturePeer):
-    """Its own scene and context; maps for OpenCV."""
+    """Five faces by pyrender in a context of its own, and remap tables for OpenCV."""
 
     def __init__(self, scene: Scene, lit: bool, device: int | None = None):
         import pyrender
 
         self.name = "pyrender" if lit else "pyrender, flat"
         self._flags = pyrender.RenderFlags.NONE if lit else pyrender.RenderFlags.FLAT
-        self._stage: Any = pyrender_scene(_without_masks(scene), lit)
+        self._scene = pyrender_scene(_without_masks(scene), lit)
         pinhole = pyrender.PerspectiveCamera(0.5 * np.pi, NEAR_M, FAR_M, aspectRatio=1.0)
-        self._camera = self._stage.add(pinhole)
+        self._camera = self._scene.add(pinhole)
         self._renderer = _offscreen(lit, device)
         self._maps = FaceMaps(CAMERA, FACE_PX, len(FACES))
         self._faces = np.empty((FACE_PX, len(FACES) * FACE_PX, 3), dtype=np.uint8)
@@ -50,10 +53,10 @@ class PyrenderFaces(PicturePeer):
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
         """RGB."""
         self._draw(world_from_rig, self._faces)
-        return self._maps.look_up(self._faces)
+        return self._maps.remap(self._faces)
 
     def reference(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Its picture from faces four times as large, captured 8 × 8 times a pixel."""
+        """Picture from faces four times as large, with 8 × 8 samples per pixel."""
         size = REFERENCE_FACE_PX
         self._renderer.viewport_width = self._renderer.viewport_height = size
         faces = np.empty((size, len(FACES) * size, 3), dtype=np.uint8)
@@ -63,19 +66,19 @@ class PyrenderFaces(PicturePeer):
         return srgb8_from_linear(linear)
 
     def _draw(self, world_from_rig: NDArray[np.float64], faces: NDArray[np.uint8]) -> None:
-        """Faces side by side."""
+        """Render the faces side by side."""
         size = len(faces)
         world_from_face = world_from_rig.copy()
-        for place, face in enumerate(FACES):
+        for column, face in enumerate(FACES):
             world_from_face[:3, :3] = world_from_rig[:3, :3] @ FACE_FROM_RIG[face].T
-            self._stage.set_pose(self._camera, world_from_face @ OPTICAL_FROM_PYRENDER)
-            color, _ = self._renderer.render(self._stage, self._flags)
-            faces[:, place * size : (place + 1) * size] = color
+            self._scene.set_pose(self._camera, world_from_face @ OPTICAL_FROM_PYRENDER)
+            color, _ = self._renderer.render(self._scene, self._flags)
+            faces[:, column * size : (column + 1) * size] = color
 
 
 @cache
-def _offscreen(lit: bool, device: int | None) -> Any:
-    """A renderer with a context of its own, for all scenes, one after the other.
+def _offscreen(lit: bool, device: int | None) -> pyrender.OffscreenRenderer:
+    """Renderer with a context of its own, for all scenes, one after the other.
 
     Its end would end the EGL display, and with it every other context of this process: it lives as
     long as the process. What it holds of a scene it gives back when it draws the next.
@@ -88,7 +91,7 @@ def _offscreen(lit: bool, device: int | None) -> Any:
 
 
 def _without_masks(scene: Scene) -> Scene:
-    """The scene with masked surfaces blended: pyrender fills the holes of a mask."""
+    """Scene with masked surfaces blended: pyrender fills the holes of a mask."""
     materials = tuple(
         dataclasses.replace(material, alpha_mode=AlphaMode.BLEND)
         if material.alpha_mode is AlphaMode.MASK

@@ -1,4 +1,4 @@
-"""How good the raced pictures are: PSNR against references of 64 samples a pixel."""
+"""Quality of the raced pictures: PSNR against references of 64 samples per pixel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmarks.peers.peer import CAMERA, SENSOR, PicturePeer, mirror_rays
 from omnisim.sensors import Stage
 from omnisim.validation.psnr import psnr_of_levels_db
 
-CAPTURES = 8  # to a side of a pixel
+CAPTURES = 8  # samples along each side of a pixel
 REFERENCE = dataclasses.replace(SENSOR, supersampling=CAPTURES, texels_per_pixel=float(CAPTURES))
 TRUTH = "64 samples"  # the reference that most are measured against
 BEST_DB = 99.0  # of pictures that are equal: a report holds finite numbers
@@ -21,16 +21,15 @@ BEST_DB = 99.0  # of pictures that are equal: a report holds finite numbers
 def references(
     stage: Stage, poses: NDArray[np.float64], unlit: bool = False
 ) -> list[NDArray[np.uint8]]:
-    """RGBA pictures of 8 × 8 captures a pixel, of as many texels."""
+    """RGBA pictures with 8 × 8 samples per pixel, from as many texels."""
     with Omnisim(stage, REFERENCE, "reference", unlit) as reference:
         return [reference.render(pose) for pose in poses]
 
 
 def psnr_db(picture: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
-    """Of the sRGB values of two pictures (height, width, 3 or 4) over the pixels valid in both.
+    """PSNR of the sRGB values of two pictures (height, width, 3 or 4) over pixels valid in both.
 
-    Those are the ones whose middle the mirror reflects into, and that alpha, where there is one,
-    does not call empty.
+    Valid is a pixel whose centre shows the mirror, and whose alpha, if any, is not 0.
     """
     _, where = mirror_rays(CAMERA)
     for one in (picture, reference):

@@ -1,4 +1,4 @@
-"""Is our reference fair to the others? Embree casts 8 × 8 rays a pixel, and judges all again.
+"""Second reference, by Embree with 8 × 8 rays per pixel: is the first one fair to all?
 
 python -m benchmarks.peers.second_judge soccer
 """
@@ -22,11 +22,11 @@ from omnisim.sensors import Stage
 from omnisim.srgb import LINEAR_FROM_SRGB8, srgb8_from_linear
 
 POSES, LOOKED_AT = 10, 4
-JUDGED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)
+COMPARED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)
 
 
 def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The picture (height, width, 3) of 64 rays a pixel, averaged in linear light."""
+    """Picture (height, width, 3) of 64 rays per pixel, averaged in linear light."""
     levels = LINEAR_FROM_SRGB8
     total = np.zeros((CAMERA.height_px, CAMERA.width_px, 3))
     count = np.zeros((CAMERA.height_px, CAMERA.width_px, 1))
@@ -44,15 +44,15 @@ def by_embree(racer: EmbreeColors, pose: NDArray[np.float64]) -> NDArray[np.uint
 
 
 def main(scene: str) -> None:
-    """Print what both references say of each racer's picture, and of each other."""
+    """Print the PSNR of each racer's picture against both references."""
     with Stage(load_scene(scene)) as stage:
         pose = race_poses(stage, POSES)[LOOKED_AT]
         ours = references(stage, pose[None])[0]
         with Field(stage) as racers:
-            pictures = {name: racers.pictures[name].render(pose) for name in JUDGED}
-            judge = racers.pictures[field.EMBREE_COLOR]
-            assert isinstance(judge, EmbreeColors)
-            theirs = by_embree(judge, pose)
+            pictures = {name: racers.pictures[name].render(pose) for name in COMPARED}
+            embree = racers.pictures[field.EMBREE_COLOR]
+            assert isinstance(embree, EmbreeColors)
+            theirs = by_embree(embree, pose)
     print(f"{scene}: our reference against Embree's: {psnr_db(ours, theirs):.1f} dB")
     for name, picture in pictures.items():
         print(

@@ -1,4 +1,4 @@
-"""How many pixels a second: a constant colour, and what a pixel reads from a texture."""
+"""Fill rate: pixels per second of a constant colour and of texture lookups."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ BYTES, HALVES_AND_DEPTH = "constant colour, RGBA8", "constant colour, RGBA16F, d
 SRGB, ATLAS = "sRGB texture", "RGBA16F atlas"
 _SRGB8_ALPHA8 = 0x8C43
 _TEXTURE_PX = 1024
-# Texels to a pixel, and the filter: one level alone, or two levels half and half.
+# Texels per pixel, and the filter: one level alone, or two levels half and half.
 _LOOKUPS = {
     "bilinear": (1.0, (moderngl.LINEAR, moderngl.LINEAR)),
     "trilinear": (2.0**0.5, (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)),
 }
-# As scenes are textured: the level follows from how far apart neighbouring pixels look.
+# As scenes are textured: the level follows from the lookups of neighbouring pixels.
 _TEXTURE = """
 #version 430 core
 uniform sampler2D u_texture;
@@ -45,7 +45,7 @@ def lookup_name(texture: str, how: str) -> str:
 
 
 def fill_probes(context: moderngl.Context, side_px: int) -> list[Probe]:
-    """Constant colours and lookups, over squares of a side."""
+    """Probes of constant colours and lookups, over squares of a side."""
     with context:
         constant = context.program(vertex_shader=FULL_SCREEN, fragment_shader=CONSTANT)
         works = {
@@ -71,10 +71,10 @@ def _filling(
     targets: list[moderngl.Framebuffer],
     texture: moderngl.Texture | None,
 ) -> Callable[[int], None]:
-    """Fill targets in turns.
+    """Fill targets alternately.
 
-    A software renderer leaves out what something opaque is painted over in the same target: in
-    turns nothing is.
+    A software renderer skips what is overdrawn in the same target: with alternating targets
+    nothing is.
     """
     vertex_array = context.vertex_array(program, [])
 
@@ -108,7 +108,7 @@ def _targets(
 
 
 def _noise(context: moderngl.Context, name: str) -> moderngl.Texture:
-    """A texture with mip levels, of numbers that no driver can foresee."""
+    """Texture of random numbers with mip levels."""
     size = (_TEXTURE_PX, _TEXTURE_PX)
     values = np.random.default_rng(7).integers(0, 256, (*size, 4), dtype=np.uint8)
     if name == SRGB:

@@ -1,4 +1,4 @@
-"""One thing done often enough that a clock can tell how fast the machine does it."""
+"""Probe: one operation, repeated often enough to be timed."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-# So long that a call of some 10 µs to wait for the GPU is no part of it worth speaking of.
+# Long enough that a wait for the GPU of some 10 µs does not count.
 LEAST_SECONDS = 3e-3
 LEAST_FILL_SECONDS = 5e-4  # of one draw: several make a probe, and a call costs some 2 µs
 MOST_REPEATS = 4096
 SMALLEST_SIDE_PX, LARGEST_SIDE_PX = 512, 4096
-_ASKED = 3  # times; the quickest counts: the first compiles
+_TRIES = 3  # the quickest counts: the first compiles
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """What the machine is asked for.
+    """Repeated operation.
 
     Attributes:
-        name: of it.
-        unit: of what is counted: px, triangles, bytes, calls.
-        amount: how many of them each time.
-        work: does it and waits until it is done.
+        name: in the report.
+        unit: px, triangles, bytes or calls.
+        amount: units of one run.
+        work: runs it and waits for the GPU.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Probe:
     work: Callable[[], None]
 
     def rates(self, seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How many a second, for each time that it took."""
+        """Units per second, for each run's seconds."""
         return self.amount / seconds
 
 
@@ -46,13 +46,13 @@ def repeated(
     amount: float,
     once: Callable[[int], object],
 ) -> Probe:
-    """A probe that does something as often as a clock needs.
+    """Probe that repeats an operation until it can be timed.
 
     Args:
-        context: where.
+        context: to run in.
         name, unit: of the probe.
-        amount: in one time.
-        once: does it; its argument counts the times.
+        amount: units of one operation.
+        once: runs the operation; its argument counts the repetitions.
     """
 
     def work_of(times: int) -> Callable[[], None]:
@@ -91,9 +91,9 @@ def side_px(context: moderngl.Context) -> int:
 
 
 def quickest(work: Callable[[], None]) -> float:
-    """Seconds that something takes, which nobody shall compare with anything."""
+    """Rough seconds of a run; too few tries to compare with anything."""
     seconds = []
-    for _ in range(_ASKED):
+    for _ in range(_TRIES):
         start = time.perf_counter()
         work()
         seconds.append(time.perf_counter() - start)

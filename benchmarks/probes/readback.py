@@ -1,4 +1,4 @@
-"""How many bytes a second come back from the GPU into NumPy's memory."""
+"""Readback rate: bytes per second from the GPU into NumPy's memory."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ SIDES_PX = (360, 1024)
 
 
 def readback_name(components: int, side_px: int) -> str:
-    """Name of the probe that reads so many components a pixel of a square."""
+    """Name of the probe that reads so many components per pixel of a square."""
     return f"readback, {'RGBA8' if components == 4 else 'RGB8'}, {side_px}²"
 
 
 def readback_probes(context: moderngl.Context) -> list[Probe]:
-    """Pictures with and without alpha, of two sizes, into memory that is there already."""
+    """Probes of pictures with and without alpha, of two sizes, into allocated memory."""
     return [
         repeated(
             context,

@@ -1,4 +1,4 @@
-"""What the virtual cameras cost when next to nothing of them is filled: triangles and calls."""
+"""Virtual cameras with next to no fill: the cost of triangles and calls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FACE_PX = 16
 
 
 def small_faces_probe(scene: str, stage: Stage) -> Probe:
-    """The faces of a scene with 16 texels to a side, all that is drawn in them included."""
+    """Probe of a scene's faces with 16 texels along each side."""
     camera = dataclasses.replace(at_setting(OmniCamera(), "fast"), face_size_px=FACE_PX)
     frame = RepeatedFrame.at_start(stage, camera)
     return Probe(small_faces_name(scene), "frames", 1.0, frame.render_faces)

@@ -1,4 +1,4 @@
-"""How many calls a second Python gets through to the GPU: what draws cost beside what they draw."""
+"""Submission rate: calls per second from Python to the GPU."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ INDIRECT = "draw of an indirect list"
 
 
 def submission_probes(context: moderngl.Context) -> list[Probe]:
-    """Draws of triangles without area, called one by one and from a list on the GPU."""
+    """Probes of draws of triangles without area, one by one and from a list on the GPU."""
     with context:
         program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         target = context.framebuffer([context.renderbuffer((_TARGET_PX, _TARGET_PX), 4)])

@@ -1,7 +1,7 @@
-"""How many texels of the virtual cameras a second: the ceiling for the faces.
+"""Shading rate: texels per second of the virtual cameras, the ceiling for the faces.
 
-An empty room, drawn by the renderer itself with the lamps of a scene: twelve textured triangles,
-each texel shaded once, nothing hidden, next to no vertices; flat and of one side, as what is
+An empty room, drawn by the renderer itself with the lights of a scene: twelve textured triangles,
+each texel shaded once, nothing hidden, next to no vertices; flat-shaded and single-sided, which is
 quickest to draw.
 """
 
@@ -28,7 +28,7 @@ _LEAST_SECONDS = 5e-3  # Python's calls are some tenths of a millisecond
 
 
 def empty_room(scene: Scene) -> Scene:
-    """A room about the scene's start, lit by the scene's lamps."""
+    """Room about the scene's start, lit by the scene's lights."""
     pixels = np.random.default_rng(5).integers(0, 256, (_TEXTURE_PX, _TEXTURE_PX, 4), np.uint8)
     pixels[..., 3] = 255
     return dataclasses.replace(
@@ -43,10 +43,10 @@ def empty_room(scene: Scene) -> Scene:
 
 
 def room_probe(scene: str, room: Stage) -> Probe:
-    """Texels of an empty room a second: so many that Python's calls are no part of it.
+    """Probe of an empty room, large enough that Python's calls do not count.
 
     Args:
-        scene: whose lamps they are.
+        scene: name of the scene whose lights it has.
         room: the room on a stage.
     """
     side_px = _SIDE_PX
@@ -67,7 +67,7 @@ def room_name(scene: str) -> str:
 
 
 def _walls() -> Mesh:
-    """A box about the origin, seen from within: four corners a side, with normals."""
+    """Box about the origin, seen from within: four corners per side, with normals."""
     corners, normals, coordinates = [], [], []
     for axis in range(3):
         for side in (-1.0, 1.0):

@@ -1,4 +1,4 @@
-"""How many triangles a second, so small that about one sample of each is filled."""
+"""Triangle rate: triangles per second, each of about one sample."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ OUTSIDE, WITHOUT_AREA = "triangles, outside", "triangles, without area"
 
 
 def triangle_probes(context: moderngl.Context) -> list[Probe]:
-    """Triangles that are seen, and those that three tests throw away: by their side, by the edges
-    of the picture, by their area."""  # fmt: skip
+    """Probes of visible triangles, and of those that are culled by side, by the picture's edges and
+    by area."""  # fmt: skip
     vertices, triangles = _grid()
     with context:
         program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)

@@ -1,4 +1,4 @@
-"""A drive through a scene: how even its frames are, whether memory grows, and how soon it starts.
+"""Drive through a scene: evenness of frame times, growth of memory, and start-up.
 
 Beside each frame something constant is done: by all threads, a fill of the same pixels, and by one,
 a loop of Python. What makes these uneven is the machine, not the camera. Processor time, of all
@@ -27,7 +27,7 @@ from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
 from benchmarks.start_up import CACHED, start_up_rows
 from benchmarks.suites.drive_figure import drive_figure
-from benchmarks.timer import Timings, take_turns
+from benchmarks.timer import Timings, time_interleaved
 from omnisim.gpu.context import open_context
 from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
@@ -56,7 +56,7 @@ FRAME, ALL_THREADS, ONE_THREAD = "frame", "all threads", "one thread"
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """What a drive at one setting gave, by frame."""
+    """Measurements of a drive at one setting, by frame."""
 
     setting: str
     timings: Timings
@@ -70,7 +70,7 @@ def run(
     """Start a few times, then drive.
 
     Args:
-        options: the first of its scenes counts; how many rounds has no meaning here.
+        options: the first of its scenes counts; rounds are not used.
         frames: of the drive, by setting.
         starts: of fresh processes; 0: none.
 
@@ -99,7 +99,7 @@ def run(
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """Frames, memory and start-up."""
+    """Text of the report: frames, memory and start-up."""
     rows = report["rows"]
     told = [f"{'':24} {'frames':>6} {'p50':>8} {'p95':>8} {'p99':>8} {'p99/p50':>8}"]
     for row in _of_kind(rows, "frames"):
@@ -165,7 +165,7 @@ def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven
             Renderer(stage, at_setting(mounted.sensor, setting), hidden=mounted.hides)
         )
         step = _Step(renderer, poses[drive], watch, collector_s, resident)
-        timings = take_turns(
+        timings = time_interleaved(
             {FRAME: step, ALL_THREADS: constant.work, ONE_THREAD: _loop},
             frames, warm_up, options.progress, f"drive, {setting}",
         )  # fmt: skip
@@ -173,7 +173,7 @@ def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven
 
 
 class _Step:
-    """Renders the next frame of a drive, and notes what else happened."""
+    """Renders the next frame of a drive, and records collector time and memory."""
 
     def __init__(
         self,
@@ -206,7 +206,7 @@ def _frames_row(driven: _Driven) -> dict[str, Any]:
     timings = driven.timings
     seconds = timings.seconds[FRAME]
     busy = timings.processor_seconds[FRAME]
-    view = usual_nearby(busy)
+    view = running_median(busy)
     machine = timings.seconds[ALL_THREADS]
     slow = seconds > SLOW * np.median(seconds)
     by_view = slow & (view > SLOW * np.median(busy))
@@ -229,13 +229,13 @@ def _frames_row(driven: _Driven) -> dict[str, Any]:
 
 
 def unevenness(seconds: NDArray[np.float64]) -> float:
-    """The 99th percentile to the median."""
+    """Ratio of the 99th percentile to the median."""
     middle, high = np.percentile(seconds, (50, 99))
     return float(high / middle)
 
 
-def usual_nearby(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What a frame takes where each one is: the median of those around it (n,)."""
+def running_median(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Median (n,) of the seconds around each frame."""
     half = min(_NEAR // 2, len(seconds) - 1)
     around = np.pad(seconds, half, mode="reflect")
     return np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * half + 1), axis=-1)

@@ -1,4 +1,4 @@
-"""Frame times over a drive, and below each what was constant meanwhile."""
+"""Frame times over a drive, and constant work meanwhile below."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MOST = 4.0  # times the median: what is above is cut off
 
 
 def drive_figure(report: dict[str, Any]) -> Figure:
-    """The figure of a report of the suite `drive`."""
+    """Figure of the suite `drive`."""
     rows = [row for row in report["rows"] if row["kind"] == "frames"]
     figure = Figure(figsize=(8.0, 3.4 * len(rows)), dpi=style.DPI, layout="constrained")
     grid = figure.add_gridspec(2 * len(rows), 1, height_ratios=[3, 1.2] * len(rows))

@@ -23,7 +23,7 @@ from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_plot import fps_figure
-from benchmarks.timer import Timings, take_turns
+from benchmarks.timer import Timings, time_interleaved
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.mesh_error import mesh_error
 from omnisim.plots.plot_file import write_plot
@@ -40,9 +40,9 @@ NO_SENSOR, SCANNER = "no sensor", "lms200"
 SIZES_PX = (360, 1024)
 LEAST = 0.97
 POSES = 10
-# A bound of 3 % asks for more turns than others: medians of 30 are uncertain by that.
+# A bound of 3 % asks for more rounds than others: medians of 30 are uncertain by that.
 TIMES_MORE = 2
-# Slow groups have fewer turns; of the paper's own size each pose is met more than once.
+# Slow groups have fewer rounds; of the paper's own size each pose is met more than once.
 TIMES_FEWER = {(360, "fast"): 1, (360, "default"): 2}
 TIMES_FEWER_ELSE = 10
 Take = Callable[[NDArray[np.float64]], object]
@@ -68,9 +68,9 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
         poses = patrol(scene, vehicle, POSES)
         with Stage(scene, vehicle.body, device=options.device) as stage:
             for size_px, setting in itertools.product(sizes_px, SETTINGS):
-                turns = options.fewer(TIMES_FEWER.get((size_px, setting), TIMES_FEWER_ELSE))
+                fewer = options.fewer(TIMES_FEWER.get((size_px, setting), TIMES_FEWER_ELSE))
                 timings, covered_px = _timings(
-                    stage, vehicle, poses, size_px, setting, turns, f"fps: {name} {size_px}²"
+                    stage, vehicle, poses, size_px, setting, fewer, f"fps: {name} {size_px}²"
                 )
                 what = {"scene": name, "size_px": size_px, "setting": setting}
                 rows += [
@@ -81,7 +81,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
                         "mesh_error_px": size_px * mesh_errors[variant]
                         if variant in mesh_errors
                         else None,
-                        "rounds": turns.rounds,
+                        "rounds": fewer.rounds,
                     }
                     for variant in timings.seconds
                 ]
@@ -102,7 +102,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """The report in words: a table for each map, the bounds, and what the camera costs."""
+    """Text of the report: a table for each map, the bounds, and the cost of the camera."""
     told = []
     for scene, size_px, setting in dict.fromkeys(map(_group, report["rows"])):
         rows = [row for row in report["rows"] if _group(row) == (scene, size_px, setting)]
@@ -130,10 +130,10 @@ def _timings(
     poses: NDArray[np.float64],
     size_px: int,
     setting: str,
-    turns: Options,
+    options: Options,
     what: str,
 ) -> tuple[Timings, dict[str, int]]:
-    """Take turns with the view alone, with the scanner, and with the camera by each mesh.
+    """Time the view alone, with the scanner, and with the camera by each mesh, interleaved.
 
     Returns:
         The times, and of each mesh how many pixels it covers: a coarse one covers fewer.
@@ -157,14 +157,16 @@ def _timings(
             sensors[str(polygons or EXACT)] = camera.render
             covered_px[str(polygons or EXACT)] = int(camera.render(poses[0]).valid.sum())
         variants = {name: _frame(stage, view.render, take, poses) for name, take in sensors.items()}
-        timings = take_turns(variants, turns.rounds, turns.warm_up, turns.progress, what)
+        timings = time_interleaved(
+            variants, options.rounds, options.warm_up, options.progress, what
+        )
     return timings, covered_px
 
 
 def _frame(
     stage: Stage, view: Take, sensor: Take | None, poses: NDArray[np.float64]
 ) -> Callable[[], None]:
-    """A frame of the simulator, at the next pose each time: in one turn all are at the same."""
+    """A frame of the simulator, at the next pose each time: in one round all are at the same."""
     next_pose = itertools.cycle(poses)
 
     def work() -> None:
@@ -179,7 +181,7 @@ def _frame(
 
 
 def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
-    """How far each mesh shifts what it shows, on average, as a share of the picture's width."""
+    """Mean geometric error of each mesh, as a share of the picture's width."""
     mirror = mirror_camera(vehicle.camera().sensor).mirror
     errors = {
         str(polygons): mesh_error(mirror, tessellate(mirror, polygons), rim_radius_px=0.5).mean_px
@@ -217,7 +219,7 @@ def _told(row: dict[str, Any]) -> str:
 
 
 def _remark(scene: str, setting: str, timings: Timings) -> str:
-    """What the run says of the paper's "comparable with an LMS200"."""
+    """Comparison with the paper's "comparable with an LMS200"."""
     camera = timings.cost_ms(str(PAPERS_POLYGONS), NO_SENSOR)
     scanner = timings.cost_ms(SCANNER, NO_SENSOR)
     told = (

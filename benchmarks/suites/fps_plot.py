@@ -32,7 +32,7 @@ def fps_figure(report: dict[str, Any]) -> Figure:
 
 
 def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
-    first = (rows[0]["size_px"], rows[0]["setting"])  # whose turns the levels are taken from
+    first = (rows[0]["size_px"], rows[0]["setting"])  # whose rounds give the levels
     for row in rows:
         if row["sensor"] in LEVELS and (row["size_px"], row["setting"]) == first:
             color, line = LEVELS[row["sensor"]]

@@ -1,7 +1,7 @@
-"""The cost of a lens: a frame by every camera model, from the same faces, in the same picture.
+"""Cost of a lens: a frame by every camera model, from the same faces, in the same picture.
 
-Whatever a model's rays cost is what the frames differ by: faces, picture, readback are the same.
-What a picture looks at differs with its lens, and with it the cost of the lookups, a little.
+The frames differ by the cost of a model's rays: faces, picture and readback are the same. The
+texels that a picture looks up differ with its lens, and with them the cost of lookups, a little.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
-from benchmarks.timer import take_turns
+from benchmarks.timer import time_interleaved
 from omnisim import poses
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.gpu.atlas.tile_plan import plan_tiles
@@ -59,7 +59,7 @@ def run(options: Options) -> dict[str, Any]:
 
         return work
 
-    timings = take_turns(
+    timings = time_interleaved(
         {name: frame_of(pipeline) for name, pipeline in pipelines.items()},
         options.rounds, options.warm_up, options.progress, "lenses",
     )  # fmt: skip
@@ -89,7 +89,7 @@ def run(options: Options) -> dict[str, Any]:
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """The report in words, cheapest first."""
+    """Text of the report, cheapest first."""
     told = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)        processor"]
     for row in report["rows"]:
         times = " ".join(f"{row[f'p{p}_ms']:6.1f}ms" for p in (50, 95, 99))
@@ -102,7 +102,7 @@ def lines(report: dict[str, Any]) -> list[str]:
 
 
 def plot(report: dict[str, Any], path: Path) -> None:
-    """Ratios to the cheapest with their intervals, the bound beside them.
+    """Draw ratios to the cheapest with their intervals and the bound.
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,17 +1,17 @@
-"""How near a frame comes to what the machine can do: where its time goes, and the least it needs.
+"""Roofline of a frame: its time by parts, and the least that it needs on this machine.
 
-What the machine can do is probed in the same turns. The least that a frame needs is one thing after
-the other, each at its probe's rate:
+The machine's rates are probed in the same rounds. The least that a frame needs is the sum of its
+parts, each at its probe's rate:
 
 - the texels of the virtual cameras, each shaded once, as fast as those of an empty room with the
-  scene's lamps;
+  scene's lights;
 - the triangles that were submitted: those that the picture shows as fast as small triangles that
   are seen, all others as fast as triangles that turn away or are outside of the picture;
 - for each captured pixel of the mirror one bilinear lookup in an atlas of half floats;
 - the bytes of the picture, read.
 
 It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a
-texel is shaded does not, and probe and frame take turns on a machine that does other things, too.
+texel is shaded does not, and probe and frame are interleaved on a machine with other load, too.
 Where the renderer is software, the share by processor time is the surer one.
 
 How much of the virtual cameras' time their triangles and calls take shows where they are drawn with
@@ -36,7 +36,7 @@ from benchmarks.scenes import load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.limit_figure import limit_figure
 from benchmarks.suites.limit_frames import LimitedFrame
-from benchmarks.timer import Timings, take_turns
+from benchmarks.timer import Timings, time_interleaved
 from omnisim.gpu.context import open_context
 from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
@@ -48,7 +48,7 @@ MOST_SAMPLES = 3.7  # shaded for each pixel of the mirror
 
 
 def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
-    """Probe and render in turns.
+    """Probe and render in interleaved rounds.
 
     Args:
         options: how often and where.
@@ -72,7 +72,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
             for setting in SETTINGS:
                 camera = at_setting(paper, setting)
                 frames.append(LimitedFrame.of(context, name, setting, stage, room, camera))
-        timings = _take_turns(probes, frames, options)
+        timings = _time(probes, frames, options)
         of_name = {probe.name: probe for probe in probes}
         rows = [_probe_row(probe, timings) for probe in probes]
         rows += [frame.row(of_name, timings) for frame in frames]
@@ -84,7 +84,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """The machine's rates, then the frames in parts beside their limits."""
+    """Text of the report: the machine's rates, then the frames by parts beside their limits."""
     told = [f"{'what the machine can do':44} a second"]
     probes = [row for row in report["rows"] if row["kind"] == "probe"]
     told += [f"{row['name']:44} {_rate(row['per_second'])} {row['unit']}" for row in probes]
@@ -122,7 +122,7 @@ def lines(report: dict[str, Any]) -> list[str]:
 
 
 def plot(report: dict[str, Any], path: Path) -> None:
-    """Where a frame's time goes, the limit beside it.
+    """Draw a frame's time by parts, the limit beside it.
 
     Raises:
         OutputError: the file cannot be written.
@@ -143,14 +143,12 @@ def _machine_probes(context: moderngl.Context) -> list[Probe]:
     ]
 
 
-def _take_turns(
-    probes: Sequence[Probe], frames: Sequence[LimitedFrame], options: Options
-) -> Timings:
-    turns: dict[str, Callable[[], object]] = {probe.name: probe.work for probe in probes}
+def _time(probes: Sequence[Probe], frames: Sequence[LimitedFrame], options: Options) -> Timings:
+    works: dict[str, Callable[[], object]] = {probe.name: probe.work for probe in probes}
     for frame in frames:
-        turns[frame.name] = frame.frame.render
-        turns[f"{frame.name}, in parts"] = frame.take_apart
-    return take_turns(turns, options.rounds, options.warm_up, options.progress, "limit")
+        works[frame.name] = frame.frame.render
+        works[f"{frame.name}, in parts"] = frame.take_apart
+    return time_interleaved(works, options.rounds, options.warm_up, options.progress, "limit")
 
 
 def _probe_row(probe: Probe, timings: Timings) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Where a frame's time goes, and the least it needs, as bars above each other."""
+"""Stacked bars of a frame's time by parts, and of the least that it needs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _THICK, _THIN = 0.42, 0.24
 
 
 def limit_figure(report: dict[str, Any]) -> Figure:
-    """The figure of a report of the suite `limit`."""
+    """Figure of the suite `limit`."""
     rows = [row for row in report["rows"] if row["kind"] == "frame"]
     figure, axes = style.plot(
         f"Where a frame of {report['picture_px']}² goes, and the least it needs on this machine",

@@ -1,4 +1,4 @@
-"""A frame beside the least that it needs at the rates of the probes."""
+"""Frame and its limit at the rates of the probes."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _LIMITED = ("texels", "triangles", "lookups", "readback")
 
 @dataclass(frozen=True, eq=False)
 class LimitedFrame:
-    """A scene at a setting, and all that is counted there.
+    """Frame of a scene at a setting, and its counts.
 
     Attributes:
-        scene, setting: which.
-        frame: what is timed.
-        counts: of what it draws.
-        texels: of its virtual cameras: samples, if nothing were drawn twice.
-        triangles_seen: that its picture shows.
-        mirror_px, captured_px: of its picture, and of the finer one, that see something.
-        picture_bytes: that are read.
-        taken_apart: its parts, one of each turn.
+        scene, setting: names.
+        frame: to be timed.
+        counts: of its draws.
+        texels: of its virtual cameras: samples without overdraw.
+        triangles_seen: triangles that its picture shows.
+        mirror_px, captured_px: valid pixels of its picture, and of the supersampled one.
+        picture_bytes: to read back.
+        taken_apart: seconds of its parts, by round.
     """
 
     scene: str
@@ -60,7 +60,7 @@ class LimitedFrame:
         room: Stage,
         camera: OmniCamera,
     ) -> LimitedFrame:
-        """Make it, and count.
+        """Render and count.
 
         Args:
             context: to count in.
@@ -90,22 +90,22 @@ class LimitedFrame:
 
     @property
     def name(self) -> str:
-        """Of both."""
+        """Name of its timings."""
         return f"{self.scene}, {self.setting}"
 
     def take_apart(self) -> None:
-        """Render the frame in parts, and remember how long each took."""
+        """Render the frame by parts, and record their seconds."""
         self.taken_apart.append(self.frame.parts())
 
     def row(self, probes: Mapping[str, Probe], timings: Timings) -> dict[str, Any]:
-        """What the report says of it.
+        """Row of the report.
 
         Args:
             probes: by name.
-            timings: of the probes and of this frame, in turns.
+            timings: of the probes and of this frame.
         """
         whole = timings.seconds[self.name]
-        # turns before the clock started are taken apart, too, and left out here
+        # rounds of the warm-up are recorded, too, and left out here
         parts = dict(zip(PARTS, np.array(self.taken_apart[-len(whole) :]).T, strict=True))
         limits = self._limits(probes, timings.seconds)
         processor_limits = self._limits(probes, timings.processor_seconds)

@@ -1,8 +1,8 @@
-"""The race: the same frame by others' ways, and how good each picture is.
+"""Race: the same frame by other renderers' methods, and the quality of each picture.
 
-360 × 360 px of the paper's mirror from poses on a path through each scene. Who races, and what
-differs from the real thing, is told in benchmarks/peers/README.md. Speed counts only at equal
-quality: a peer races against the quickest of our settings whose picture is no worse than its own.
+360 × 360 px of the paper's mirror from poses on a path through each scene.
+benchmarks/peers/README.md names the racers and how they differ from the originals. Speed counts
+only at equal quality: a peer races against the quickest of our settings whose picture is no worse.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
 from benchmarks.suites.peers_plot import peers_figure
-from benchmarks.timer import Timings, take_turns
+from benchmarks.timer import Timings, time_interleaved
 from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
 from omnisim.sensors import Stage
@@ -35,7 +35,7 @@ from omnisim.sensors import Stage
 POSES = 10
 # The references are dear: of the poses so many are looked at, and fewer by pyrender's own.
 LOOKED_AT, LOOKED_AT_BY_PYRENDER = 5, 3
-SLOW = (field.PYRENDER, field.PYRENDER_FLAT)  # timed in turns of their own with ours
+SLOW = (field.PYRENDER, field.PYRENDER_FLAT)  # timed in rounds of their own with ours
 TIMES_FEWER = 5
 # How many times as long as our setting that is as good each takes at least.
 BOUNDS = {field.PYRENDER: 20.0, field.PAPER: 2.5, field.GAZEBO: 4.0, field.EMBREE: 1.5}
@@ -57,7 +57,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
     Args:
         options: how often and where.
         poses: on each path.
-        looked_at: how many of them quality is measured at.
+        looked_at: number of them at which quality is measured.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded.
@@ -73,9 +73,9 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
                 slow_ones = [one for one in racers.peers if one in (*ours, *SLOW)]
                 groups = [(fast_ones, options), (slow_ones, options.fewer(TIMES_FEWER))]
                 timings: dict[str, tuple[Timings, int]] = {}
-                for group, turns in groups:
-                    timed = _timings(stage, racers, group, path, turns, f"peers: {name}")
-                    timings |= {one: (timed, turns.rounds) for one in group if one not in timings}
+                for group, fewer in groups:
+                    timed = _timings(stage, racers, group, path, fewer, f"peers: {name}")
+                    timings |= {one: (timed, fewer.rounds) for one in group if one not in timings}
                 quality = _quality(stage, racers, path, looked_at, options)
                 as_good = {one: _as_good(one, quality) for one in racers.peers}
                 rows += [
@@ -93,7 +93,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """The report in words: a table for each scene, and the bounds."""
+    """Text of the report: a table for each scene, and the bounds."""
     told = []
     for scene in dict.fromkeys(row["scene"] for row in report["rows"]):
         told.append(
@@ -123,11 +123,11 @@ def _timings(
     racers: Field,
     names: list[str],
     path: NDArray[np.float64],
-    turns: Options,
+    options: Options,
     what: str,
 ) -> Timings:
     def frame(name: str) -> Callable[[], None]:
-        """A frame, at the next pose each time: in one turn all are at the same."""
+        """A frame, at the next pose each time: in one round all are at the same."""
         next_pose = itertools.cycle(path)
         render = racers.peers[name].render
 
@@ -139,13 +139,13 @@ def _timings(
         return work
 
     variants = {name: frame(name) for name in names}
-    return take_turns(variants, turns.rounds, turns.warm_up, turns.progress, what)
+    return time_interleaved(variants, options.rounds, options.warm_up, options.progress, what)
 
 
 def _quality(
     stage: Stage, racers: Field, path: NDArray[np.float64], looked_at: int, options: Options
 ) -> Quality:
-    """PSNR of every racer that makes a picture."""
+    """PSNR of every racer with a picture."""
     numbers = np.arange(looked_at) * len(path) // looked_at
     few = numbers[:: -(-len(numbers) // LOOKED_AT_BY_PYRENDER)]
     lit = dict(zip(numbers, references(stage, path[numbers]), strict=True))
@@ -167,7 +167,7 @@ def _quality(
 
 
 def _as_good(name: str, quality: Quality) -> str:
-    """The quickest of ours whose picture is no worse than a racer's; our best, if none is."""
+    """Our quickest setting whose picture is no worse than a racer's; our best, if none is."""
     if name in field.LADDER or name == field.UNLIT:
         return field.FAST
     if name == field.PYRENDER_FLAT:
@@ -212,7 +212,7 @@ def _bounds(
     quality: Quality,
     as_good: dict[str, str],
 ) -> list[Measure]:
-    """Those on time, and those that hold ours to be no worse than anybody by default."""
+    """Bounds on time, and on the quality of our default setting."""
     found = [
         Measure(
             f"{scene}: {name} to {as_good[name]}, which is as good",

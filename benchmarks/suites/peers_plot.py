@@ -1,4 +1,4 @@
-"""The race in a picture: how long a frame takes against how good it is."""
+"""Figure of the race: time of a frame against its quality."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a frame costs by triangles of the scene, by pixels of the picture, and by cameras.
+"""Cost of a frame by triangles of the scene, pixels of the picture, and cameras.
 
 All at the fast setting, captured exactly. The scene that grows is a town whose houses are equally
 detailed, seen from a street; there Embree casts the same picture's rays, on one thread, and races
@@ -30,7 +30,7 @@ from benchmarks.report import bound_lines, make_report
 from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.settings import at_setting
 from benchmarks.suites.scaling_plot import scaling_figure
-from benchmarks.timer import Timings, take_turns
+from benchmarks.timer import Timings, time_interleaved
 from benchmarks.town import build_town
 from omnisim.plots.plot_file import write_plot
 from omnisim.poses import pose
@@ -72,7 +72,7 @@ def run(
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
     """  # fmt: skip
-    rows = [_of_town(count, _turns_of_town(options, count)) for count in triangles]
+    rows = [_of_town(count, _town_options(options, count)) for count in triangles]
     bounds = [
         Measure(
             f"Embree's rays to a frame, {row['triangles']} triangles", row["embree_ratio"],
@@ -95,7 +95,7 @@ def run(
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """The report in words, a line for each row."""
+    """Text of the report, a line for each row."""
     told = [f"{report['setting']}, {SIZE_PX}² where nothing else is said; {report['scene']}"]
     for row in report["rows"]:
         times = " ".join(f"{row[f'p{p}_ms']:8.1f}ms" for p in (50, 95, 99))
@@ -124,10 +124,10 @@ def plot(report: dict[str, Any], path: Path) -> None:
     write_plot(path, scaling_figure(report))
 
 
-def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
+def _of_town(triangles: int, options: Options) -> dict[str, Any]:
     scene, sensor = build_town(triangles), _sensor(SIZE_PX)
     with ExitStack() as opened:
-        stage = opened.enter_context(Stage(scene, device=turns.device))
+        stage = opened.enter_context(Stage(scene, device=options.device))
         renderer = opened.enter_context(Renderer(stage, sensor))
         variants = {OURS: _frame(stage, [(renderer.render, STREET)])}
         if has_embree():
@@ -136,7 +136,7 @@ def _of_town(triangles: int, turns: Options) -> dict[str, Any]:
             as_good = opened.enter_context(Renderer(stage, rung(quality["as_good"])))
             variants[AS_GOOD] = _frame(stage, [(as_good.render, STREET)])
             variants[EMBREE] = _frame(stage, [(rays.cast, STREET)])
-        timings = _take_turns(variants, turns, f"{scene.triangle_count} triangles")
+        timings = _time(variants, options, f"{scene.triangle_count} triangles")
         row = _row("triangles", stage, timings, OURS) | _counts(stage, renderer)
     if EMBREE in variants:
         row.update(quality)
@@ -170,21 +170,21 @@ def _counts(stage: Stage, renderer: Renderer) -> dict[str, int]:
 
 
 def _of_sizes(
-    stage: Stage, eyes: NDArray[np.float64], sizes_px: Sequence[int], turns: Options
+    stage: Stage, eyes: NDArray[np.float64], sizes_px: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
     with ExitStack() as renderers:
         variants = {}
         for size_px in sizes_px:
             renderer = renderers.enter_context(Renderer(stage, _sensor(size_px)))
             variants[str(size_px)] = _frame(stage, [(renderer.render, eyes)])
-        timings = _take_turns(variants, turns, "size of the picture")
+        timings = _time(variants, options, "size of the picture")
     return [
         _row("picture", stage, timings, str(size_px), picture_px=size_px) for size_px in sizes_px
     ]
 
 
 def _of_cameras(
-    stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], turns: Options
+    stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
     """Cameras on one stage that follow each other; a frame is a picture of every one."""
     with ExitStack() as renderers:
@@ -196,7 +196,7 @@ def _of_cameras(
             for camera in range(max(cameras))
         ]
         variants = {str(count): _frame(stage, takes[:count]) for count in cameras}
-        timings = _take_turns(variants, turns, "number of cameras")
+        timings = _time(variants, options, "number of cameras")
     rows = [_row("cameras", stage, timings, str(count), cameras=count) for count in cameras]
     return [{**row, "ms_a_camera": row["p50_ms"] / row["cameras"]} for row in rows]
 
@@ -220,20 +220,22 @@ def _frame(
     return work
 
 
-def _turns_of_town(options: Options, triangles: int) -> Options:
-    """Fewer turns where there is much to draw."""
+def _town_options(options: Options, triangles: int) -> Options:
+    """Options with fewer rounds for large towns."""
     if triangles > LARGE:
         return _slowest(options)
     return options.fewer(3) if triangles == LARGE else options
 
 
 def _slowest(options: Options) -> Options:
-    """The fewest turns, for what takes seconds."""
+    """Options with the fewest rounds, for frames of seconds."""
     return dataclasses.replace(options.fewer(5), warm_up=min(options.warm_up, 1))
 
 
-def _take_turns(variants: dict[str, Callable[[], None]], turns: Options, what: str) -> Timings:
-    return take_turns(variants, turns.rounds, turns.warm_up, turns.progress, f"scaling: {what}")
+def _time(variants: dict[str, Callable[[], None]], options: Options, what: str) -> Timings:
+    return time_interleaved(
+        variants, options.rounds, options.warm_up, options.progress, f"scaling: {what}"
+    )
 
 
 def _row(
@@ -251,7 +253,7 @@ def _row(
 
 
 def _what(row: dict[str, Any]) -> str:
-    """What a row stands for, in words."""
+    """Description of a row."""
     if row["against"] == "triangles":
         return f"{row['triangles']} triangles"
     if row["against"] == "picture":

@@ -1,4 +1,4 @@
-"""Three panels: what a frame costs as the scene, the picture and the number of cameras grow."""
+"""Cost of a frame as the scene, the picture and the number of cameras grow: three panels."""
 
 from __future__ import annotations
 

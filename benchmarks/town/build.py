@@ -22,11 +22,11 @@ _SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.94, 0.84), 0.75, direction=np.array(
 LIGHTING = Lighting(ambient=(0.42, 0.46, 0.52), lights=(_SUN,))
 
 
-class _Things(NamedTuple):
-    """One kind of thing, and where it stands."""
+class _Placed(NamedTuple):
+    """Parts of an object, and its poses in the town."""
 
     parts: dict[str, Part]
-    world_from_thing: NDArray[np.float64]  # (n, 3, 3), turned and scaled
+    world_from_object: NDArray[np.float64]  # (n, 3, 3), turned and scaled
     position_m: NDArray[np.float64]  # (n, 3)
     block: NDArray[np.intp]  # (n,)
 
@@ -43,7 +43,7 @@ def build_town(triangles: int) -> Scene:
     houses = [house(kind) for kind in KINDS]
     around, lamp_parts, tree_parts = ground(), lamp(), tree()
     plots = land()
-    kind_of_plot = np.minimum((plots.chances[:, 0] * len(KINDS)).astype(int), len(KINDS) - 1)
+    kind_of_plot = np.minimum((plots.random[:, 0] * len(KINDS)).astype(int), len(KINDS) - 1)
     beside = sum(map(_count, (around, lamp_parts, tree_parts)))
     total = np.cumsum(np.array([_count(parts) + beside for parts in houses])[kind_of_plot])
     if not total[0] // 2 <= triangles <= total[-1]:
@@ -53,30 +53,30 @@ def build_town(triangles: int) -> Scene:
     plots = plots.first(1 + int(np.argmin(np.abs(total - triangles))))
     kind_of_plot = kind_of_plot[: len(plots)]
     facing, at, block = plots.house_from_plot, plots.position_m, plots.block
-    things = [_Things(around, facing, at, block)]
+    objects = [_Placed(around, facing, at, block)]
     for index, parts in enumerate(houses):
-        here = kind_of_plot == index
-        things.append(_Things(parts, facing[here], at[here], block[here]))
+        of_kind = kind_of_plot == index
+        objects.append(_Placed(parts, facing[of_kind], at[of_kind], block[of_kind]))
     lamp_m = facing @ (4.5, KERB_M + 0.4, 0.0)
-    things.append(_Things(lamp_parts, facing, at + lamp_m, block))
-    things.append(_Things(tree_parts, *_trees(plots), block))
-    return _scene(things, plots)
+    objects.append(_Placed(lamp_parts, facing, at + lamp_m, block))
+    objects.append(_Placed(tree_parts, *_trees(plots), block))
+    return _scene(objects, plots)
 
 
 def _trees(plots: Plots) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Turned and scaled (n, 3, 3), and where (n, 3): in the front gardens, no two alike."""
-    x, y, turn, size = plots.chances[:, 1:].T
+    """Rotations with scale (n, 3, 3) and positions (n, 3) of trees in the front gardens."""
+    x, y, angle, size = plots.random[:, 1:].T
     spot = np.stack((x - 4.6, y + GARDEN_M + 2.0, np.zeros(len(plots))), axis=-1)
-    turns = np.zeros((len(plots), 3, 3))
-    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(2.0 * np.pi * turn)
-    turns[:, 1, 0] = np.sin(2.0 * np.pi * turn)
-    turns[:, 0, 1] = -turns[:, 1, 0]
-    turns[:, 2, 2] = 1.0
-    grown = turns * (0.8 + 0.5 * size)[:, None, None]
+    rotations = np.zeros((len(plots), 3, 3))
+    rotations[:, 0, 0] = rotations[:, 1, 1] = np.cos(2.0 * np.pi * angle)
+    rotations[:, 1, 0] = np.sin(2.0 * np.pi * angle)
+    rotations[:, 0, 1] = -rotations[:, 1, 0]
+    rotations[:, 2, 2] = 1.0
+    grown = rotations * (0.8 + 0.5 * size)[:, None, None]
     return grown, plots.position_m + np.einsum("nij,nj->ni", plots.house_from_plot, spot)
 
 
-def _scene(things: list[_Things], plots: Plots) -> Scene:
+def _scene(objects: list[_Placed], plots: Plots) -> Scene:
     materials = town_materials()
     number = {name: at for at, name in enumerate(materials)}
     meshes: list[Mesh] = []
@@ -92,12 +92,12 @@ def _scene(things: list[_Things], plots: Plots) -> Scene:
     for block in range(1 + int(plots.block.max())):
         origin_m = plots.position_m[plots.block == block].mean(axis=0)
         parts: dict[str, list[Part]] = {}
-        for thing in things:
-            here = thing.block == block
-            if here.any():
-                at_m = thing.position_m[here] - origin_m
-                for name, part in thing.parts.items():
-                    placed = _placed(part, thing.world_from_thing[here], at_m)
+        for item in objects:
+            in_block = item.block == block
+            if in_block.any():
+                at_m = item.position_m[in_block] - origin_m
+                for name, part in item.parts.items():
+                    placed = _placed(part, item.world_from_object[in_block], at_m)
                     parts.setdefault(name, []).append(placed)
         add(f"block_{block:04d}", origin_m, parts)
     add("outskirts", np.zeros(3), {name: [part] for name, part in _outskirts(plots).items()})
@@ -113,11 +113,11 @@ def _scene(things: list[_Things], plots: Plots) -> Scene:
 
 
 def _placed(
-    part: Part, world_from_thing: NDArray[np.float64], position_m: NDArray[np.float64]
+    part: Part, world_from_object: NDArray[np.float64], position_m: NDArray[np.float64]
 ) -> Part:
-    """The same thing at n places, each with vertices of its own."""
+    """Copies of a part at n poses, each with vertices of its own."""
     count, vertices = len(position_m), len(part.positions)
-    positions = part.positions @ world_from_thing.transpose(0, 2, 1).astype(np.float32)
+    positions = part.positions @ world_from_object.transpose(0, 2, 1).astype(np.float32)
     positions += position_m[:, None].astype(np.float32)
     first = (vertices * np.arange(count, dtype=np.uint32))[:, None, None]
     return Part(
@@ -128,7 +128,7 @@ def _placed(
 
 
 def _mesh(name: str, material: int, texture_m: float, parts: list[Part]) -> Mesh:
-    """All that a block has of one material, whose texture is so wide."""
+    """Mesh of a block's parts of one material, whose texture is so wide."""
     bases = np.cumsum([0, *(len(part.positions) for part in parts)], dtype=np.uint32)
     triangles = [part.triangles + base for part, base in zip(parts, bases, strict=False)]
     coordinates_m = np.concatenate([part.texture_coordinates for part in parts])

@@ -22,13 +22,13 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class HouseKind:
-    """How a kind of house differs from the others.
+    """Parameters of a kind of house.
 
     Attributes:
         wall, roof, door: materials.
         width_m: of its front.
         columns: of windows in its front; the door takes one of them.
-        door_column: which.
+        door_column: index of that column.
         roof_rise_m: of the ridge above the eaves.
     """
 
@@ -82,7 +82,7 @@ class _Wall:
 
 
 def house(kind: HouseKind) -> dict[str, Part]:
-    """What a house of a kind is made of, by material."""
+    """Parts of a house, by material."""
     pieces = Pieces()
     half, deep, high = 0.5 * kind.width_m, 0.5 * DEPTH_M, 2.0 * STOREY_M
     corners = np.array([(-half, -deep, 0), (half, -deep, 0), (half, deep, 0), (-half, deep, 0)])

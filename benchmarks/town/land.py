@@ -1,4 +1,4 @@
-"""Where houses may stand: plots along parallel streets, those near the start first."""
+"""Plots for houses along parallel streets, nearest to the start first."""
 
 from __future__ import annotations
 
@@ -19,48 +19,48 @@ _SEED = 11
 
 @dataclass(frozen=True, eq=False)
 class Plots:
-    """Plots, whatever stands on them.
+    """Plots without their houses.
 
     Attributes:
         position_m: (n, 3) of the houses' middles, world.
         side: (n,) of the street: 1, whose houses look along −y, or −1.
         block: (n,) number of the block of neighbours that a plot belongs to.
-        chances: (n, 5) numbers from 0 to 1, which a plot keeps in every town.
+        random: (n, 5) numbers from 0 to 1, which a plot keeps in every town.
     """
 
     position_m: NDArray[np.float64]
     side: NDArray[np.float64]
     block: NDArray[np.intp]
-    chances: NDArray[np.float64]
+    random: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.side)
 
     def first(self, count: int) -> Plots:
-        """The plots nearest to the start."""
+        """Plots nearest to the start."""
         block = np.unique(self.block[:count], return_inverse=True)[1]
-        return Plots(self.position_m[:count], self.side[:count], block, self.chances[:count])
+        return Plots(self.position_m[:count], self.side[:count], block, self.random[:count])
 
     @property
     def house_from_plot(self) -> NDArray[np.float64]:
         """Rotations (n, 3, 3): a house across the street is turned by half a turn."""
-        turns = np.zeros((len(self), 3, 3))
-        turns[:, 0, 0] = turns[:, 1, 1] = self.side
-        turns[:, 2, 2] = 1.0
-        return turns
+        rotations = np.zeros((len(self), 3, 3))
+        rotations[:, 0, 0] = rotations[:, 1, 1] = self.side
+        rotations[:, 2, 2] = 1.0
+        return rotations
 
 
 def land() -> Plots:
-    """All plots that there could be."""
+    """All available plots."""
     columns, streets = np.arange(COLUMNS) - COLUMNS // 2, np.arange(STREETS) - STREETS // 2
     column, street, side = (
         values.ravel() for values in np.meshgrid(columns, streets, np.array([1.0, -1.0]))
     )
     x = (column + 0.5) * PLOT_WIDTH_M
     y = street * STREET_PITCH_M - side * ROAD_MIDDLE_M
-    chances = np.random.default_rng(_SEED).uniform(0.0, 1.0, (len(x), 5))
+    random = np.random.default_rng(_SEED).uniform(0.0, 1.0, (len(x), 5))
     block = column // BLOCK_COLUMNS * STREETS + street // BLOCK_STREETS
     # rounded, so that equal distances are equal on every machine; then side and column decide
     order = np.lexsort((side, column, np.round(np.hypot(x - START_X_M, y), 6)))
     position_m = np.stack((x, y, np.zeros(len(x))), axis=-1)
-    return Plots(position_m[order], side[order], block[order], chances[order])
+    return Plots(position_m[order], side[order], block[order], random[order])

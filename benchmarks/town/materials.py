@@ -1,4 +1,4 @@
-"""The town's materials: small textures that repeat, made of numbers."""
+"""The town's materials: small procedural textures that repeat."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _courses(
 
 
 def _sky() -> NDArray[np.uint8]:
-    """What a pane mirrors: bright above, dark below."""
+    """Sky reflected in a pane: bright above, dark below."""
     down = np.linspace(0.0, 1.0, SIDE_PX)[:, None, None]
     rgb = (1.0 - down) * np.array([150.0, 178.0, 200.0]) + down * np.array([52.0, 62.0, 72.0])
     return _rgba(np.broadcast_to(rgb, (SIDE_PX, SIDE_PX, 3)))

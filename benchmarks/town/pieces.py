@@ -1,4 +1,4 @@
-"""Quads by material, with texture coordinates in metres: what the town's things are made of."""
+"""Quads by material, with texture coordinates in metres."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class Part(NamedTuple):
-    """What a thing has of one material."""
+    """Triangles of one material."""
 
     positions: NDArray[np.float32]  # (n, 3), metres
     texture_coordinates: NDArray[np.float32]  # (n, 2), metres
@@ -17,7 +17,7 @@ class Part(NamedTuple):
 
 
 class Pieces:
-    """Collects what a thing is made of; corners run counter-clockwise, seen from outside."""
+    """Quads collected by material; corners run counter-clockwise, seen from outside."""
 
     def __init__(self) -> None:
         self._corners: dict[str, list[NDArray[np.float64]]] = {}
@@ -56,7 +56,7 @@ class Pieces:
             self.quad(material, low[at], low[at + 1], high[at + 1], high[at])
 
     def parts(self) -> dict[str, Part]:
-        """What there is of each material."""
+        """Parts by material."""
         return {material: _part(np.array(quads)) for material, quads in self._corners.items()}
 
 

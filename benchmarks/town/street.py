@@ -1,4 +1,4 @@
-"""What stands around a house: its ground down to the middle of the road, a tree, a lamp.
+"""Surroundings of a house: its ground down to the middle of the road, a tree, a lamp.
 
 A plot lies about its house; the road is along x at −y, and its middle is the plot's edge.
 """

@@ -5,7 +5,7 @@ import threading
 
 from rich.console import Console
 
-from benchmarks.progress import show_turns
+from benchmarks.progress import show_progress
 
 
 def test_bar_is_drawn_between_turns_and_by_no_thread():
@@ -13,7 +13,7 @@ def test_bar_is_drawn_between_turns_and_by_no_thread():
     console = Console(file=shown, force_terminal=True)
     before = threading.active_count()
     seen = []
-    for step in show_turns(range(-1, 3), "fps: [soccer]", 4, console):
+    for step in show_progress(range(-1, 3), "fps: [soccer]", 4, console):
         seen.append(step)
         assert threading.active_count() == before
     assert seen == [-1, 0, 1, 2]
@@ -23,5 +23,5 @@ def test_bar_is_drawn_between_turns_and_by_no_thread():
 
 def test_there_is_no_bar_where_there_is_no_terminal():
     shown = io.StringIO()
-    assert list(show_turns(range(3), "fps", 3, Console(file=shown))) == [0, 1, 2]
+    assert list(show_progress(range(3), "fps", 3, Console(file=shown))) == [0, 1, 2]
     assert shown.getvalue() == ""

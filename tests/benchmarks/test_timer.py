@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from benchmarks import timer
-from benchmarks.timer import Timings, take_turns
+from benchmarks.timer import Timings, time_interleaved
 
 
 def test_variants_take_turns_and_warm_up_is_not_timed():
     calls = []
-    timings = take_turns(
+    timings = time_interleaved(
         {"a": lambda: calls.append("a"), "b": lambda: calls.append("b")}, rounds=5, warm_up=2
     )
     assert calls == ["a", "b"] * 7

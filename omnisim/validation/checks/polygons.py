@@ -23,9 +23,9 @@ DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture
 
 
 class MeshResult(NamedTuple):
-    """What one mesh does to the picture."""
+    """Error of one mesh's picture."""
 
-    error_px: NDArray[np.float64]  # (pixels,) of what it shows against where the mirror would
+    error_px: NDArray[np.float64]  # (pixels,) between mesh and mirror
     psnr_db: float  # against the exact capture, where both show the scene
     picture: NDArray[np.uint8]
 

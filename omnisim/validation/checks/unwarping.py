@@ -72,7 +72,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
-    """What a pinhole camera sees: the front face of another rig, turned to look that way."""
+    """Pinhole camera's picture: the front face of another rig, turned to look that way."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
     pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
@@ -88,12 +88,13 @@ def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.floa
     grid = pixel_grid(view.camera.width_px, view.camera.height_px)
     rotation = frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
 
-    def place(step: tuple[float, float]) -> NDArray[np.float64]:
+    def project(step: tuple[float, float]) -> NDArray[np.float64]:
         directions = view.camera.ray_from_pixel(grid + step).directions @ rotation.T
         return sensor.model.pixel_from_ray(directions).positions_px
 
     jacobian = np.stack(
-        (place((0.5, 0.0)) - place((-0.5, 0.0)), place((0.0, 0.5)) - place((0.0, -0.5))), axis=-1
+        (project((0.5, 0.0)) - project((-0.5, 0.0)), project((0.0, 0.5)) - project((0.0, -0.5))),
+        axis=-1,
     )
     # in NumPy's stubs singular values have any precision
     return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[..., 1], dtype=np.float64)

@@ -74,8 +74,8 @@ def test_what_is_usual_nearby_follows_the_view_and_not_a_single_frame():
     slope = np.linspace(1.0, 2.0, 200)
     jumped = slope.copy()
     jumped[100] = 9.0
-    usual = drive.usual_nearby(jumped)
+    usual = drive.running_median(jumped)
     assert usual.shape == slope.shape
     assert np.abs(usual - slope).max() < 0.05
-    assert drive.usual_nearby(np.array([2.0])).tolist() == [2.0]
-    assert drive.usual_nearby(np.array([2.0, 3.0])).shape == (2,)
+    assert drive.running_median(np.array([2.0])).tolist() == [2.0]
+    assert drive.running_median(np.array([2.0, 3.0])).shape == (2,)

@@ -48,9 +48,9 @@ def test_without_embree_no_bound_is_asked_for(monkeypatch, needs_opengl):
     assert any("embreex is not installed" in line for line in scaling.lines(report))
 
 
-def test_what_takes_long_has_fewer_turns():
+def test_slow_variants_have_fewer_rounds():
     options = Options(30, 20)
-    turns = [scaling._turns_of_town(options, count) for count in (1000, 1_000_000, 5_000_000)]
+    turns = [scaling._town_options(options, count) for count in (1000, 1_000_000, 5_000_000)]
     assert [(one.rounds, one.warm_up) for one in turns] == [(30, 20), (10, 6), (6, 1)]
 
 
