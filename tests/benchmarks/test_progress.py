@@ -8,7 +8,7 @@ from rich.console import Console
 from benchmarks.progress import show_progress
 
 
-def test_bar_is_drawn_between_turns_and_by_no_thread():
+def test_bar_is_drawn_between_rounds_and_by_no_thread():
     shown = io.StringIO()
     console = Console(file=shown, force_terminal=True)
     before = threading.active_count()

@@ -110,7 +110,7 @@ def test_impossible_options_are_refused():
             Options(**wrong)
 
 
-def test_fewer_turns_are_never_more_than_were_asked_for():
+def test_fewer_rounds_are_never_more_than_were_asked_for():
     assert (Options(30, 20).fewer(5).rounds, Options(30, 20).fewer(5).warm_up) == (6, 4)
     assert (Options(2, 1).fewer(5).rounds, Options(2, 1).fewer(5).warm_up) == (2, 1)
     assert Options(600, 20).fewer(5).rounds == 120

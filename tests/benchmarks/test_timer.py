@@ -7,7 +7,7 @@ from benchmarks import timer
 from benchmarks.timer import Timings, time_interleaved
 
 
-def test_variants_take_turns_and_warm_up_is_not_timed():
+def test_variants_are_interleaved_and_warm_up_is_not_timed():
     calls = []
     timings = time_interleaved(
         {"a": lambda: calls.append("a"), "b": lambda: calls.append("b")}, rounds=5, warm_up=2

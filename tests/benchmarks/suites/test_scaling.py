@@ -50,8 +50,8 @@ def test_without_embree_no_bound_is_asked_for(monkeypatch, needs_opengl):
 
 def test_slow_variants_have_fewer_rounds():
     options = Options(30, 20)
-    turns = [scaling._town_options(options, count) for count in (1000, 1_000_000, 5_000_000)]
-    assert [(one.rounds, one.warm_up) for one in turns] == [(30, 20), (10, 6), (6, 1)]
+    fewer = [scaling._town_options(options, count) for count in (1000, 1_000_000, 5_000_000)]
+    assert [(one.rounds, one.warm_up) for one in fewer] == [(30, 20), (10, 6), (6, 1)]
 
 
 def test_embree_hits_what_the_camera_sees(needs_opengl):
