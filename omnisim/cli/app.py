@@ -1,6 +1,7 @@
 """The command line: parses, calls, prints.
 
-Each command imports what it runs, as `omnisim --help` needs none of it.
+Commands import their modules when they run: `omnisim --help` needs none of them. They raise
+OmnisimError for whatever a user can put right.
 """
 
 import sys

@@ -48,11 +48,7 @@ def list_formats() -> None:
 
 
 def convert(request: ConvertRequest) -> None:
-    """Write a calibration in another format and print its residuals.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Write a calibration in another format and print its residuals."""
     form = format_named(request.to)
     check_target(request.output)
     check_distinct({"what is written": request.output}, {"the file to convert": request.source})
@@ -68,11 +64,7 @@ def convert(request: ConvertRequest) -> None:
 
 
 def show(request: ShowRequest) -> None:
-    """Print the cameras of a calibration file.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Print the cameras of a calibration file."""
     read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
     cameras = pluralize(len(read.cameras), "camera")
     out.print(f"{request.source}: {read.format}, {cameras}", markup=False)

@@ -30,11 +30,7 @@ class _RateColumn(ProgressColumn):
 
 
 def run(request: DriveRequest) -> None:
-    """Record a run, or resume an unfinished one, and print a summary.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Record a run, or resume an unfinished one, and print a summary."""
     channels = () if request.also is None else parse_channels(request.also)
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
     vehicle = with_cameras(

@@ -12,11 +12,7 @@ from omnisim.reports.report import HTML, check_report_target
 
 
 def run(request: ExperimentsRequest) -> bool:
-    """Run the experiments, write their report, and return whether every bound holds.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Run the experiments, write their report, and return whether every bound holds."""
     check_report_target(request.output)
     start = time.monotonic()
     report = run_experiments(request.output, request.device, _progress)

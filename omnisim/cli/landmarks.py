@@ -25,11 +25,7 @@ LISTED = 8  # steps in a note
 
 
 def train(request: TrainRequest) -> None:
-    """Learn colours from a run, write the model and print its rates.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Learn colours from a run, write the model and print its rates."""
     for option, cost in (("--missed", request.missed), ("--false-alarm", request.false_alarm)):
         if not 1.0 / MAX_COST <= cost <= MAX_COST:
             raise LocalizationError(
@@ -69,11 +65,7 @@ def _color_lines(trained: Training) -> list[str]:
 
 
 def detect(request: DetectRequest) -> None:
-    """Detect landmarks, write and plot them, and print their count.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Detect landmarks, write and plot them, and print their count."""
     if request.output is not None:
         check_suffix(request.output, detection_files.SUFFIX)
         check_target(request.output)

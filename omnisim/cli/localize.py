@@ -24,11 +24,7 @@ SHOWN = 4  # panoramas in the report
 
 
 def run(request: LocalizeRequest) -> None:
-    """Localize a run, write the estimate with its report, and print its errors.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Localize a run, write the estimate with its report, and print its errors."""
     check_report_target(request.output)
     chosen = read_parameters(request.params)
     data = read_run(request.run, request.scene, request.camera)

@@ -15,11 +15,7 @@ from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 
 def run(request: MirrorRequest) -> None:
-    """Write the mesh and print its size and error.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Write the mesh and print its size and error."""
     check_mesh_target(request.output)
     camera = read_sensor(request.sensor)
     model = camera.model

@@ -35,11 +35,7 @@ DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
 
 
 def run(request: RenderRequest) -> None:
-    """Render one frame, write it and print a summary.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Render one frame, write it and print a summary."""
     _check_motion(request)
     is_float = is_float_format(request.output)
     channels = _check_outputs(request)

@@ -38,11 +38,7 @@ def list_robots() -> None:
 
 
 def check_robot(request: CheckRequest) -> None:
-    """Load a robot with its body and sensors, and summarize it.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Load a robot with its body and sensors, and summarize it."""
     robot = read_robot(find_robot(request.robot))
     vehicle = Vehicle.from_robot(robot)
     if vehicle.body is not None:
@@ -54,11 +50,7 @@ def check_robot(request: CheckRequest) -> None:
 
 
 def import_robot(request: ImportRequest) -> None:
-    """Convert a robot of USARSim's to a robot file, and list what is in it and what is not.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Convert a robot of USARSim's to a robot file, and list what is in it and what is not."""
     output = request.output
     if output.suffix.lower() != ".toml":
         raise OutputError(f"--output: expected a .toml file, got {output}")

@@ -23,11 +23,7 @@ from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, PLOT, RunFolde
 
 
 def plot(request: PlotRequest) -> None:
-    """Plot a run from above.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Plot a run from above."""
     folder = request.run
     target = request.output or folder / PLOT
     run = RunFolder.read(folder)
@@ -55,11 +51,7 @@ def plot(request: PlotRequest) -> None:
 
 
 def video(request: VideoRequest) -> None:
-    """Encode a camera's pictures as a video.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Encode a camera's pictures as a video."""
     folder, output, rate_hz = request.run, request.output, request.rate_hz
     if not 0.1 <= rate_hz <= 240.0:
         raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")

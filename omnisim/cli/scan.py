@@ -17,11 +17,7 @@ from omnisim.sensors import LaserRenderer, LaserScanner
 
 
 def run(request: ScanRequest) -> None:
-    """Take one scan, write it and print a summary.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Take one scan, write it and print a summary."""
     if request.output.suffix.lower() != ".csv":
         raise OutputError(f"--output: expected a .csv file, got {request.output}")
     check_target(request.output)

@@ -32,11 +32,7 @@ MAX_PIXELS = 1 << 26  # an EXR of them has 1 GB
 
 
 def run(request: UnwarpRequest) -> None:
-    """Unwarp one picture, write it and print a summary with the share that is masked.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Unwarp one picture, write it and print a summary with the share that is masked."""
     _check_options(request)
     is_float = is_float_format(request.output)
     check_target(request.output)

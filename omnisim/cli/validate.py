@@ -20,11 +20,7 @@ _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow"}
 
 
 def run(request: ValidateRequest) -> bool:
-    """Run the checks, write the report, and return whether every bound holds.
-
-    Raises:
-        OmnisimError: anything that the user can put right.
-    """
+    """Run the checks, write the report, and return whether every bound holds."""
     checks = _select(request.only or (), request.quick)
     check_report_target(request.output)
     machine = machine_of_device(request.device)  # without OpenGL better now than after the work
