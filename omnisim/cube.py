@@ -7,8 +7,12 @@ front at its top, the up face continues the front face over its upper edge. No f
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from omnisim.errors import GraphicsError
 
 FACE_NAMES = ("front", "left", "back", "right", "down", "up")
 
@@ -46,3 +50,28 @@ def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.flo
     directions = np.asarray(directions_rig, dtype=np.float64)
     local = np.einsum("...ij,...j->...i", FACE_FROM_RIG[np.asarray(faces)], directions)
     return local[..., :2] / local[..., 2:]
+
+
+def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Unfold faces (size, size, 3) into one picture, two rows of three, as the texture coordinates
+    of an exported mirror expect them.
+
+    Cells of faces that were not drawn are black; smaller faces are enlarged to the largest. The
+    border of a cell repeats the edge of its face.
+
+    Raises:
+        GraphicsError: no faces.
+    """
+    if not faces:
+        raise GraphicsError("there are no faces to unfold")
+    largest = max(face.shape[0] for face in faces.values())
+    border = math.ceil(0.5 * (CELL_TANGENT - 1.0) * largest)
+    size = round(2.0 * border / (CELL_TANGENT - 1.0))  # so that the border is whole pixels
+    cell = size + 2 * border
+    picture = np.zeros((LAYOUT_ROWS * cell, LAYOUT_COLUMNS * cell, 3), dtype=np.uint8)
+    for name, face in faces.items():
+        column, row = LAYOUT_CELLS[FACE_NAMES.index(name)]
+        nearest = np.clip(np.arange(-border, size + border), 0, size - 1) * face.shape[0] // size
+        area = picture[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell]
+        area[:] = face[nearest[:, None], nearest]
+    return picture

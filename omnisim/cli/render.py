@@ -20,13 +20,13 @@ from omnisim.cli.inputs import (
     read_preset,
 )
 from omnisim.cli.picture_requests import RenderRequest
+from omnisim.cube import unfolded_cube
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.ground_truth.files import is_name_beside
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import FASTEST_MPS, FASTEST_RADPS, Twist
-from omnisim.sensors.renderer import unfolded_cube
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.calibration import Calibration

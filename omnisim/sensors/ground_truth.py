@@ -47,16 +47,16 @@ class GroundTruth:
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.moving)
         self._pixels = PixelMap(stage.context, sensor.model, sensor.polygons)
-        self._visibility = VisibilityPass(
+        visibility = VisibilityPass(
             stage.context,
             stage.buffers,
             sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL),
-            sensor.near_m,
-            sensor.far_m,
-            hidden,
-            albedo,
+            near_m=sensor.near_m,
+            far_m=sensor.far_m,
+            hidden=hidden,
+            albedo=albedo,
         )
-        self._ray_hits = RayHitPass(stage.context, self._visibility, self._pixels)
+        self._ray_hits = RayHitPass(visibility, self._pixels)
         object_names = list(stage.moving)
         ids = {(label.object_name, label.name): label.id for label in self.labels.instances}
         instances = [
@@ -106,10 +106,7 @@ class GroundTruth:
 
     @cached_property
     def _flow(self) -> OpticalFlow:
-        occlusion = OcclusionPass(
-            self._stage.context, self._visibility, self._pixels, self._ray_hits
-        )
-        return OpticalFlow(self._stage.buffers, self._pixels, occlusion)
+        return OpticalFlow(self._stage.buffers, self._pixels, OcclusionPass(self._ray_hits))
 
 
 def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cube import CELL_TANGENT, FACE_NAMES, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
@@ -66,15 +64,14 @@ class CameraPasses:
             sensor.supersampling,
             "f2" if is_ideal else "f4",
         )
-        self._degraded = None if is_ideal else DegradedCamera(stage, sensor, seed, self._pipeline)
+        self._degraded = None if is_ideal else DegradedCamera(sensor, seed, self._pipeline)
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation."""
         if self._degraded is not None:
             picture, metadata = self._degraded.take(request)
             return picture, {"degradation": metadata}
-        poses = request.poses(self._stage, self._sensor, request.world_from_base)
-        return self._pipeline.render(poses, request.linear), {}
+        return self._pipeline.render(request.poses, request.linear), {}
 
     @cached_property
     def whole_cube(self) -> CubePass:
@@ -95,12 +92,12 @@ class CameraPasses:
             stage.buffers,
             stage.surfaces,
             plan,
-            sensor.near_m,
-            sensor.far_m,
-            sensor.samples,
-            self._unlit,
-            stage.scene.background,
-            self._hidden,
+            near_m=sensor.near_m,
+            far_m=sensor.far_m,
+            samples=sensor.samples,
+            unlit=self._unlit,
+            background=stage.scene.background,
+            hidden=self._hidden,
         )
 
 
@@ -110,9 +107,9 @@ class Renderer(SensorRenderer[CameraPasses]):
     Use it as a context manager, or `close` it: it holds memory of the GPU.
 
     Args:
-        scene: what there is to see, or a stage that has it and that other sensors share.
+        scene: static scene, or a stage that has it and that other sensors share.
         camera: the sensor; by default the paper's.
-        body: what moves with the vehicle, in its base frame; a stage brings its own.
+        body: of the vehicle, in its base frame; a stage brings its own.
         hidden: names of the body's instances that are not drawn.
         unlit: show plain base colours, without lights.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
@@ -170,7 +167,7 @@ class Renderer(SensorRenderer[CameraPasses]):
             motion: for motion blur and rolling shutter: from seconds after the middle of the frame
                 to the pose; None: at rest.
             frame_number: noise differs from frame to frame.
-            exposure_ev: of auto-exposure; None: what suits the picture, as if it had settled.
+            exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
 
         Raises:
             OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
@@ -183,19 +180,17 @@ class Renderer(SensorRenderer[CameraPasses]):
             raise OutputError("channel 'flow': expected next_base, got none")
         if next_object_poses is None:
             next_object_poses = object_poses
-        request = FrameRequest(base, object_poses, linear, motion, frame_number, exposure_ev)
-        stage, channels, labels = self._stage, {}, None
+        channels, labels, after = {}, None, None
         with self._current() as passes:
-            poses = request.poses(stage, self.camera, base)
-            picture, degradation = passes.take(request)
+            poses = self._poses_at(base, object_poses)
+            poses_at = partial(self._poses_at, object_poses=object_poses)
+            picture, degradation = passes.take(
+                FrameRequest(poses, poses_at, linear, motion, frame_number, exposure_ev)
+            )
             if names:
-                ground_truth = passes.ground_truth("albedo" in names)
-                after = None
                 if after_base is not None:
-                    after = ScenePoses(
-                        after_base @ self.camera.base_from_rig,
-                        stage.object_poses_at(after_base, next_object_poses),
-                    )
+                    after = self._poses_at(after_base, next_object_poses)
+                ground_truth = passes.ground_truth("albedo" in names)
                 channels = ground_truth.channels(names, poses, after)
                 labels = ground_truth.labels
         self._last_poses = poses
@@ -207,7 +202,7 @@ class Renderer(SensorRenderer[CameraPasses]):
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
-        They are drawn for this: a frame draws of each face only what its picture looks up.
+        They are drawn for this: a frame draws of each face only the tiles that its picture samples.
 
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.
@@ -219,6 +214,13 @@ class Renderer(SensorRenderer[CameraPasses]):
             cube.render(*self._last_poses)
             linear = {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
+
+    def _poses_at(
+        self, world_from_base: NDArray[np.float64], object_poses: Mapping[str, ArrayLike] | None
+    ) -> ScenePoses:
+        """Poses of the camera and of all that moves, with the vehicle at a pose (4, 4)."""
+        world_from_objects = self._stage.object_poses_at(world_from_base, object_poses)
+        return ScenePoses(world_from_base @ self.camera.base_from_rig, world_from_objects)
 
     def _metadata(
         self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]
@@ -237,28 +239,3 @@ class Renderer(SensorRenderer[CameraPasses]):
             "world_from_base": world_from_base.tolist(),
             "world_from_optical": world_from_optical.tolist(),
         }
-
-
-def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """The faces (size, size, 3) side by side in one picture, two rows of three, as the texture
-    coordinates of an exported mirror expect them.
-
-    Cells of faces that were not drawn are black; smaller faces are enlarged to the largest. The
-    border of a cell repeats the edge of its face.
-
-    Raises:
-        GraphicsError: no faces.
-    """
-    if not faces:
-        raise GraphicsError("there are no faces to unfold")
-    largest = max(face.shape[0] for face in faces.values())
-    border = math.ceil(0.5 * (CELL_TANGENT - 1.0) * largest)
-    size = round(2.0 * border / (CELL_TANGENT - 1.0))  # so that the border is whole pixels
-    cell = size + 2 * border
-    picture = np.zeros((LAYOUT_ROWS * cell, LAYOUT_COLUMNS * cell, 3), dtype=np.uint8)
-    for name, face in faces.items():
-        column, row = LAYOUT_CELLS[FACE_NAMES.index(name)]
-        nearest = np.clip(np.arange(-border, size + border), 0, size - 1) * face.shape[0] // size
-        place = picture[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell]
-        place[:] = face[nearest[:, None], nearest]
-    return picture

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
+from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, unfolded_cube
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.unfolding import unfold
 from omnisim.scene import load_scene
 from omnisim.scene.mesh_files import write_mirror
 from omnisim.sensors import OmniCamera, Renderer
-from omnisim.sensors.renderer import unfolded_cube
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.validation.psnr import psnr_of_levels_db
 

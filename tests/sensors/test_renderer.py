@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from omnisim.cube import unfolded_cube
 from omnisim.errors import GraphicsError, OmnisimError, OpticsError
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.poses import pose as make_pose
@@ -17,7 +18,6 @@ from omnisim.scene.model import (
     Wrap,
 )
 from omnisim.sensors import OmniCamera, Renderer
-from omnisim.sensors.renderer import unfolded_cube
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from tests.scenes import NO_LIGHT, room, scene_of
 

@@ -31,18 +31,17 @@ class HitTables:
     """Textures of visible triangles, and of the draw items that they are of.
 
     Args:
-        context: of OpenGL.
-        visibility: which triangles are visible.
+        visibility: visible triangles.
     """
 
-    def __init__(self, context: moderngl.Context, visibility: VisibilityPass):
+    def __init__(self, visibility: VisibilityPass):
         self._visibility = visibility
         draws = visibility.buffers.draw_items
         self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
         self._draw_items["first"] = [draw.first for draw in draws]
         self._draw_items["flags"] = [_flags(draw) for draw in draws]
         entries = len(draws) * _DRAW_ITEM.itemsize // 16
-        self._texture = table_texture(context, entries, "the scene's instances")
+        self._texture = table_texture(visibility.buffers.context, entries, "the scene's instances")
 
     def bind_program(
         self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]

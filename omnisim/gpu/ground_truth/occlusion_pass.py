@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.capture.pixel_map import RAYS_UNIT, PixelMap
+from omnisim.gpu.capture.pixel_map import RAYS_UNIT
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers, flush
-from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
-from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.memory import fits_on_gpu
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
@@ -25,26 +22,16 @@ class OcclusionPass:
     """Casts a ray from the next viewpoint to each hit point; everything is made once.
 
     Args:
-        context: of OpenGL.
-        visibility: which triangles are visible; drawn anew, from the next viewpoint.
-        pixels: with the rays.
-        hits: of the current viewpoint.
+        hits: of the current viewpoint; its visible triangles are drawn anew, from the next one.
 
     Raises:
         GraphicsError: no memory for it.
     """
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        visibility: VisibilityPass,
-        pixels: PixelMap,
-        hits: RayHitPass,
-    ):
-        self._visibility, self._pixels, self._hits = visibility, pixels, hits
+    def __init__(self, hits: RayHitPass):
+        self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
         program = build_program(context, "capture/picture.vert", "ground_truth/occlusion.frag")
-        self._tables = HitTables(context, visibility)
-        self._tables.bind_program(program, np.eye(3))
+        hits.tables.bind_program(program, np.eye(3))
         uniform(program, "u_rays").value = RAYS_UNIT
         uniform(program, "u_points").value = _POINTS_UNIT
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
@@ -72,13 +59,15 @@ class OcclusionPass:
             next_from_current: (n, 3, 4) of each draw item, from the current viewpoint frame to
                 the next one.
         """
-        buffers = self._visibility.buffers
-        transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        self._visibility.render(world_from_rig, transforms)
+        visibility = self._hits.visibility
+        transforms = visibility.buffers.instance_transforms(
+            world_from_rig[:3, 3], world_from_objects
+        )
+        visibility.render(world_from_rig, transforms)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._target.use()
-        self._tables.update(transforms, next_from_current)
-        self._pixels.rays.use(RAYS_UNIT)
+        self._hits.tables.update(transforms, next_from_current)
+        self._hits.pixels.rays.use(RAYS_UNIT)
         self._hits.points.use(_POINTS_UNIT)
         self._hits.primitives.use(_PRIMITIVES_UNIT)
         self._vertex_array.render()
@@ -86,7 +75,7 @@ class OcclusionPass:
 
     def read(self) -> NDArray[np.bool_]:
         """Read which pixels' (height, width) points are occluded."""
-        width, height = self._pixels.size_px
+        width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.bool_)
         self._target.read_into(occluded.view(np.uint8), components=1, dtype="u1")
         return occluded

@@ -57,31 +57,32 @@ class RayHitPass:
     """Intersects the rays of a picture with the visible triangles; everything is made once.
 
     Args:
-        context: of OpenGL.
-        visibility: which triangles are visible.
+        visibility: visible triangles.
         pixels: with the rays.
 
     Attributes:
+        visibility, pixels: as given.
         points: texture of points and ranges, see `Hits`.
         primitives: texture of 1 + draw item, and triangle in it.
+        tables: of the draw items.
 
     Raises:
         GraphicsError: a picture or a scene that does not fit on the GPU.
     """
 
-    def __init__(self, context: moderngl.Context, visibility: VisibilityPass, pixels: PixelMap):
-        self._context, self._visibility, self._pixels = context, visibility, pixels
+    def __init__(self, visibility: VisibilityPass, pixels: PixelMap):
+        self.visibility, self.pixels = visibility, pixels
         visibility.buffers.check_readable("to look up what its pixels show")
         width, height = pixels.size_px
         self._what = f"ground truth of {width} × {height} px"
         with fits_on_gpu(self._what, "make the picture smaller"):
             self._rays = pixels.rays
-            self.points = context.texture(pixels.size_px, 4, dtype="f4")
-            self.primitives = context.texture(pixels.size_px, 2, dtype="u4")
+            self.points = pixels.context.texture(pixels.size_px, 4, dtype="f4")
+            self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
         for texture in (self.points, self.primitives):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._variants: dict[tuple[bool, bool], _Variant] = {}
-        self._tables = HitTables(context, visibility)
+        self.tables = HitTables(visibility)
 
     def render(
         self,
@@ -95,16 +96,16 @@ class RayHitPass:
         Normals and albedos have no rows where they are not asked for; albedos need a `visibility`
         with some.
         """
-        visibility, buffers = self._visibility, self._visibility.buffers
+        visibility, buffers = self.visibility, self.visibility.buffers
         transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         visibility.render(world_from_rig, transforms, albedos)
         if (normals, albedos) not in self._variants:
             self._variants[normals, albedos] = self._variant(normals, albedos)
         variant = self._variants[normals, albedos]
-        viewpoint_from_optical = world_from_rig[:3, :3] @ self._pixels.camera.rig_from_optical
+        viewpoint_from_optical = world_from_rig[:3, :3] @ self.pixels.camera.rig_from_optical
         variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
         variant.target.use()
-        self._tables.update(transforms, transforms.normal_from_mesh)
+        self.tables.update(transforms, transforms.normal_from_mesh)
         self._rays.use(RAYS_UNIT)
         if albedos and visibility.albedo_atlas is not None:
             visibility.albedo_atlas.use(_ALBEDO_UNIT)
@@ -114,14 +115,14 @@ class RayHitPass:
         return self._read(variant.target, normals, albedos)
 
     def _variant(self, normals: bool, albedos: bool) -> _Variant:
-        context, size = self._context, self._pixels.size_px
+        context, size = self.pixels.context, self.pixels.size_px
         program = build_program(
             context,
             "capture/picture.vert",
             "ground_truth/hits.frag",
             (*(("NORMALS",) if normals else ()), *(("ALBEDO",) if albedos else ())),
         )
-        self._tables.bind_program(program, self._pixels.camera.rig_from_optical)
+        self.tables.bind_program(program, self.pixels.camera.rig_from_optical)
         uniform(program, "u_rays").value = RAYS_UNIT
         attachments: list[moderngl.Texture | moderngl.Renderbuffer]
         attachments = [self.points, self.primitives]
@@ -136,11 +137,11 @@ class RayHitPass:
         target.use()
         target.clear(0.0, 0.0, 0.0, np.inf)
         clear_integers(_PRIMITIVES)
-        array = valid_pixels_array(context, program, self._pixels.valid)
+        array = valid_pixels_array(context, program, self.pixels.valid)
         return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
 
     def _read(self, target: moderngl.Framebuffer, normals: bool, albedos: bool) -> Hits:
-        width, height = self._pixels.size_px
+        width, height = self.pixels.size_px
         points = np.empty((height, width, 4), dtype=np.float32)
         primitives = np.empty((height, width, 2), dtype=np.uint32)
         target.read_into(points, components=4, attachment=_POINTS, dtype="f4")
