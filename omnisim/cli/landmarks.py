@@ -105,7 +105,7 @@ def detect(request: DetectRequest) -> None:
     if source.unfinished:
         print_note(source.unfinished)
     if detector.ignored:
-        print_note(f"{', '.join(detector.ignored)}: ignored: the model lacks their colours")
+        print_note(f"{', '.join(detector.ignored)}: not detected: the model lacks their colours")
     if empty and is_run:
         steps = ", ".join(map(str, empty[:LISTED])) + (", ..." if len(empty) > LISTED else "")
         print_note(f"no landmark in {pluralize(len(empty), 'picture')}: {steps}")

@@ -48,7 +48,7 @@ def run(request: LocalizeRequest) -> None:
             shown.append((title, panorama, detections[-1]))
     if detector.ignored:
         notices.append(
-            f"{', '.join(detector.ignored)}: not looked for: the model has not their colours"
+            f"{', '.join(detector.ignored)}: not detected: the model lacks their colours"
         )
     observations = [
         [observation_from_detection(each, chosen.measurement) for each in found]

@@ -45,12 +45,14 @@ class SensorMount(Table):
     """The keys that all sensors have.
 
     Attributes:
+        type: key of its class.
         name: of its folder in a run, too; no two sensors of a robot have the same.
         position_m: in the base frame; of a camera's effective viewpoint or a scan's origin.
         roll_deg, pitch_deg, yaw_deg: of the sensor in the base frame.
         hides: nodes of the body that this sensor does not see, such as its own housing.
     """
 
+    type: str
     name: SensorName
     position_m: tuple[Coordinate, Coordinate, Coordinate]
     roll_deg: Number = 0.0
