@@ -268,20 +268,20 @@ def test_file_without_scenes_shows_its_roots(gltf, tmp_path):
     [
         (("asset", "version"), "1.0", r"not glTF 2.0: asset.version: .*, got '1.0'"),
         (("nodes", 0, "mesh"), 5, r"nodes\[0\].mesh: expected an index below 1, got 5"),
-        (("nodes", 0, "mesh"), -1, r"nodes\[0\].mesh: expected greater than .*, got '-1'"),
+        (("nodes", 0, "mesh"), -1, r"nodes\[0\].mesh: expected an index below 1, got -1"),
         (("nodes", 0, "children"), [0], r"nodes\[0\]: expected one parent, got .* itself"),
         (
             ("nodes", 0, "scale"),
             [1, float("inf"), 1],
-            r"nodes\[0\].scale\[1\]: expected a finite number, got 'inf'",
+            r"nodes\[0\].scale\[1\]: expected a finite number, got inf",
         ),
-        (("nodes", 0, "scale"), "big", r"nodes\[0\].scale: expected a valid array, got 'big'"),
+        (("nodes", 0, "scale"), "big", r"nodes\[0\].scale: expected an array, got 'big'"),
         (
             ("accessors", 0, "count"),
             10**12,
-            r"accessors\[0\]: expected 12000000000000 bytes in its bufferView, got 36",
+            r"accessors\[0\]: expected 12000000000000 bytes in bufferViews\[0\], got 36",
         ),
-        (("accessors", 0, "type"), "VEC2", r"POSITION: expected VEC3, got"),
+        (("accessors", 0, "type"), "VEC2", r"POSITION: expected an accessor of VEC3, got 0"),
         (
             ("bufferViews", 0, "byteLength"),
             10**6,
@@ -290,14 +290,14 @@ def test_file_without_scenes_shows_its_roots(gltf, tmp_path):
         (
             ("meshes", 0, "primitives", 0, "attributes"),
             {},
-            r"primitives\[0\].attributes.POSITION: expected VEC3, got none",
+            r"primitives\[0\].attributes.POSITION: expected an accessor of VEC3, got nothing",
         ),
         (
             ("meshes", 0, "primitives", 0, "material"),
             3,
             r"primitives\[0\].material: expected an index below 0, got 3",
         ),
-        (("extensionsUsed",), 7, "extensionsUsed: expected a valid array"),
+        (("extensionsUsed",), 7, "extensionsUsed: expected an array"),
         (
             ("materials",),
             [{"alphaCutoff": float("nan")}],

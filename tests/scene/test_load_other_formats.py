@@ -211,7 +211,7 @@ def test_collada_says_its_axis_and_unit(tmp_path, axis, size):
         (
             "a.gltf",
             b'{"asset": {"version": "2.0"}, "meshes": 3}',
-            "meshes: expected a valid array, got '3'",
+            "meshes: expected an array, got 3",
         ),
         ("a.jpg", b"\xff\xd8", r"unknown scene format: expected .*, got '\.jpg'"),
         ("noending", b"x", "unknown scene format"),

@@ -1,4 +1,4 @@
-"""Buffers, buffer views and accessors: typed arrays out of bytes."""
+"""Buffers, buffer views and accessors: arrays out of bytes."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.gltf import schema
+from omnisim.scene.gltf.json_object import JsonObject
 
-_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_SHAPES: dict[str, tuple[int, ...]] = {
+_INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
+_COMPONENT_TYPES = {5120: "<i1", 5122: "<i2", 5126: "<f4"} | _INDEX_TYPES
+_SHAPES: dict[int | str, tuple[int, ...]] = {
     "SCALAR": (1,), "VEC2": (2,), "VEC3": (3,), "VEC4": (4,),
     "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4),
 }  # fmt: skip
-# Elements of an accessor without a buffer view: a short file must not ask for all memory.
+# Elements of an accessor without a bufferView: a short file must not ask for all memory.
 MAX_UNBACKED_ELEMENTS = 1 << 22
 
 
-def read_uri(uri: str, resolver: AssetResolver) -> bytes:
-    """Bytes of a data URI or of a file beside the scene.
+def read_uri(uri: str, assets: AssetResolver) -> bytes:
+    """Bytes of a data URI, or of a file beside the scene.
 
     Raises:
         OSError, ValueError: there is no such file, or the data URI is damaged.
     """
     if not uri.startswith("data:"):
-        return resolver.read(uri)
-    header, _, payload = uri.partition(",")
-    return base64.b64decode(payload) if ";base64" in header else unquote_to_bytes(payload)
+        return assets.read(uri)
+    media_type, _, payload = uri.partition(",")
+    return base64.b64decode(payload) if ";base64" in media_type else unquote_to_bytes(payload)
 
 
 def to_floats(values: NDArray[Any], normalized: bool) -> NDArray[np.float64]:
@@ -48,106 +49,83 @@ def to_floats(values: NDArray[Any], normalized: bool) -> NDArray[np.float64]:
 
 
 class Accessors:
-    """Arrays of a document, read when asked for."""
+    """Arrays of a file, read when they are asked for. All methods raise SceneErrors."""
 
-    def __init__(self, document: schema.Document, chunk: memoryview, resolver: AssetResolver):
-        """Read all buffers; `chunk` is the one in the GLB file.
-
-        Raises:
-            SceneError: a buffer cannot be read.
-        """
-        self._document = document
+    def __init__(self, root: JsonObject, chunk: memoryview, assets: AssetResolver):
+        """Read all buffers; one without a URI is the GLB file's `chunk`."""
+        self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
         self._buffers: list[memoryview] = []
-        for index, buffer in enumerate(document.buffers):
-            try:
-                data = chunk if buffer.uri is None else memoryview(read_uri(buffer.uri, resolver))
-            except (OSError, ValueError) as reason:
-                raise SceneError(f"buffers[{index}]: cannot be read: {str(reason)[:80]}") from None
-            self._buffers.append(data[: buffer.byte_length])
+        for buffer in root.objects("buffers"):
+            data, uri = chunk, buffer.text("uri", "")
+            if uri:
+                try:
+                    data = memoryview(read_uri(uri, assets))
+                except (OSError, ValueError) as reason:
+                    raise SceneError(f"{buffer.place}: cannot be read: {reason!s:.80}") from None
+            self._buffers.append(data[: buffer.integer("byteLength")])
 
-    def view(self, index: int, place: str) -> memoryview:
-        """Bytes of a buffer view.
-
-        Raises:
-            SceneError: it does not lie within its buffer.
-        """
-        view = schema.lookup(self._document.buffer_views, index, place)
-        place = f"bufferViews[{index}]"
-        buffer = schema.lookup(self._buffers, view.buffer, f"{place}.buffer")
-        end = view.byte_offset + view.byte_length
+    def view(self, owner: JsonObject) -> memoryview:
+        """Bytes of the bufferView that an object refers to."""
+        view = self._views[owner.index("bufferView", self._views)]
+        buffer = self._buffers[view.index("buffer", self._buffers)]
+        start = view.integer("byteOffset", 0)
+        end = start + view.integer("byteLength")
         if end > len(buffer):
-            raise SceneError(f"{place}: expected {end} bytes in its buffer, got {len(buffer)}")
-        return buffer[view.byte_offset : end]
+            raise SceneError(f"{view.place}: expected {end} bytes in its buffer, got {len(buffer)}")
+        return buffer[start:end]
 
-    def floats(self, index: int, place: str) -> NDArray[np.float64]:
-        """Values of an accessor (count, *shape); normalized integers as fractions.
+    def floats(self, owner: JsonObject, key: str) -> NDArray[np.float64]:
+        """Values (count, …) of the accessor that a property refers to."""
+        return to_floats(self._values(owner, key), self.is_normalized(owner, key))
 
-        Raises:
-            SceneError: damaged.
-        """
-        values = self._values(index, place)
-        return to_floats(values, self._document.accessors[index].normalized)
-
-    def integers(self, index: int, place: str) -> NDArray[np.int64]:
-        """Values of an accessor of integers (count, *shape).
-
-        Raises:
-            SceneError: damaged, or of floats.
-        """
-        values = self._values(index, place)
+    def integers(self, owner: JsonObject, key: str) -> NDArray[np.int64]:
+        """Values (count, …) of the accessor of integers that a property refers to."""
+        values = self._values(owner, key)
         if values.dtype.kind == "f":
-            raise SceneError(f"{place}: expected integers, got floats")
+            raise owner.error(key, "an accessor of integers")
         return values.astype(np.int64)
 
-    def is_normalized(self, index: int, place: str) -> bool:
-        """`normalized` of an accessor."""
-        return schema.lookup(self._document.accessors, index, place).normalized
+    def is_normalized(self, owner: JsonObject, key: str) -> bool:
+        """True where the integers of an accessor stand for fractions."""
+        return self._accessors[owner.index(key, self._accessors)].flag("normalized")
 
-    def _values(self, index: int, place: str) -> NDArray[Any]:
-        accessor = schema.lookup(self._document.accessors, index, place)
-        place, count = f"accessors[{index}]", accessor.count
-        dtype, shape = np.dtype(_DTYPES[accessor.component_type]), _SHAPES[accessor.type]
-        if accessor.buffer_view is not None:
-            values = self._elements(
-                accessor.buffer_view, accessor.byte_offset, count, dtype, shape, place
-            )
+    def _values(self, owner: JsonObject, key: str) -> NDArray[Any]:
+        accessor = self._accessors[owner.index(key, self._accessors)]
+        count, shape = accessor.integer("count"), accessor.choice("type", _SHAPES)
+        dtype = accessor.choice("componentType", _COMPONENT_TYPES)
+        if accessor.has("bufferView"):
+            values = self._elements(accessor, count, dtype, shape)
         elif count <= MAX_UNBACKED_ELEMENTS:
             values = np.zeros((count, *shape), dtype)
         else:
-            raise SceneError(f"{place}.count: expected a bufferView for {count} elements")
-        if accessor.sparse is None:
+            raise accessor.error("bufferView", f"one for {count} elements")
+        if not accessor.has("sparse"):
             return values
-        sparse, place = accessor.sparse, f"{place}.sparse"
-        where, new = sparse.indices, sparse.values
+        sparse = accessor.object("sparse")
+        where, replaced = sparse.object("indices"), sparse.integer("count")
         indices = self._elements(
-            where.buffer_view, where.byte_offset, sparse.count,
-            np.dtype(_DTYPES[where.component_type]), (), place,
-        )  # fmt: skip
-        if sparse.count and indices.max() >= count:
-            raise SceneError(f"{place}: expected indices below {count}, got {indices.max()}")
-        values = values.copy()
-        values[indices] = self._elements(
-            new.buffer_view, new.byte_offset, sparse.count, dtype, shape, place
+            where, replaced, where.choice("componentType", _INDEX_TYPES), shape=()
         )
+        if replaced and indices.max() >= count:
+            raise SceneError(f"{where.place}: expected indices below {count}, got {indices.max()}")
+        values = values.copy()
+        values[indices] = self._elements(sparse.object("values"), replaced, dtype, shape)
         return values
 
     def _elements(
-        self,
-        view: int,
-        offset: int,
-        count: int,
-        dtype: np.dtype[Any],
-        shape: tuple[int, ...],
-        place: str,
+        self, owner: JsonObject, count: int, component: str, shape: tuple[int, ...]
     ) -> NDArray[Any]:
-        """Elements (count, *shape) in a buffer view, without a copy."""
-        data = self.view(view, f"{place}.bufferView")
+        """Elements (count, *shape) in an object's bufferView, without a copy."""
+        data, offset, dtype = self.view(owner), owner.integer("byteOffset", 0), np.dtype(component)
         size = dtype.itemsize * math.prod(shape)
-        stride = self._document.buffer_views[view].byte_stride or size
-        end = offset + (count - 1) * stride + size
+        view = self._views[owner.index("bufferView", self._views)]
+        stride = view.integer("byteStride", size)
         if count == 0:
             return np.zeros((0, *shape), dtype)
-        if end > len(data):
-            raise SceneError(f"{place}: expected {end} bytes in its bufferView, got {len(data)}")
-        inner = np.empty(shape, dtype).strides
-        return np.ndarray((count, *shape), dtype, data, offset, (stride, *inner))
+        end = offset + (count - 1) * stride + size
+        if end > len(data) or stride == 0:
+            raise SceneError(
+                f"{owner.place}: expected {end} bytes in {view.place}, got {len(data)}"
+            )
+        strides = (stride, *np.empty(shape, dtype).strides)
+        return np.ndarray((count, *shape), dtype, data, offset, strides)

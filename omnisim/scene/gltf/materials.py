@@ -9,128 +9,125 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.gltf import schema
 from omnisim.scene.gltf.accessors import Accessors, read_uri
+from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import Primitive
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import TextureStore
 
-_MIRRORED_REPEAT, _CLAMP_TO_EDGE = 33648, 33071  # OpenGL's numbers; all others repeat
+_REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
 
 
 class Materials:
-    """Materials of a document; after the last comes the default of primitives without any.
+    """Materials of a file; after the last comes the default of primitives without any.
 
     Attributes:
+        entries: their JSON.
         notices: one line for each texture that cannot be decoded.
     """
 
     def __init__(
-        self,
-        document: schema.Document,
-        accessors: Accessors,
-        textures: TextureStore,
-        resolver: AssetResolver,
+        self, root: JsonObject, accessors: Accessors, textures: TextureStore, assets: AssetResolver
     ):
-        """Open all images; those that are not there are then in `resolver.missing`.
+        """Open all images; those that are not there are then in `assets.missing`.
 
         Raises:
-            SceneError: a damaged buffer view.
+            SceneError: a damaged bufferView.
         """
-        self._document, self._textures, self._resolver = document, textures, resolver
-        self._entries = (*document.materials, schema.Material())
-        self._images = tuple(
-            self._open(entry, accessors, f"images[{index}].bufferView")
-            for index, entry in enumerate(document.images)
-        )
+        self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
+        self._store, self._assets = textures, assets
+        self._textures, self._samplers = root.objects("textures"), root.objects("samplers")
+        self._image_entries = root.objects("images")
+        self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
     def texture_coordinates(
         self, primitive: Primitive, material: int
     ) -> NDArray[np.float64] | None:
-        """Texture coordinates (n, 2) of a primitive for the texture that its material stores.
+        """Texture coordinates (n, 2) of a primitive for its material's texture, if any.
 
         Source: KHR_texture_transform, translation · rotation · scale.
         """
-        info = self._texture_info(material)
-        transform = info.transform if info else None
-        channel = info.tex_coord if info else 0
-        if transform is not None and transform.tex_coord is not None:
-            channel = transform.tex_coord
-        uv = primitive.floats(f"TEXCOORD_{channel}")
-        if uv is None or uv.shape[1:] != (2,):
+        info = _base_color(self.entries[material])[1]
+        transform = info.extension("KHR_texture_transform")
+        channel = info.integer("texCoord", 0)
+        if transform is not None:
+            channel = transform.integer("texCoord", channel)
+        uv = primitive.attribute(f"TEXCOORD_{channel}")
+        if uv is None or uv.shape[1] != 2:
             return None
         if transform is not None:
-            cos, sin = np.cos(transform.rotation), np.sin(transform.rotation)
-            uv = uv * transform.scale @ np.array([[cos, -sin], [sin, cos]]) + transform.offset
-        if info is None:
-            return uv
+            angle = transform.number("rotation", 0.0)
+            rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            uv = uv * (transform.numbers("scale", 2) or (1.0, 1.0)) @ rotation
+            uv = uv + (transform.numbers("offset", 2) or (0.0, 0.0))
         # a mirrored texture is stored with its mirror image beside it
-        mirrored = [wrap == _MIRRORED_REPEAT for wrap in self._wraps(self._texture(info))]
-        return uv * np.where(mirrored, 0.5, 1.0)
+        return uv * np.where([wrap == _MIRRORED_REPEAT for wrap in self._wraps(info)], 0.5, 1.0)
 
     def read(self, used: set[int]) -> tuple[Material, ...]:
         """All materials; textures of the used ones only."""
-        return tuple(
-            self._material(index, entry, index in used) for index, entry in enumerate(self._entries)
-        )
+        return tuple(self._read(index, index in used) for index in range(len(self.entries)))
 
-    def _material(self, index: int, entry: schema.Material, is_used: bool) -> Material:
-        name = f"material {index}" if entry.name is None else entry.name
-        info, glossy = self._texture_info(index), entry.specular_glossiness
+    def _read(self, index: int, is_used: bool) -> Material:
+        entry = self.entries[index]
+        name, (factor, info) = entry.text("name", f"material {index}"), _base_color(entry)
+        red, green, blue, alpha = factor or (1.0, 1.0, 1.0, 1.0)
         return Material(
             name=name,
-            base_color=(
-                glossy.diffuse_factor if glossy else entry.metallic_roughness.base_color_factor
-            ),
-            texture=self._decode(info, name) if info and is_used else None,
-            alpha_mode=_ALPHA_MODES.get(entry.alpha_mode, AlphaMode.OPAQUE),
-            alpha_cutoff=entry.alpha_cutoff,
-            double_sided=entry.double_sided,
-            unlit=entry.unlit is not None,
+            base_color=(red, green, blue, alpha),
+            texture=self._decode(info, name) if is_used and info.has("index") else None,
+            alpha_mode=_ALPHA_MODES.get(entry.text("alphaMode", ""), AlphaMode.OPAQUE),
+            alpha_cutoff=entry.number("alphaCutoff", 0.5),
+            double_sided=entry.flag("doubleSided"),
+            unlit=entry.extension("KHR_materials_unlit") is not None,
         )
 
-    def _texture_info(self, material: int) -> schema.TextureInfo | None:
-        entry = self._entries[material]
-        if entry.specular_glossiness is not None:
-            return entry.specular_glossiness.diffuse_texture
-        return entry.metallic_roughness.base_color_texture
+    def _texture(self, info: JsonObject) -> JsonObject:
+        return self._textures[info.index("index", self._textures)]
 
-    def _texture(self, info: schema.TextureInfo) -> schema.Texture:
-        return schema.lookup(self._document.textures, info.index, "baseColorTexture.index")
+    def _wraps(self, info: JsonObject) -> tuple[int, int]:
+        """OpenGL's numbers of the wrapping modes along u and v."""
+        if not info.has("index") or not self._texture(info).has("sampler"):
+            return _REPEAT, _REPEAT
+        sampler = self._samplers[self._texture(info).index("sampler", self._samplers)]
+        return sampler.integer("wrapS", _REPEAT), sampler.integer("wrapT", _REPEAT)
 
-    def _wraps(self, texture: schema.Texture) -> tuple[int, int]:
-        """Wrapping modes along u and v."""
-        sampler = schema.Sampler()
-        if texture.sampler is not None:
-            sampler = schema.lookup(self._document.samplers, texture.sampler, "textures.sampler")
-        return sampler.wrap_s, sampler.wrap_t
-
-    def _decode(self, info: schema.TextureInfo, material: str) -> Texture | None:
-        texture = self._texture(info)
-        source = texture.source if texture.webp is None else texture.webp
-        image = None if source is None else schema.lookup(self._images, source, "textures.source")
-        if image is not None:
-            u, v = self._wraps(texture)
-            mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
-            return self._textures.texture(image, material, (_wrap(u), _wrap(v)), mirrored)
-        if source is None or self._document.images[source].uri not in self._resolver.missing:
+    def _decode(self, info: JsonObject, material: str) -> Texture | None:
+        texture, image, uri = self._texture(info), None, ""
+        source = texture.extension("EXT_texture_webp") or texture
+        if source.has("source"):
+            index = source.index("source", self._images)
+            image, uri = self._images[index], self._image_entries[index].text("uri", "")
+        if image is None and uri not in self._assets.missing:
             self.notices.append(
                 f"texture of {material!r} cannot be decoded: its plain colour is drawn"
             )
-        return None
-
-    def _open(self, entry: schema.Image, accessors: Accessors, place: str) -> Image.Image | None:
-        """Image, not yet decoded; None where it is missing or of an unknown format."""
-        if entry.buffer_view is None and entry.uri is None:
+        if image is None:
             return None
-        view = None if entry.buffer_view is None else accessors.view(entry.buffer_view, place)
+        u, v = self._wraps(info)
+        mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
+        return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored)
+
+    def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
+        """Image, not yet decoded; None where it is missing or of an unknown format."""
+        data: bytes | memoryview = b""
+        if entry.has("bufferView"):
+            data = accessors.view(entry)
         try:
-            data = read_uri(entry.uri or "", self._resolver) if view is None else view
+            if entry.has("uri"):
+                data = read_uri(entry.text("uri", ""), self._assets)
             return Image.open(io.BytesIO(data))
         except Exception:  # Pillow's readers raise all kinds
             return None
+
+
+def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:
+    """Factor and texture of a material's base colour."""
+    if glossy := material.extension("KHR_materials_pbrSpecularGlossiness"):
+        return glossy.numbers("diffuseFactor", 4), glossy.object("diffuseTexture")
+    metallic = material.object("pbrMetallicRoughness")
+    return metallic.numbers("baseColorFactor", 4), metallic.object("baseColorTexture")
 
 
 def _wrap(number: int) -> Wrap:

@@ -1,4 +1,4 @@
-"""Node hierarchy: from local to global transforms."""
+"""Node hierarchy: local and global transforms."""
 
 from __future__ import annotations
 
@@ -6,65 +6,62 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.gltf import schema
+from omnisim.scene.gltf.json_object import JsonObject
 
 
-def parent_from_node(node: schema.Node) -> NDArray[np.float64]:
-    """Local transform (4, 4): the matrix, or translation · rotation · scale."""
-    matrix = np.eye(4)
-    if node.matrix is not None:
-        matrix = _orthonormalize(np.reshape(node.matrix, (4, 4)).T)
-    if node.translation is not None:
-        translation = np.eye(4)
-        translation[:3, 3] = node.translation
-        matrix = matrix @ translation
-    if node.rotation is not None:
-        matrix = matrix @ _rotation(node.rotation)
-    if node.scale is not None:
-        matrix = matrix @ np.diag((*node.scale, 1.0))
-    return matrix
+def file_from_nodes(root: JsonObject, nodes: list[JsonObject]) -> dict[int, NDArray[np.float64]]:
+    """Global transforms (4, 4) of the nodes of the file's scene, in the order of drawing.
 
-
-def file_from_nodes(document: schema.Document) -> dict[int, NDArray[np.float64]]:
-    """Global transforms (4, 4) of the nodes of the shown scene, in the order of drawing.
-
-    A file without scenes shows all of its roots.
+    Without any scene, all root nodes are shown.
 
     Raises:
-        SceneError: the nodes are no forest.
+        SceneError: the nodes are no forest, or damaged.
     """
-    if document.scenes:
-        roots = schema.lookup(document.scenes, document.scene, "scene").nodes
-        place = f"scenes[{document.scene}].nodes"
+    scenes = root.objects("scenes")
+    if scenes:
+        scene = scenes[root.index("scene", scenes) if root.has("scene") else 0]
+        roots = scene.indices("nodes", nodes)
     else:
-        children = {child for node in document.nodes for child in node.children}
-        roots = tuple(index for index in range(len(document.nodes)) if index not in children)
-        place = "nodes"
+        children = {child for node in nodes for child in node.indices("children", nodes)}
+        roots = [index for index in range(len(nodes)) if index not in children]
     found: dict[int, NDArray[np.float64]] = {}
-    stack = [(place, index, np.eye(4)) for index in roots]
+    stack = [(index, np.eye(4)) for index in roots]
     while stack:
-        place, index, file_from_parent = stack.pop()
+        index, file_from_parent = stack.pop()
         if index in found:
             raise SceneError(f"nodes[{index}]: expected one parent, got two, or itself as ancestor")
-        node = schema.lookup(document.nodes, index, place)
-        found[index] = file_from_parent @ parent_from_node(node)
-        place = f"nodes[{index}].children"
-        stack += [(place, child, found[index]) for child in node.children]
+        found[index] = file_from_parent @ _parent_from_node(nodes[index])
+        stack += [(child, found[index]) for child in nodes[index].indices("children", nodes)]
     return found
 
 
-def _rotation(quaternion: schema.Vec4) -> NDArray[np.float64]:
+def _parent_from_node(node: JsonObject) -> NDArray[np.float64]:
+    """Local transform (4, 4): the matrix, or translation · rotation · scale."""
+    result = np.eye(4)
+    if (matrix := node.numbers("matrix", 16)) is not None:
+        result = _orthonormalize(np.reshape(matrix, (4, 4)).T)
+    if (translation := node.numbers("translation", 3)) is not None:
+        shift = np.eye(4)
+        shift[:3, 3] = translation
+        result = result @ shift
+    if (quaternion := node.numbers("rotation", 4)) is not None:
+        result = result @ _rotation(np.array(quaternion))
+    if (scale := node.numbers("scale", 3)) is not None:
+        result = result @ np.diag((*scale, 1.0))
+    return result
+
+
+def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (4, 4) of a quaternion (x, y, z, w) of any length; identity where that is 0."""
     matrix = np.eye(4)
-    norm = np.dot(quaternion, quaternion)
-    if norm < 4.0 * np.finfo(np.float64).eps:
-        return matrix
-    x, y, z, w = np.array(quaternion) * np.sqrt(2.0 / norm)
-    matrix[:3, :3] = (
-        (1.0 - y * y - z * z, x * y - z * w, x * z + y * w),
-        (x * y + z * w, 1.0 - x * x - z * z, y * z - x * w),
-        (x * z - y * w, y * z + x * w, 1.0 - x * x - y * y),
-    )
+    norm = quaternion @ quaternion
+    if norm > 1e-15:
+        x, y, z, w = quaternion * np.sqrt(2.0 / norm)
+        matrix[:3, :3] = (
+            (1.0 - y * y - z * z, x * y - z * w, x * z + y * w),
+            (x * y + z * w, 1.0 - x * x - z * z, y * z - x * w),
+            (x * z - y * w, y * z + x * w, 1.0 - x * x - y * y),
+        )
     return matrix
 
 

@@ -8,97 +8,82 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.gltf import schema
 from omnisim.scene.gltf.accessors import Accessors, to_floats
-from omnisim.scene.gltf.schema import Mode
+from omnisim.scene.gltf.json_object import JsonObject
 
-NOT_DRAWN = {Mode.POINTS, Mode.LINES, Mode.LINE_LOOP, Mode.LINE_STRIP}
+# OpenGL's numbers, as `mode` has them
+TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+POINTS_AND_LINES = {0, 1, 2, 3}
 
 
 class Primitive:
-    """Arrays of a primitive of triangles."""
+    """Arrays of a primitive of triangles. All methods raise SceneErrors.
 
-    def __init__(self, entry: schema.Primitive, accessors: Accessors, place: str):
-        """Decompress it where needed; `place` is the primitive's in the JSON.
+    Attributes:
+        entry: its JSON.
+    """
 
-        Raises:
-            SceneError: it cannot be decompressed.
-        """
-        self.material = entry.material
-        self._entry, self._accessors, self._place = entry, accessors, place
-        self._decoded: dict[str, NDArray[Any]] = {}
-        self._faces: NDArray[Any] | None = None
-        if entry.draco is not None:
-            data = accessors.view(entry.draco.buffer_view, f"{place}.extensions.bufferView")
-            self._decoded, self._faces = _decode_draco(entry.draco, data, place)
+    def __init__(self, entry: JsonObject, accessors: Accessors):
+        """Decompress it where needed."""
+        self.entry = entry
+        self._accessors, self._attributes = accessors, entry.object("attributes")
+        self._ids, self._faces = JsonObject({}, ""), None
+        self._decoded: dict[int, NDArray[Any]] = {}
+        if draco := entry.extension("KHR_draco_mesh_compression"):
+            self._ids = draco.object("attributes")
+            self._decoded, self._faces = _decode_draco(draco, accessors.view(draco))
 
     def has(self, attribute: str) -> bool:
         """True where the primitive has an attribute."""
-        return attribute in self._entry.attributes
+        return self._attributes.has(attribute)
 
-    def floats(self, attribute: str) -> NDArray[np.float64] | None:
-        """Attribute (n, components), if any.
-
-        Raises:
-            SceneError: its accessor is damaged.
-        """
-        if not self.has(attribute):
+    def attribute(self, name: str) -> NDArray[np.float64] | None:
+        """Vertex attribute (n, components), if any."""
+        if not self.has(name):
             return None
-        index, place = self._entry.attributes[attribute], f"{self._place}.attributes.{attribute}"
-        if attribute in self._decoded:
-            normalized = self._accessors.is_normalized(index, place)
-            values = to_floats(self._decoded[attribute], normalized)
+        if self._ids.has(name) and self._ids.integer(name) in self._decoded:
+            decoded = self._decoded[self._ids.integer(name)]
+            values = to_floats(decoded, self._accessors.is_normalized(self._attributes, name))
         else:
-            values = self._accessors.floats(index, place)
+            values = self._accessors.floats(self._attributes, name)
         if values.ndim != 2:
-            raise SceneError(f"{place}: expected vectors, got matrices")
+            raise self._attributes.error(name, "an accessor of vectors")
         return values
 
-    def required(self, attribute: str, components: int) -> NDArray[np.float64]:
-        """Attribute (n, components).
-
-        Raises:
-            SceneError: missing, damaged or of another shape.
-        """
-        values = self.floats(attribute)
-        if values is None or values.shape[1:] != (components,):
-            got = "none" if values is None else f"elements of shape {values.shape[1:]}"
-            raise SceneError(
-                f"{self._place}.attributes.{attribute}: expected VEC{components}, got {got}"
-            )
+    def required(self, name: str, components: int) -> NDArray[np.float64]:
+        """Vertex attribute (n, components)."""
+        values = self.attribute(name)
+        if values is None or values.shape[1] != components:
+            raise self._attributes.error(name, f"an accessor of VEC{components}")
         return values
 
     def triangles(self, vertex_count: int) -> NDArray[np.int64]:
         """Vertices (m, 3) of the triangles.
 
-        Raises:
-            SceneError: damaged indices.
-
         Source: glTF 2.0, section 3.7.2.1.
         """
-        place = f"{self._place}.indices"
-        if self._entry.indices is None:
-            order = np.arange(vertex_count)
-        elif self._faces is not None:
+        order = np.arange(vertex_count)
+        if self._faces is not None:
             order = self._faces.astype(np.int64).ravel()
-        else:
-            order = self._accessors.integers(self._entry.indices, place).ravel()
-        if self._entry.mode is Mode.TRIANGLES:
-            if len(order) % 3:
-                raise SceneError(f"{place}: expected three for each triangle, got {len(order)}")
+        elif self.entry.has("indices"):
+            order = self._accessors.integers(self.entry, "indices").ravel()
+        mode = self.entry.integer("mode", TRIANGLES)
+        if mode == TRIANGLES and len(order) % 3 == 0:
             return order.reshape(-1, 3)
-        if self._entry.mode is Mode.TRIANGLE_FAN:
+        if mode == TRIANGLE_FAN:
             hub = np.repeat(order[:1], max(len(order) - 2, 0))
             return np.stack((hub, order[1:-1], order[2:]), axis=1)
-        strip = np.stack((order[:-2], order[1:-1], order[2:]), axis=1)
-        strip[1::2] = strip[1::2, ::-1]  # every other triangle is wound the other way round
-        return strip
+        if mode == TRIANGLE_STRIP:
+            strip = np.stack((order[:-2], order[1:-1], order[2:]), axis=1)
+            strip[1::2] = strip[1::2, ::-1]  # every other triangle is wound the other way round
+            return strip
+        raise self.entry.error("mode", f"0 to 6, and triangles of 3 of the {len(order)} indices")
 
 
 def _decode_draco(
-    draco: schema.Draco, data: memoryview, place: str
-) -> tuple[dict[str, NDArray[Any]], NDArray[Any] | None]:
-    """Attributes by name, and faces (m, 3), if any."""
+    draco: JsonObject, data: memoryview
+) -> tuple[dict[int, NDArray[Any]], NDArray[Any] | None]:
+    """Attributes by their unique ids, and faces (m, 3), if any."""
     try:
         import DracoPy
     except ImportError:
@@ -107,9 +92,7 @@ def _decode_draco(
         ) from None
     try:
         mesh = DracoPy.decode(bytes(data))
-    except Exception as reason:  # of a library of its own kinds
-        raise SceneError(f"{place}: Draco data cannot be decoded: {reason}") from None
-    arrays = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
-    named = {name: arrays[key] for name, key in draco.attributes.items() if key in arrays}
+    except Exception as reason:  # the library documents none
+        raise SceneError(f"{draco.place}: cannot be decoded: {reason!s:.80}") from None
     faces: NDArray[Any] | None = getattr(mesh, "faces", None)  # a point cloud has none
-    return named, faces
+    return {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}, faces

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.gltf import schema
 from omnisim.scene.gltf.accessors import Accessors
-from omnisim.scene.gltf.container import split_chunks
+from omnisim.scene.gltf.container import read_container
+from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.lights import read_lights
 from omnisim.scene.gltf.materials import Materials
 from omnisim.scene.gltf.nodes import file_from_nodes
-from omnisim.scene.gltf.primitives import NOT_DRAWN, Primitive
+from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
 from omnisim.scene.gltf.skins import joint_matrices, skin_vertices
 from omnisim.scene.imported_scene import ImportedScene
 from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
@@ -38,7 +38,7 @@ SUPPORTED_EXTENSIONS = {
 def read_gltf(
     data: bytes,
     textures: TextureStore,
-    resolver: AssetResolver,
+    assets: AssetResolver,
     world_from_file: NDArray[np.float64],
 ) -> ImportedScene:
     """Read a glTF or GLB file.
@@ -46,38 +46,39 @@ def read_gltf(
     Raises:
         SceneError: it is damaged, or requires an extension that is not supported.
     """
-    text, chunk = split_chunks(data)
-    document = schema.parse_document(text)
-    unsupported = sorted(set(document.extensions_required) - SUPPORTED_EXTENSIONS)
+    root, chunk = read_container(data)
+    unsupported = set(map(str, root.array("extensionsRequired"))) - SUPPORTED_EXTENSIONS
     if unsupported:
         raise SceneError(
-            f"requires the glTF extension {', '.join(unsupported)}, which omnisim does not read: "
-            "export the scene without it"
+            f"requires the glTF extension {', '.join(sorted(unsupported))}, which omnisim does not "
+            "read: export the scene without it"
         )
-    accessors = Accessors(document, chunk, resolver)
-    poses = file_from_nodes(document)
-    materials = Materials(document, accessors, textures, resolver)
-    meshes = _Meshes(document, accessors, materials)
-    instances = meshes.instantiate(poses)
+    nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
+    poses = file_from_nodes(root, nodes)
+    materials = Materials(root, accessors, textures, assets)
+    meshes = _Meshes(root, accessors, materials)
+    instances = tuple(meshes.instantiate(nodes, poses))
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
         instances,
-        [*materials.notices, *_notices(document)],
-        read_lights(document, poses, world_from_file),
+        [*materials.notices, *_notices(root)],
+        read_lights(root, nodes, {index: world_from_file @ pose for index, pose in poses.items()}),
     )
 
 
-def _notices(document: schema.Document) -> list[str]:
+def _notices(root: JsonObject) -> list[str]:
     """One line for each feature of the file that is not drawn."""
-    modes = {primitive.mode for mesh in document.meshes for primitive in mesh.primitives}
-    holders: list[schema.Mesh | schema.Node] = [*document.meshes, *document.nodes]
+    meshes = root.objects("meshes")
+    primitives = [primitive for mesh in meshes for primitive in mesh.objects("primitives")]
+    modes = {primitive.integer("mode", TRIANGLES) for primitive in primitives}
+    holders = [*meshes, *root.objects("nodes")]
     checks = (
-        (modes & NOT_DRAWN, "points and lines are not drawn"),
-        (document.animations, "animations are not played"),
-        (any(any(holder.weights) for holder in holders), "morph targets are not applied"),
+        (modes & POINTS_AND_LINES, "points and lines are not drawn"),
+        (root.array("animations"), "animations are not played"),
+        (any(any(each.array("weights")) for each in holders), "morph targets are not applied"),
         (
-            "EXT_mesh_gpu_instancing" in document.extensions_used,
+            "EXT_mesh_gpu_instancing" in root.array("extensionsUsed"),
             "EXT_mesh_gpu_instancing is not read: one of each is drawn",
         ),
     )
@@ -93,73 +94,61 @@ class _Part(NamedTuple):
 
 
 class _Meshes:
-    """Meshes of a document, one for each primitive.
+    """Meshes of a file, one for each primitive. All methods raise SceneErrors.
 
     Attributes:
-        meshes: those of the document; `instantiate` adds the skinned ones.
+        meshes: those of the file; `instantiate` adds the skinned ones.
     """
 
-    def __init__(self, document: schema.Document, accessors: Accessors, materials: Materials):
+    def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
         self.meshes: list[Mesh] = []
-        self._document, self._accessors, self._materials = document, accessors, materials
+        self._accessors, self._materials, self._skins = accessors, materials, root.objects("skins")
         self._name_counts: dict[str, int] = {}
         self._parts = [
-            [
-                part
-                for number, primitive in enumerate(entry.primitives)
-                if primitive.mode not in NOT_DRAWN
-                for part in self._read(
-                    primitive,
-                    f"mesh {index}" if entry.name is None else entry.name,
-                    f"meshes[{index}].primitives[{number}]",
-                )
-            ]
-            for index, entry in enumerate(document.meshes)
+            list(self._read(mesh, mesh.text("name", f"mesh {index}")))
+            for index, mesh in enumerate(root.objects("meshes"))
         ]
 
-    def instantiate(self, poses: dict[int, NDArray[np.float64]]) -> tuple[Instance, ...]:
-        """All instances; their `world_from_mesh` is still file_from_mesh.
-
-        Raises:
-            SceneError: a node's mesh or skin is not there, or is damaged.
-        """
-        instances = []
+    def instantiate(
+        self, nodes: list[JsonObject], poses: dict[int, NDArray[np.float64]]
+    ) -> Iterator[Instance]:
+        """Instances of the nodes; their `world_from_mesh` is still file_from_mesh."""
         for index, pose in poses.items():
-            node = self._document.nodes[index]
-            if node.mesh is None:
+            node = nodes[index]
+            if not node.has("mesh"):
                 continue
-            name = f"node {index}" if node.name is None else node.name
-            for part in schema.lookup(self._parts, node.mesh, f"nodes[{index}].mesh"):
-                if node.skin is not None and part.primitive.has("JOINTS_0"):
-                    mesh, center = self._skinned(part, node.skin, poses)
-                    instances.append(Instance(name, mesh, translate(np.eye(4), center)))
+            name = node.text("name", f"node {index}")
+            for part in self._parts[node.index("mesh", self._parts)]:
+                if node.has("skin") and part.primitive.has("JOINTS_0"):
+                    skin = self._skins[node.index("skin", self._skins)]
+                    mesh, center = self._skin(part, joint_matrices(skin, self._accessors, poses))
+                    yield Instance(name, mesh, translate(np.eye(4), center))
                 else:
-                    instances.append(Instance(name, part.mesh, translate(pose, part.center)))
-        return tuple(instances)
+                    yield Instance(name, part.mesh, translate(pose, part.center))
 
-    def _read(self, entry: schema.Primitive, name: str, place: str) -> Iterator[_Part]:
-        """The primitive, unless it has no triangles."""
-        primitive = Primitive(entry, self._accessors, place)
-        material = entry.material
-        if material is None:
-            material = len(self._document.materials)
-        else:
-            schema.lookup(self._document.materials, material, f"{place}.material")
-        positions, colors = primitive.required("POSITION", 3), primitive.floats("COLOR_0")
-        triangles = primitive.triangles(len(positions))
-        if not len(triangles):
-            return
-        mesh, center = make_mesh(
-            self._unique(name),
-            positions,
-            triangles,
-            material,
-            normals=primitive.floats("NORMAL"),
-            texture_coordinates=self._materials.texture_coordinates(primitive, material),
-            colors=None if colors is None else colors_rgba(colors, 1.0),
-        )
-        self.meshes.append(mesh)
-        yield _Part(primitive, len(self.meshes) - 1, center)
+    def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
+        entries = self._materials.entries
+        for entry in mesh.objects("primitives"):
+            if entry.integer("mode", TRIANGLES) in POINTS_AND_LINES:
+                continue
+            primitive, material = Primitive(entry, self._accessors), len(entries) - 1
+            if entry.has("material"):
+                material = entry.index("material", entries[:-1])
+            positions, colors = primitive.required("POSITION", 3), primitive.attribute("COLOR_0")
+            triangles = primitive.triangles(len(positions))
+            if not len(triangles):
+                continue
+            made, center = make_mesh(
+                self._unique(name),
+                positions,
+                triangles,
+                material,
+                normals=primitive.attribute("NORMAL"),
+                texture_coordinates=self._materials.texture_coordinates(primitive, material),
+                colors=None if colors is None else colors_rgba(colors, 1.0),
+            )
+            self.meshes.append(made)
+            yield _Part(primitive, len(self.meshes) - 1, center)
 
     def _unique(self, name: str) -> str:
         """The name, numbered where another mesh has it."""
@@ -167,25 +156,16 @@ class _Meshes:
         while unique in self._name_counts:
             number += 1
             unique = f"{name}_{number}"
-        self._name_counts[name] = number
-        self._name_counts.setdefault(unique, 0)
+        self._name_counts |= {unique: 0, name: number}
         return unique
 
-    def _skinned(
-        self, part: _Part, skin: int, poses: dict[int, NDArray[np.float64]]
-    ) -> tuple[int, NDArray[np.float64]]:
+    def _skin(self, part: _Part, matrices: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
         """Index and origin of a skinned copy of a part's mesh."""
-        matrices = joint_matrices(skin, self._document, self._accessors, poses)
-        positions, normals = skin_vertices(part.primitive, matrices, f"skins[{skin}]")
         mesh = self.meshes[part.mesh]
+        positions, normals = skin_vertices(part.primitive, matrices)
         skinned, center = make_mesh(
-            mesh.name,
-            positions,
-            mesh.triangles,
-            mesh.material,
-            normals,
-            mesh.texture_coordinates,
-            mesh.colors,
-        )
+            mesh.name, positions, mesh.triangles, mesh.material,
+            normals, mesh.texture_coordinates, mesh.colors,
+        )  # fmt: skip
         self.meshes.append(skinned)
         return len(self.meshes) - 1, center
