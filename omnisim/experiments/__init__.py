@@ -1,1 +1,1 @@
-"""What robots do with the pictures: learn landmarks, find them, find themselves, and how well."""
+"""Experiments of the paper's section 3.2: landmark detection and self-localization."""

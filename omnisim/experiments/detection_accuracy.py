@@ -13,21 +13,21 @@ from omnisim.localization.observations import LandmarkMap, expect
 from omnisim.perception.landmark_detector import Detection
 from omnisim.poses import wrap_angle
 
-# What counts as found: farther off, it is something else.
+# Largest errors of a true positive.
 FOUND_WITHIN_RAD = math.radians(3.0)
 FOUND_WITHIN_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class DetectionMatch:
-    """One landmark in one picture: where it truly is, and what was found of it.
+    """Landmark in one picture, and its detection.
 
     Attributes:
         step: of the picture.
         landmark: its name.
-        range_m: the true one.
-        detection: of it, or None: not found.
-        range_error_m, bearing_error_rad: NaN where it was not found.
+        range_m: true range.
+        detection: of it, or None.
+        range_error_m, bearing_error_rad: NaN without a detection.
     """
 
     step: int
@@ -39,7 +39,7 @@ class DetectionMatch:
 
     @property
     def is_right(self) -> bool:
-        """Whether what was found is where the landmark is."""
+        """True if the detection is near enough to the landmark."""
         if self.detection is None:
             return False
         slack_m = max(FOUND_WITHIN_SHARE * self.range_m, 3.0 * self.detection.range_sigma_m)
@@ -54,8 +54,8 @@ def compare(
     landmarks: LandmarkMap,
     camera_m: tuple[float, float],
 ) -> list[DetectionMatch]:
-    """What was found of each landmark at each step, against the truth."""
-    told = []
+    """Match detections of each step with the landmarks at the true pose."""
+    matches = []
     for step, (pose, found) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
         by_name = {detection.landmark: detection for detection in found}
         for name, corners in landmarks.corners_m.items():
@@ -63,26 +63,25 @@ def compare(
             range_m, bearing_rad = expected[0], expected[4]
             detection = by_name.get(name)
             if detection is None:
-                told.append(DetectionMatch(step, name, range_m, None))
+                matches.append(DetectionMatch(step, name, range_m, None))
                 continue
             off = wrap_angle(detection.bearing_rad - bearing_rad)
-            told.append(
+            matches.append(
                 DetectionMatch(step, name, range_m, detection, detection.range_m - range_m, off)
             )
-    return told
+    return matches
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How good a detector is up to some distance.
+    """Accuracy of a detector in an interval of range.
 
     Attributes:
-        recall: share of what is there that is found.
-        precision: share of what is found that is there; by where the landmark truly is, not by
-            where it is found.
-        bearing_rms_rad, range_rms_share, range_eq2_rms_share: of what is rightly found.
+        recall: true positives among landmarks.
+        precision: true positives among detections; by the landmark's true range.
+        bearing_rms_rad, range_rms_share, range_eq2_rms_share: errors of true positives.
         eq2_mean_m: range by Eq. 2 less that by the exact relation, mean.
-        count: how many were rightly found.
+        count: of true positives.
     """
 
     recall: float
@@ -95,9 +94,9 @@ class Accuracy:
 
 
 def accuracy(found: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:
-    """Of what is truly between two distances; NaN where there is nothing to tell from."""
-    there = [each for each in found if nearest_m <= each.range_m < farthest_m]
-    seen = [each for each in there if each.detection is not None]
+    """Accuracy for landmarks between two ranges; NaN without landmarks."""
+    present = [each for each in found if nearest_m <= each.range_m < farthest_m]
+    seen = [each for each in present if each.detection is not None]
     right = [each for each in seen if each.is_right]
 
     def share(part: int, whole: int) -> float:
@@ -109,7 +108,7 @@ def accuracy(found: Sequence[DetectionMatch], nearest_m: float, farthest_m: floa
     paper = np.array([each.detection.range_eq2_m for each in right if each.detection])
     exact = np.array([each.detection.range_m for each in right if each.detection])
     return Accuracy(
-        share(len(right), len(there)),
+        share(len(right), len(present)),
         share(len(right), len(seen)),
         _rms(bearings),
         _rms(errors / ranges),

@@ -1,4 +1,4 @@
-"""All that is computed of the paper's two experiments, before anybody looks at it."""
+"""Results of the paper's two experiments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from omnisim.experiments.detection_accuracy import DetectionMatch, compare
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
-from omnisim.experiments.real_setting import put_down_wrongly
+from omnisim.experiments.real_setting import with_wrong_start
 from omnisim.experiments.seeds import (
     Progress,
     detect_with_noise,
@@ -30,7 +30,7 @@ SEEDS = 20
 
 
 class Simulated:
-    """Experiment 1: all that is computed of it."""
+    """Experiment 1: detections, pixel rates and tracks."""
 
     def __init__(
         self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
@@ -47,7 +47,7 @@ class Simulated:
 
 
 class Real:
-    """Experiment 2: all that is computed of it."""
+    """Experiment 2: detections, pixel rates and tracks."""
 
     def __init__(
         self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
@@ -62,10 +62,10 @@ class Real:
         self.observations = [_picked(run, seed) for seed in range(SEEDS)]
         certain = np.zeros((3, 3))
         self.seeds = run_seeds(
-            run, self.wheels, self.observations, self.parameters, certain, put_down_wrongly
+            run, self.wheels, self.observations, self.parameters, certain, with_wrong_start
         )
         self.honest = run_seeds(
-            run, self.wheels, self.observations, parameters, certain, put_down_wrongly
+            run, self.wheels, self.observations, parameters, certain, with_wrong_start
         )
         automatic = observations_from_detections(self.detections, parameters)
         self.automatic = run_seeds(run, self.wheels, [automatic] * SEEDS, parameters)
@@ -76,7 +76,7 @@ def _timed(
 ) -> tuple[list[list[Detection]], float]:
     """Detections of all steps, and the median time of one picture in milliseconds.
 
-    Time of this thread: what else the machine does is not counted.
+    Time of this thread alone.
     """
     found, times = [], []
     for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
@@ -103,7 +103,7 @@ def _pixel_rates(run: RunData, trained: Training, progress: Progress) -> PixelRa
 def observations_from_detections(
     detections: Sequence[Sequence[Detection]], parameters: FilterParameters
 ) -> list[list[Observation]]:
-    """Detections of each step as the filter takes them."""
+    """Observations for the filter from the detections of each step."""
     return [
         [observation_from_detection(each, parameters.measurement) for each in step]
         for step in detections
@@ -111,7 +111,7 @@ def observations_from_detections(
 
 
 def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    """What somebody picks by hand in the pictures of a run."""
+    """Observations from landmarks picked by hand in the pictures of a run."""
     generator = np.random.default_rng([3, seed])
     landmarks = LandmarkMap.of_scene(run.landmarks)
     poses = run.true_poses

@@ -1,7 +1,7 @@
-"""Landmarks as somebody picks them in a picture by hand: where they are, and a hand's noise.
+"""Landmarks picked by hand in a picture, with a hand's noise.
 
-The paper's authors did so in the pictures of the real robot, where their classifier found too much
-that is no landmark. Only here are observations made from the true pose; the filter gets the picked
+The paper's authors did so in the pictures of the real robot, where their classifier had too many
+false positives. Only here are observations made from the true pose; the filter gets the picked
 pixels' range and bearing and nothing else.
 """
 
@@ -20,7 +20,7 @@ from omnisim.poses import wrap_angle
 
 @dataclass(frozen=True)
 class Hand:
-    """Who picks.
+    """Noise and limits of picking by hand.
 
     Attributes:
         sigma_px: of a picked point, along both of the picture's axes.
@@ -47,8 +47,8 @@ def pick_landmarks(
     Args:
         pose: (3,) x, y, yaw of the base.
         mount: the camera.
-        landmarks: where they truly are.
-        hand: who picks.
+        landmarks: at their true positions.
+        hand: noise and limits.
         generator: of the noise.
     """
     found = []
@@ -59,7 +59,7 @@ def pick_landmarks(
         steep_rad = math.atan2(mount.height_m, float(distances[nearest]))
         if distances[nearest] > hand.farthest_m or steep_rad > hand.steepest_rad:
             continue
-        about = _turns(offsets)
+        about = _relative_directions(offsets)
         outer = sorted({int(about.argmin()), int(about.argmax())})
         picked = _pick(mount, offsets[[nearest, *outer]], hand, generator)
         if picked is None:
@@ -85,19 +85,23 @@ def _offsets(
     """Corners (n, 2) from below the effective viewpoint, along the vehicle's axes."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     base_from_world = np.array([[cosine, sine], [-sine, cosine]])
-    return (corners - pose[:2]) @ base_from_world.T - mount.position_m
+    offsets: NDArray[np.float64] = (corners - pose[:2]) @ base_from_world.T - mount.position_m
+    return offsets
 
 
-def _turns(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Directions (n,) of offsets about that of their sum."""
+def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Directions (n,) of offsets relative to that of their sum."""
     x, y = offsets.sum(axis=0)
-    return np.arctan2(x * offsets[:, 1] - y * offsets[:, 0], offsets @ (x, y))
+    angles: NDArray[np.float64] = np.arctan2(
+        x * offsets[:, 1] - y * offsets[:, 0], offsets @ (x, y)
+    )
+    return angles
 
 
 def _pick(
     mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Ranges and bearings of points on the ground as picked, or None: one is not in the picture."""
+    """Ranges and bearings of picked points on the ground; None if one is not in the picture."""
     rotation = mount.base_from_optical[:3, :3]
     rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))
     pixels = mount.camera.pixel_from_ray(rays @ rotation)
@@ -112,20 +116,17 @@ def _pick(
 
 
 def _sigmas(mount: CameraMount, range_m: float, sigma_px: float) -> tuple[float, float]:
-    """What a pixel's noise does to range and bearing, by the picture's scale where it was picked.
-
-    From the picked range, not the true one.
-    """
+    """Sigmas of range and bearing of a picked pixel, by the picture's scale at the picked range."""
     step = 1e-4
     rotation = mount.base_from_optical[:3, :3]
     theta = math.atan2(range_m, mount.height_m)
     rays = [
-        (math.sin(angle) * math.cos(turn), math.sin(angle) * math.sin(turn), -math.cos(angle))
-        for angle, turn in ((theta, 0.0), (theta + step, 0.0), (theta, step))
+        (math.sin(angle) * math.cos(yaw), math.sin(angle) * math.sin(yaw), -math.cos(angle))
+        for angle, yaw in ((theta, 0.0), (theta + step, 0.0), (theta, step))
     ]
-    here, out, around = mount.camera.pixel_from_ray(np.array(rays) @ rotation).positions_px
+    picked, outward, sideways = mount.camera.pixel_from_ray(np.array(rays) @ rotation).positions_px
     by_theta = (range_m**2 + mount.height_m**2) / mount.height_m
     return (
-        sigma_px * step * by_theta / float(np.linalg.norm(out - here)),
-        sigma_px * step / float(np.linalg.norm(around - here)),
+        sigma_px * step * by_theta / float(np.linalg.norm(outward - picked)),
+        sigma_px * step / float(np.linalg.norm(sideways - picked)),
     )

@@ -1,12 +1,13 @@
-"""The page's sections about pictures, colours, landmarks and degradations."""
+"""Sections of the report about pictures, colours, landmarks and degradations."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.experiments.detection_accuracy import DetectionMatch, accuracy
 from omnisim.experiments.experiment_runs import Real, Simulated
@@ -32,7 +33,7 @@ EDGES_M = np.arange(0.0, 6.01, 0.5)
 
 
 def pictures(runs: Recordings, trained: Training, simulated: Simulated, real: Real) -> Section:
-    """Fig. 11: both settings side by side, and what is found in them."""
+    """Fig. 11: both settings side by side, and their detections."""
     steps = (4, 20, 47)
     shown = {f"real setting, step {step}": runs.real.picture(step) for step in steps}
     shown |= {f"simulation, step {step}": runs.simulated.picture(step) for step in steps}
@@ -40,7 +41,7 @@ def pictures(runs: Recordings, trained: Training, simulated: Simulated, real: Re
         (f"{name}, step {step}", each.detector.panorama(each.run.picture(step)),
          each.detections[step])
         for name, each in (("simulation", simulated), ("real setting", real))
-        for step in _telling(each.detections)
+        for step in _steps_with_most(each.detections)
     ]  # fmt: skip
     return Section(
         "Fig. 11: pictures side by side",
@@ -60,15 +61,15 @@ def pictures(runs: Recordings, trained: Training, simulated: Simulated, real: Re
     )  # fmt: skip
 
 
-def _telling(detections: Sequence[Sequence[Detection]]) -> list[int]:
-    """Two steps in which much is found, far from each other."""
+def _steps_with_most(detections: Sequence[Sequence[Detection]]) -> list[int]:
+    """Steps with most detections, one in each half of a run."""
     counts = np.array([len(found) for found in detections])
     half = len(counts) // 2
     return [int(counts[:half].argmax()), half + int(counts[half:].argmax())]
 
 
 def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
-    """Eq. 3: what the histograms do to pixels, clean and degraded."""
+    """Eq. 3: pixel classification by histograms, clean and degraded."""
     model = trained.model
     numbers, rows = [], []
     for index, name in enumerate(model.colors):
@@ -136,10 +137,10 @@ def detection(simulated: Simulated, real: Real) -> Section:
         Measure("precision within 4 m, real setting", worst.precision),
     ]  # fmt: skip
     rows = tuple(
-        (name, f"{told.recall:.3f}", f"{told.precision:.3f}",
-         f"{math.degrees(told.bearing_rms_rad):.3f}°", f"{100 * told.range_rms_share:.2f} %",
-         str(told.count))
-        for name, told in each_name.items()
+        (name, f"{each.recall:.3f}", f"{each.precision:.3f}",
+         f"{math.degrees(each.bearing_rms_rad):.3f}°", f"{100 * each.range_rms_share:.2f} %",
+         str(each.count))
+        for name, each in each_name.items()
     )  # fmt: skip
     return Section(
         "Landmarks",
@@ -158,11 +159,11 @@ def detection(simulated: Simulated, real: Real) -> Section:
 
 
 def _rates(found: Sequence[DetectionMatch]) -> Rates:
-    told = [accuracy(found, low, high) for low, high in pairwise(EDGES_M)]
+    by_distance = [accuracy(found, low, high) for low, high in pairwise(EDGES_M)]
     return Rates(
         EDGES_M,
-        np.array([each.recall for each in told]),
-        np.array([each.precision for each in told]),
+        np.array([each.recall for each in by_distance]),
+        np.array([each.precision for each in by_distance]),
     )
 
 
@@ -183,16 +184,17 @@ def degradations(
         for level, outcome in zip(cause.levels, found[cause.name], strict=True):
             rows.append((cause.name, f"{level:g} {cause.unit}", *_cells(outcome)))
     levels = ("none", "1", "2", "3")
-    panels = {
-        title: [
+
+    def lines(value: Callable[[Outcome], float]) -> list[tuple[str, NDArray[np.float64]]]:
+        return [
             (cause.name, np.array([value(each) for each in (clean, *found[cause.name])]))
             for cause in CAUSES
         ]
-        for title, value in (
-            ("mean error of the place (m)", lambda each: each.error_m),
-            ("recall within 4 m", lambda each: each.recall),
-            ("false positives (share of pixels)", lambda each: each.false_alarms),
-        )
+
+    panels = {
+        "mean error of the place (m)": lines(lambda each: each.error_m),
+        "recall within 4 m": lines(lambda each: each.recall),
+        "false positives (share of pixels)": lines(lambda each: each.false_alarms),
     }
     return Section(
         "Each degradation alone",

@@ -1,4 +1,4 @@
-"""The page's sections about where the robots believe to be."""
+"""Sections of the report about self-localization."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from omnisim.experiments.experiment_runs import SEEDS, Real, Simulated
 from omnisim.experiments.seeds import (
     SeedRuns,
-    ahead_only,
+    in_field_of_view,
     run_seeds,
 )
 from omnisim.localization.filter import LocalizationFilter
@@ -143,8 +143,8 @@ def side_by_side(simulated: Simulated, real: Real) -> Section:
         PathPanel("simulation: P2AT, counter-clockwise", first, simulated.run.true_poses,
                   simulated.run.landmarks, SIMULATED_BOUND_M),
     ]  # fmt: skip
-    told = [f"real setting: {notice}" for notice in notices(second, real.parameters)]
-    told += [f"simulation: {notice}" for notice in notices(first, simulated.parameters)]
+    warnings = [f"real setting: {notice}" for notice in notices(second, real.parameters)]
+    warnings += [f"simulation: {notice}" for notice in notices(first, simulated.parameters)]
     return Section(
         "Fig. 12 and 13: paths and errors",
         f"One seed of each experiment: 0 of the simulation, {chosen} of the real setting, whose "
@@ -157,7 +157,7 @@ def side_by_side(simulated: Simulated, real: Real) -> Section:
                     "Left the gate rejects what is seen at first, and opens by itself; right it is "
                     "open from the start."),
         ),
-        notices=told,
+        notices=warnings,
     )  # fmt: skip
 
 
@@ -173,12 +173,12 @@ def gains(simulated: Simulated) -> Section:
     ahead = run_seeds(
         simulated.run,
         simulated.wheels,
-        [ahead_only(each, FORWARD_RAD) for each in simulated.observations],
+        [in_field_of_view(each, FORWARD_RAD) for each in simulated.observations],
         simulated.parameters,
     )
     seen = [np.mean([len(step) for step in each]) for each in simulated.observations]
     seen_ahead = [
-        np.mean([len(step) for step in ahead_only(each, FORWARD_RAD)])
+        np.mean([len(step) for step in in_field_of_view(each, FORWARD_RAD)])
         for each in simulated.observations
     ]
     rows = []

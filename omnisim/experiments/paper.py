@@ -1,7 +1,4 @@
-"""The paper's two experiments of section 3.2, their successors, and what lies beyond: one page.
-
-Everything that is measured is held against its bound here, with what the paper has beside it.
-"""
+"""The paper's two experiments of section 3.2 and their extensions: one report."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ from omnisim.simulation.run_labels import train_on_run
 
 
 def run_experiments(folder: Path, device: int | None, progress: Progress) -> Report:
-    """Record, learn, localize, and write the page; what is recorded already is kept.
+    """Record, train, localize, and write the report; existing recordings are kept.
 
     Raises:
         OmnisimError: no OpenGL, or files that cannot be written.

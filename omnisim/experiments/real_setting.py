@@ -1,8 +1,7 @@
 """The paper's real setting, as far as a simulator can go: clutter, uneven light, a real camera.
 
-What is the same as in the paper: the robot, the clockwise way, landmarks picked by hand, a start
-that the filter is certain of and that is wrong, and wheels that are off. What is ours: everything
-that can be counted, see the constants; the paper gives no number.
+As in the paper: the robot, the clockwise path, landmarks picked by hand, a wrong start pose that
+the filter takes for certain, and biased odometry. All numbers are ours; the paper gives none.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh
 
-# Boxes that somebody left around the field: x, y, edge in metres, and colours like the landmarks'
+# Boxes left around the field: x, y, edge in metres, and colours like the landmarks'
 # but of cardboard and plastic. All stand outside of the carpet.
 YELLOWISH, BLUISH, PINKISH = (0.80, 0.56, 0.04), (0.03, 0.36, 0.72), (0.72, 0.07, 0.30)
 CLUTTER = (
@@ -35,12 +34,12 @@ CLUTTER = (
 )
 # A lamp over one corner, a third of the even light that the scene has without it.
 LAMP_M, LAMP_CD, EVEN_SHARE = (-2.6, -1.9, 2.2), 3.2, 0.45
-# Where the filter is told that the robot starts, less where it does: put down by hand.
-START_OFF = (0.10, -0.10, math.radians(12.0))
+# Start pose given to the filter, minus the true one.
+START_ERROR = (0.10, -0.10, math.radians(12.0))
 
 
 def cluttered(scene: Scene) -> Scene:
-    """The scene with boxes around the field and a lamp over one corner."""
+    """Scene with boxes around the field and a lamp over one corner."""
     materials, meshes, instances = (
         list(scene.materials), list(scene.meshes), list(scene.instances),
     )  # fmt: skip
@@ -59,11 +58,11 @@ def cluttered(scene: Scene) -> Scene:
     )
 
 
-def put_down_wrongly(odometry: Odometry) -> Odometry:
-    """The same readings, counted from where somebody believes to have put the robot."""
+def with_wrong_start(odometry: Odometry) -> Odometry:
+    """Odometry with the same readings and a wrong start pose."""
     x, y, yaw = odometry.start
-    dx, dy, turn = START_OFF
-    return dataclasses.replace(odometry, start=(x + dx, y + dy, yaw + turn))
+    dx, dy, dyaw = START_ERROR
+    return dataclasses.replace(odometry, start=(x + dx, y + dy, yaw + dyaw))
 
 
 def _uneven(lighting: Lighting) -> Lighting:
@@ -80,9 +79,10 @@ def _uneven(lighting: Lighting) -> Lighting:
 
 
 def _box(name: str, edge_m: float, material: int) -> Mesh:
-    """A cube about its middle, with flat sides."""
+    """Flat-shaded cube about the origin."""
     half = 0.5 * edge_m
-    positions, triangles = [], []
+    positions: list[NDArray[np.float64]] = []
+    triangles: list[tuple[int, int, int]] = []
     for axis in range(3):
         for side in (-1.0, 1.0):
             normal, right = np.eye(3)[axis] * side, np.eye(3)[(axis + 1) % 3]
@@ -91,5 +91,5 @@ def _box(name: str, edge_m: float, material: int) -> Mesh:
             for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
                 positions.append(half * (normal + a * right + b * up))
             triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    corners: NDArray[np.float32] = np.array(positions, dtype=np.float32)
+    corners = np.array(positions, dtype=np.float32)
     return Mesh(name, corners, np.array(triangles, dtype=np.uint32), material)

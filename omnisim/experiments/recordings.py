@@ -1,4 +1,4 @@
-"""The drives that the experiments need; each is recorded once, and gone on with when stopped."""
+"""Drives of the experiments; each is recorded once, and resumed when stopped."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from omnisim.simulation.route import Route
 from omnisim.simulation.run_data import RunData, read_run
 
 SCENE = "soccer"
-# A way across the field that no other drive takes, to learn colours on: from near and far, and from
-# all sides.
-LEARNING_WAY = (
+# A path across the field that no other drive takes, for training: landmarks from near and far, and
+# from all sides.
+TRAINING_WAYPOINTS = (
     (-1.9, -0.9), (-0.6, 0.8), (0.7, -1.0), (1.9, 0.4), (0.4, 1.2), (-1.9, 0.5), (0.0, -0.3),
 )  # fmt: skip
 # The paper's own camera, out of focus, and slow enough for a robot that turns at 90°/s to blur.
@@ -33,10 +33,10 @@ Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 
 @dataclass(frozen=True)
 class Recordings:
-    """The runs.
+    """Runs of the experiments.
 
     Attributes:
-        learning: to learn colours from, P2AT.
+        learning: for training, P2AT.
         simulated: the paper's simulation, P2AT, counter-clockwise.
         real: the paper's real setting, Super Scout, clockwise, degraded.
     """
@@ -47,39 +47,41 @@ class Recordings:
 
 
 def real_camera() -> Degradation:
-    """What the real setting's camera does to its pictures."""
-    told = preset(REAL_PRESET)
+    """Degradation of the real setting's camera."""
+    base = preset(REAL_PRESET)
     centre, rim = REAL_DEFOCUS_PX
-    assert told.defocus is not None
-    assert told.shutter is not None
-    assert told.noise is not None
+    assert base.defocus is not None
+    assert base.shutter is not None
+    assert base.noise is not None
     return dataclasses.replace(
-        told,
-        defocus=dataclasses.replace(told.defocus, centre_defocus_px=centre, rim_defocus_px=rim),
-        shutter=dataclasses.replace(told.shutter, exposure_s=REAL_EXPOSURE_S),
-        noise=dataclasses.replace(told.noise, full_well_e=REAL_FULL_WELL_E),
+        base,
+        defocus=dataclasses.replace(base.defocus, centre_defocus_px=centre, rim_defocus_px=rim),
+        shutter=dataclasses.replace(base.shutter, exposure_s=REAL_EXPOSURE_S),
+        noise=dataclasses.replace(base.noise, full_well_e=REAL_FULL_WELL_E),
     )
 
 
 def record_all(folder: Path, device: int | None, progress: Progress) -> Recordings:
-    """Record what is missing in a folder that is there, and anew what another version recorded.
+    """Record missing drives in an existing folder, and again those of another version.
 
     Raises:
         OmnisimError: no OpenGL, or another run is in a folder.
     """
     scene = load_scene(SCENE)
-    way = dataclasses.replace(scene, paths=(*scene.paths, ScenePath("learning", LEARNING_WAY)))
+    with_path = dataclasses.replace(
+        scene, paths=(*scene.paths, ScenePath("learning", TRAINING_WAYPOINTS))
+    )
     p2at = _with_camera_only(Vehicle.load("p2at"))
     scout = with_cameras(_with_camera_only(Vehicle.load("superscout")), None, "same", real_camera())
     return Recordings(
-        _record(folder / "learning", way, p2at, "learning", device, progress),
+        _record(folder / "learning", with_path, p2at, "learning", device, progress),
         _record(folder / "simulated", scene, p2at, "lap", device, progress),
         _record(folder / "real", cluttered(scene), scout, "lap_clockwise", device, progress),
     )
 
 
 def _with_camera_only(vehicle: Vehicle) -> Vehicle:
-    """Nothing here looks at a laser scan."""
+    """Vehicle without its laser scanners."""
     return dataclasses.replace(vehicle, scanners=())
 
 
@@ -95,11 +97,10 @@ def _record(
         steps = plan.record(folder, force=True)
         done = next(steps)
     total = len(plan.truth)
-    # how many are there before each following one
     counted = progress(f"drive: {folder.name}", total)(range(total))
     for count in counted:
         if count >= done:
             next(steps, None)
-    for _ in steps:  # what comes after the last one
+    for _ in steps:  # finish the recording
         pass
     return read_run(folder)

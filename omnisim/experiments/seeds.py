@@ -1,13 +1,11 @@
-"""The same run with other noise: wheels and pictures drawn anew for each seed.
+"""Monte Carlo runs: odometry and pixel noise drawn anew for each seed.
 
-Pictures do not depend on the wheels, so a run is recorded once. What is drawn anew for each seed is
-the noise of the wheels and that of the pictures' pixels, in which landmarks are then looked for
-again.
+Pictures do not depend on odometry, so a run is recorded once. Each seed draws the noise of the
+odometry and of the pixels, in which landmarks are then detected again.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -32,7 +30,7 @@ Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 def detect_with_noise(
     run: RunData, detector: LandmarkDetector, seeds: int, progress: Progress
 ) -> list[list[list[Detection]]]:
-    """Detections of each seed and step, in pictures with noise of their own."""
+    """Detections of each seed and step, in pictures with each seed's pixel noise."""
     pictures = list(run.pictures())
     found = []
     for seed in progress(f"pictures with noise of {seeds} seeds", seeds)(range(seeds)):
@@ -42,20 +40,20 @@ def detect_with_noise(
 
 
 def noisy(picture: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
-    """A picture with a camera's noise on it."""
+    """Picture with added pixel noise."""
     noise = PIXEL_SIGMA * generator.standard_normal(picture.shape, dtype=np.float32)
     return np.clip(np.rint(picture + noise), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
 class SeedRuns:
-    """The tracks of all seeds, against the truth.
+    """Tracks of all seeds, and their errors.
 
     Attributes:
         tracks: one a seed.
         errors_m, reckoned_m: (seeds, steps).
-        nees: (seeds, steps); NaN without doubt.
-        nis, nis_degrees: (seeds, steps); NaN and 0 where nothing was let through.
+        nees: (seeds, steps); NaN without uncertainty.
+        nis, nis_degrees: (seeds, steps); NaN and 0 without accepted observations.
     """
 
     tracks: tuple[Track, ...]
@@ -67,28 +65,28 @@ class SeedRuns:
 
     @property
     def nees_interval(self) -> Interval:
-        """Of the mean of the seeds at one step."""
+        """Confidence interval of the seeds' mean NEES at one step."""
         return mean_interval(3, len(self.tracks))
 
     @property
     def nees_by_step(self) -> NDArray[np.float64]:
-        """Mean of the seeds (steps,); NaN where none has any doubt."""
+        """Mean NEES of the seeds (steps,); NaN where none has any uncertainty."""
         return _mean(self.nees)
 
     @property
     def nis_by_step(self) -> NDArray[np.float64]:
-        """Over its degrees of freedom, all seeds together (steps,)."""
+        """NIS over its degrees of freedom, all seeds together (steps,)."""
         degrees = self.nis_degrees.sum(axis=0)
         return np.where(degrees > 0, np.nansum(self.nis, axis=0) / np.maximum(degrees, 1), np.nan)
 
     @property
     def nis_intervals(self) -> list[Interval]:
-        """Of each step."""
+        """Confidence interval of each step's mean NIS."""
         return [mean_interval(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
 
     @property
     def gate_opening_steps(self) -> NDArray[np.float64]:
-        """The step (seeds,) at which the gate opens; infinite where it does not."""
+        """Step (seeds,) at which the gate opens; infinite where it does not."""
         steps = [track.gate_opening_step for track in self.tracks]
         return np.array([math.inf if step is None else step for step in steps])
 
@@ -105,11 +103,11 @@ def run_seeds(
 
     Args:
         run: with its truth, against which errors are counted.
-        wheels: their errors; each seed has its own noise.
+        wheels: errors of the odometry; each seed has its own noise.
         observations: of each seed and step.
         parameters: of the filter.
         covariance: (3, 3) of the start, or None: by the parameters.
-        prepare: what is done to the wheels' readings before.
+        prepare: changes the odometry before.
     """
     assert run.truth is not None
     truth = run.true_poses
@@ -131,25 +129,16 @@ def run_seeds(
     )
 
 
-def ahead_only(
+def in_field_of_view(
     observations: Sequence[Sequence[Observation]], field_of_view_rad: float
 ) -> list[list[Observation]]:
-    """What of them a camera sees that looks forward."""
+    """Observations of each step within a field of view about the front."""
     half = 0.5 * field_of_view_rad
     return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in observations]
 
 
-def with_more_noise(observation: Observation, factor: float) -> Observation:
-    """The same observation that trusts itself less."""
-    return dataclasses.replace(
-        observation,
-        range_sigma_m=factor * observation.range_sigma_m,
-        bearing_sigma_rad=factor * observation.bearing_sigma_rad,
-    )
-
-
 def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Along the first axis, of what is a number."""
+    """Mean of the finite values along the first axis."""
     known = np.isfinite(values)
     count = known.sum(axis=0)
     total = np.where(known, values, 0.0).sum(axis=0)

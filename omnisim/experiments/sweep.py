@@ -1,9 +1,9 @@
-"""How much each degradation alone costs: pixels, landmarks, and the robot's place.
+"""Effect of each degradation alone on pixels, landmarks and self-localization.
 
 The recorded clean pictures are degraded in NumPy, one kind at a time and ever stronger; nothing is
-rendered again. Defocus and noise are quick ones with the same parameters as those of cameras.
-Motion blur is that of a turn on the spot, which turns the picture about its middle: what driving
-straight adds is smaller.
+rendered again. Defocus and noise are quick versions with the parameters of `sensors.degradations`.
+Motion blur is that of a turn on the spot, which rotates the picture about its middle: driving
+straight adds less.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from omnisim.simulation.run_data import RunData
 from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 
 NEAR_M = 4.0
-SEEDS = 5  # of the wheels, at each level
+SEEDS = 5  # of the odometry noise, at each level
 READ_NOISE_E = 5.0
 _SRGB = srgb8_from_linear(np.linspace(0.0, 1.0, 4096))
 Light = NDArray[np.float32]  # (height, width, 4) linear, the fourth 1 where the scene is shown
@@ -40,10 +40,10 @@ Light = NDArray[np.float32]  # (height, width, 4) linear, the fourth 1 where the
 
 @dataclass(frozen=True)
 class Cause:
-    """A kind of degradation.
+    """Kind of degradation.
 
     Attributes:
-        name: of it.
+        name: in the report.
         unit: of its levels.
         levels: ever stronger.
         apply: to light, at a level and step.
@@ -57,13 +57,13 @@ class Cause:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a level of a degradation costs.
+    """Results at one level of a degradation.
 
     Attributes:
         recall, precision: of landmarks within `NEAR_M`.
-        bearing_rms_rad, range_rms_share: of those that are found.
-        false_alarms: share of all the pixels that are taken for a landmark's and are none.
-        error_m: median over seeds of the mean error of the place.
+        bearing_rms_rad, range_rms_share: of true positives.
+        false_alarms: share of false positives among all other pixels.
+        error_m: median over seeds of the mean position error.
     """
 
     recall: float
@@ -75,7 +75,7 @@ class Outcome:
 
 
 def _defocus(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
-    """The mean over a disc, of what is shown: as `Defocus` does, in the frequency domain."""
+    """Mean over a disc of the covered pixels: as `Defocus` does, in the frequency domain."""
     reach = math.ceil(level)
     span = range(-reach, reach + 1)
     radius = np.array(level, dtype=np.float32)
@@ -89,13 +89,13 @@ def _defocus(light: Light, geometry: PictureGeometry, level: float, step: int) -
     return result
 
 
-def _turn_blur(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
-    """The mean over a turn of so many degrees, about the middle of the picture."""
+def _motion_blur(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    """Mean over a rotation of so many degrees about the middle of the picture."""
     count = 2 + math.ceil(level)
     total = np.zeros_like(light)
     u0, v0 = geometry.centre_px
-    for turn in np.radians(level) * (np.arange(count) / (count - 1) - 0.5):
-        cosine, sine = math.cos(turn), math.sin(turn)
+    for angle in np.radians(level) * (np.arange(count) / (count - 1) - 0.5):
+        cosine, sine = math.cos(angle), math.sin(angle)
         matrix = np.array([[cosine, -sine], [sine, cosine]])  # of (row, column)
         offset = np.array([v0, u0]) - matrix @ (v0, u0)
         for channel in range(4):
@@ -106,7 +106,7 @@ def _turn_blur(light: Light, geometry: PictureGeometry, level: float, step: int)
 
 
 def _noise(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
-    """Photons' and reading's, by the variances that `Noise` has: many photons are normal."""
+    """Shot and read noise with the variances of `Noise`: many photons are normal."""
     generator = np.random.default_rng([2, step])
     colors = np.maximum(light[..., :3], np.float32(0.0))
     sigma = np.sqrt(colors * np.float32(level) + np.float32(READ_NOISE_E**2)) / np.float32(level)
@@ -120,7 +120,7 @@ def _vignetting(light: Light, geometry: PictureGeometry, level: float, step: int
 
 
 def _darkness(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
-    """Light that comes and goes: a wave of so many stops over 24 steps."""
+    """Changing light: a wave of so many stops over 24 steps."""
     ev = -0.5 * level * (1.0 - math.cos(2.0 * math.pi * step / 24.0))
     dimmed = light.copy()
     dimmed[..., :3] *= np.float32(2.0**ev)
@@ -135,7 +135,7 @@ def _white_balance(light: Light, geometry: PictureGeometry, level: float, step: 
 
 CAUSES = (
     Cause("defocus", "px radius", (1.0, 2.0, 4.0), _defocus),
-    Cause("motion blur", "° of a turn", (1.0, 3.0, 8.0), _turn_blur),
+    Cause("motion blur", "° of a turn", (1.0, 3.0, 8.0), _motion_blur),
     Cause("noise", "electrons full well", (4000.0, 600.0, 100.0), _noise),
     Cause("vignetting", "light lost at the rim", (0.2, 0.45, 0.7), _vignetting),
     Cause("changing light", "stops", (0.5, 1.0, 2.0), _darkness),
@@ -152,7 +152,7 @@ def sweep(
     parameters: FilterParameters,
     progress: Progress,
 ) -> tuple[Outcome, Mapping[str, list[Outcome]]]:
-    """Outcomes without any degradation, and of each cause at each of its levels."""
+    """Outcomes without degradation, and of each kind at each of its levels."""
     detector = LandmarkDetector(model, run.landmarks, run.mount)
     geometry = PictureGeometry.of_camera(run.mount.camera)
     pictures = list(run.pictures())
@@ -160,7 +160,7 @@ def sweep(
     covered = run.mount.covered
     shown = np.ones(pictures[0].shape[:2], bool) if covered is None else covered
 
-    def judged(change: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]]) -> Outcome:
+    def evaluate(change: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]]) -> Outcome:
         detections, alarms, others = [], 0, 0
         for step, picture in enumerate(pictures):
             changed = change(picture, step)
@@ -197,8 +197,8 @@ def sweep(
         ) -> NDArray[np.uint8]:
             return degraded(picture, shown, geometry, cause, level, step)
 
-        found[cause.name].append(judged(change))
-    return judged(lambda picture, _: picture), found
+        found[cause.name].append(evaluate(change))
+    return evaluate(lambda picture, _: picture), found
 
 
 def degraded(
@@ -209,7 +209,7 @@ def degraded(
     level: float,
     step: int,
 ) -> NDArray[np.uint8]:
-    """A picture (height, width, 3), sRGB, with one degradation."""
+    """Picture (height, width, 3), sRGB, with one degradation."""
     light = np.concatenate(
         (linear_from_srgb8(picture), shown[..., None].astype(np.float32)), axis=-1
     )

@@ -1,4 +1,4 @@
-"""A localized run as files and as one page: what `omnisim localize` writes."""
+"""Files and report of a localized run, as `omnisim localize` writes them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Report, Section, make_folder
 from omnisim.simulation.run_data import RunData
 
-LATE_STEP = 5  # from when on errors count: the paper's start is worse than its odometry
+LATE_STEP = 5  # first step whose errors count: the paper's start is worse than its odometry
 
 
 def write_localized(
@@ -31,18 +31,18 @@ def write_localized(
     parameters: FilterParameters,
     detections: Sequence[Sequence[Detection]],
     shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
-    told: Sequence[str] = (),
+    warnings: Sequence[str] = (),
 ) -> Report:
-    """Write everything that is known of a localized run; returns the page.
+    """Write tracks, detections and the report of a localized run.
 
     Args:
         folder: to write to, made where it is missing.
-        run: with its truth, if anybody knows it: only errors are counted by it.
+        run: with ground truth, if any: only the errors use it.
         track: estimates of its steps.
         parameters: of the filter.
         detections: of each step.
-        shown: panoramas with what was found in them: title, (height, width, 3) sRGB, detections.
-        told: what somebody should know of how it was localized.
+        shown: panoramas: title, (height, width, 3) sRGB, detections.
+        warnings: for the reader.
 
     Raises:
         OutputError: it cannot be written.
@@ -57,7 +57,7 @@ def write_localized(
         f"Localization of {run.name}",
         "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
         "in its pictures.",
-        (_section(run, track, parameters, shown, told),),
+        (_section(run, track, parameters, shown, warnings),),
         {"parameters": parameters.model_dump(), "steps": len(track.estimates)},
     )
     report.write(folder)
@@ -69,7 +69,7 @@ def _section(
     track: Track,
     parameters: FilterParameters,
     shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
-    before: Sequence[str],
+    warnings: Sequence[str],
 ) -> Section:
     truth = run.true_poses
     panel = PathPanel(run.name, track, truth, run.landmarks)
@@ -79,9 +79,9 @@ def _section(
         CaptionedFigure("fig12-paths", paths_figure([panel]),
                 "From above: the estimate, with ellipses of three sigma, and the wheels alone."),
     ]  # fmt: skip
-    told = [*before, *notices(track, parameters)]
+    warnings = [*warnings, *notices(track, parameters)]
     if truth is None:
-        told.append("The run has no ground truth: nobody knows the errors, and none are shown.")
+        warnings.append("The run has no ground truth: nobody knows the errors, and none are shown.")
     else:
         figures.append(
             CaptionedFigure("fig13-errors", errors_figure([panel]),
@@ -90,29 +90,29 @@ def _section(
     return Section(
         run.name,
         "Successors of the paper's Fig. 11, 12 and 13.",
-        track_numbers(track, truth),
+        track_measures(track, truth),
         figures=figures,
-        notices=told,
+        notices=warnings,
     )
 
 
-def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:
-    """What can be told of a single track."""
+def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:
+    """Measures of a single track."""
     accepted, rejected = int(track.counts(True).sum()), int(track.counts(False).sum())
     opens = track.gate_opening_step
-    numbers = [
+    measures = [
         Measure("landmarks let through the gate", accepted),
         Measure("landmarks rejected", rejected),
         Measure("step at which the gate opens", math.nan if opens is None else opens,
                paper="23 in the real setting, 1 in simulation"),
     ]  # fmt: skip
     if truth is None:
-        return numbers
+        return measures
     errors, wheels = track.errors_m(truth), track.reckoned_errors_m(truth)
     late = slice(min(LATE_STEP, len(errors) - 1), None)
     each = track.nees(truth)
     known = each[np.isfinite(each)]
-    numbers += [
+    measures += [
         Measure(f"largest error after step {LATE_STEP}", float(errors[late].max()), "m",
                paper="below 0.6 m, real and simulated"),
         Measure(f"mean error after step {LATE_STEP}", float(errors[late].mean()), "m"),
@@ -125,10 +125,10 @@ def track_numbers(track: Track, truth: NDArray[np.float64] | None) -> list[Measu
     degrees = sum(estimate.nis_degrees for estimate in found)
     if degrees:
         low, high = mean_interval(1, degrees)
-        numbers.append(
+        measures.append(
             Measure(
                 f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})",
                 sum(estimate.nis for estimate in found) / degrees,
             )
         )
-    return numbers
+    return measures

@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.experiments.detection_accuracy import DetectionMatch, accuracy, compare
 from omnisim.experiments.experiment_runs import REAL_PARAMETERS
-from omnisim.experiments.recordings import LEARNING_WAY, real_camera
+from omnisim.experiments.recordings import TRAINING_WAYPOINTS, real_camera
 from omnisim.experiments.seeds import SeedRuns
 from omnisim.localization.consistency import mean_interval
 from omnisim.localization.observations import LandmarkMap
@@ -69,6 +69,6 @@ def test_the_real_setting_starts_without_any_doubt():
 
 def test_colours_are_learned_on_another_way():
     lap = np.array([(2.3, 1.5), (-2.3, 1.5), (-2.3, -1.5), (2.3, -1.5)])
-    way = np.array(LEARNING_WAY)
+    way = np.array(TRAINING_WAYPOINTS)
     assert np.linalg.norm(way[:, None] - lap, axis=2).min() > 0.5
     assert np.all(np.abs(way) < (2.7, 1.8))

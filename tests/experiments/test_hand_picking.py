@@ -6,7 +6,7 @@ import numpy as np
 
 import omnisim
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
-from omnisim.experiments.real_setting import cluttered, put_down_wrongly
+from omnisim.experiments.real_setting import cluttered, with_wrong_start
 from omnisim.localization.observations import LandmarkMap, expect
 from omnisim.perception.panorama import CameraMount
 from omnisim.robot.odometry import Odometry
@@ -74,6 +74,6 @@ def test_clutter_stands_around_the_field_and_faces_outwards():
 
 def test_a_start_that_is_wrong_keeps_the_readings():
     odometry = Odometry(np.arange(3.0), np.ones(2), np.zeros(2), (1.0, 2.0, 0.5))
-    moved = put_down_wrongly(odometry)
+    moved = with_wrong_start(odometry)
     np.testing.assert_array_equal(moved.distances_m, odometry.distances_m)
     assert moved.start != odometry.start

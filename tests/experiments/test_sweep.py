@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.experiments.seeds import ahead_only
+from omnisim.experiments.seeds import in_field_of_view
 from omnisim.experiments.sweep import CAUSES, degraded
 from omnisim.localization.observations import Observation
 from omnisim.sensors.degradations.defocus import Defocus
@@ -65,5 +65,5 @@ def test_ahead_is_within_half_the_field_of_view():
     seen = [
         [Observation(("a",), 1.0, math.radians(turn), 0.1, 0.1) for turn in (-50, -44, 0, 44, 46)]
     ]
-    (left,) = ahead_only(seen, math.radians(90.0))
+    (left,) = in_field_of_view(seen, math.radians(90.0))
     assert [round(math.degrees(each.bearing_rad)) for each in left] == [-44, 0, 44]

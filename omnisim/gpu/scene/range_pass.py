@@ -53,7 +53,7 @@ class RangePass:
         self._context, self._buffers, self._reach_m = context, buffers, reach_m
         self._shown = buffers.shown(hidden)
         buffers.check_readable("to scan them")
-        self._ahead_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
+        self._in_field_of_view = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
         self._beams = context.buffer(directions.astype("<f4"))
         self._nothing_hit = np.full(len(angles_rad), _NOTHING_HIT, dtype="<f4").tobytes()
@@ -95,7 +95,7 @@ class RangePass:
         """Which spheres (n,), centres (n, 3) in the scanner's frame, the beams may touch."""
         touched = np.abs(centres_m[:, 2]) <= radii_m
         touched &= np.linalg.norm(centres_m, axis=1) - radii_m <= self._reach_m
-        if self._ahead_only:
+        if self._in_field_of_view:
             touched &= centres_m[:, 0] >= -radii_m
         return touched
 
