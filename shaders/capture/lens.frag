@@ -1,5 +1,5 @@
 // Exact capture: each pixel's ray by the camera model, no mesh. CAMERA_MODEL is the model's file;
-// MIRRORED negates its depth (`cameras/mirrored.py`). EMIT is the file of what is written. The
+// MIRRORED negates its depth (`cameras/mirrored.py`). EMIT is the output's file. The
 // target's first row is the top row of the picture.
 #version 430 core
 

@@ -1,8 +1,8 @@
 // Picture's pixels: the mean of their valid samples, linear, and encoded in sRGB. A pixel is valid
 // where at least half of its samples are.
-// With REMAP a sample is one of the atlas at a UV of a table, with MIP_LEVELS at a level of another.
+// With REMAP a sample is the atlas's at a UV of a table, with MIP_LEVELS at a level of another.
 // Without, samples were drawn into a finer picture.
-// SUPERSAMPLING: samples to a side of a pixel; known when this is compiled, so that the loops unroll.
+// SUPERSAMPLING: samples to a side of a pixel; a constant, so that the loops unroll.
 #version 430 core
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
@@ -21,7 +21,8 @@ layout(location = 1) out vec4 out_linear;
 
 vec4 sample_at(ivec2 pixel, ivec2 part) {
 #ifdef REMAP
-    int at = (pixel.y * int(u_picture_size_px.x) + pixel.x) * SAMPLES + part.y * SUPERSAMPLING + part.x;
+    int width_px = int(u_picture_size_px.x);
+    int at = (pixel.y * width_px + pixel.x) * SAMPLES + part.y * SUPERSAMPLING + part.x;
 #ifdef MIP_LEVELS
     vec3 color = textureLod(u_samples, uvs[at], levels[at]).rgb;
 #else

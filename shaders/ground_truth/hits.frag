@@ -1,11 +1,12 @@
-// Hit of each pixel's ray: point, range, primitive; with NORMALS the interpolated normal, with ALBEDO
-// the base colour.
+// Hit of each pixel's ray: point, range, primitive; with NORMALS the interpolated normal, with
+// ALBEDO the base colour.
 #version 430 core
 
 uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
 uniform mat3 u_viewpoint_from_optical;
 
-layout(location = 0) out vec4 out_point;  // viewpoint frame; range, infinite: nothing is hit, a direction
+// Viewpoint frame; and range. Infinite: nothing is hit, and the point is a direction.
+layout(location = 0) out vec4 out_point;
 layout(location = 1) out uvec2 out_primitive;  // 1 + draw item, and triangle in it; 0: nothing
 #ifdef NORMALS
 #include "scene/vertex_words.glsl"

@@ -1,11 +1,11 @@
-// Hit intersect(vec3 texel, vec3 ray): nearest triangle that a ray from the viewpoint hits, exactly.
-// bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range): any nearer triangle than that,
-//     but for the primitive to ignore.
+// Hit intersect(vec3 texel, vec3 ray): nearest triangle that a ray from the viewpoint hits.
+// bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range): any nearer triangle than
+//     that, but for the primitive to ignore.
 // Texels are those of `texel.glsl`; rays are of unit length, in the viewpoint frame.
 //
-// The atlas says which triangles are seen around the ray. Those, and adjacent ones where the ray just
-// misses, are intersected with the ray itself, and the nearest one counts: nothing is blended, no
-// texel's edge is seen, and the distance is as exact as floats are.
+// The atlas says which triangles are seen around the ray. Those, and adjacent ones where the ray
+// just misses, are intersected with the ray itself, and the nearest one counts: nothing is blended,
+// no texel's edge is seen, and the distance is as exact as floats are.
 
 #include "ground_truth/texel_block.glsl"
 #include "ground_truth/triangle.glsl"
@@ -32,7 +32,7 @@ struct Hit {
 Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     ivec2 own_texel = ivec2(floor(texel.xy));
     vec2 limits = u_depth_limits_m / texel.z;  // along the ray
-    Hit hit, miss;  // the nearest that the ray hits; what it misses by least
+    Hit hit, miss;  // the nearest that the ray hits; the one it misses by least
     hit.primitive = miss.primitive = uvec2(0u);
     hit.triangle_id = miss.triangle_id = 0u;
     hit.range = max_range;
@@ -65,7 +65,8 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
         uvec4 draw_item = draw_item_at(primitive.x - 1u);
         // a masked triangle has holes: it is hit where its own texel shows it
         if ((draw_item.y & MASKED) != 0u && !is_own) continue;
-        Triangle t = triangle_of(draw_item, matrix_at(primitive.x - 1u, VIEWPOINT_FROM_MESH), primitive.y);
+        vec4 viewpoint_from_mesh[3] = matrix_at(primitive.x - 1u, VIEWPOINT_FROM_MESH);
+        Triangle t = triangle_of(draw_item, viewpoint_from_mesh, primitive.y);
         bool is_back = t.is_clockwise != ((draw_item.y & FLIPS_WINDING) != 0u);
         if (is_adjacent && is_back && (draw_item.y & DOUBLE_SIDED) == 0u) continue;
         Crossing crossing = intersect_triangle(t, ray);

@@ -2,18 +2,18 @@
 // nothing is hit, the point is infinitely far.
 #version 430 core
 
-uniform sampler2D u_rays;         // unit, optical frame; and 1 where the pixel has one
-uniform sampler2D u_points;       // as hits.frag writes them
+uniform sampler2D u_rays;             // unit, optical frame; and 1 where the pixel has one
+uniform sampler2D u_points;           // as hits.frag writes them
 uniform usampler2D u_hit_primitives;  // likewise
-uniform mat3 u_rig_from_viewpoint;  // of the next pose
+uniform mat3 u_rig_from_viewpoint;    // of the next pose
 
 layout(location = 0) out uint out_occluded;
 
 #include "ground_truth/texel.glsl"
 #include "ground_truth/intersect.glsl"
 
-// What is nearer than the point by more than this share occludes it. Ranges of the same point are equal
-// to 1e-6; the rest is for rays that meet a triangle too small to show in any texel.
+// A hit nearer than the point by more than this share occludes it. Ranges of the same point are
+// equal to 1e-6; the rest is for rays that meet a triangle too small to show in any texel.
 const float NEARER = 1e-3;
 
 void main() {

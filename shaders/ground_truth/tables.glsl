@@ -1,11 +1,11 @@
-// Tables of triangles and draw items, as textures: software drivers fetch from those quicker than they
-// read buffers, index by index.
+// Tables of triangles and draw items, as textures: software drivers fetch from those quicker than
+// they read buffers, index by index.
 // uvec4 corner_at(uint index): of an entry of the index buffer the position, as bits of floats, in
 //     the frame of its mesh, and the triangle beyond the opposite edge.
 // uvec4 draw_item_at(uint item): first index of a draw item, its flags, unused.
 // vec4[3] matrix_at(uint item, uint which): rows of one of its matrices.
 // uvec2 primitive_at(uint triangle_id): 1 + draw item, and triangle in it; 0 for 0.
-// The layout is that in omnisim/gpu/ground_truth: triangle_table.py, hit_tables.py, triangle_ids.py.
+// The layout is that of triangle_table.py, hit_tables.py and triangle_ids.py.
 
 uniform usampler2D u_corners;
 uniform usampler2D u_draw_items;

@@ -1,7 +1,7 @@
 // uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around one; 0: nothing.
-// uint distinct_texels(uint ids[TEXELS]): bits of those whose triangle none before them shows. Bit 0 is
-//     the block's own, in its middle, then come all, row by row: what its own ray hits spares the
-//     search behind it.
+// uint distinct_texels(uint ids[TEXELS]): bits of those whose triangle none before them shows. Bit
+//     0 is the block's own, in its middle, then come all, row by row: what its own ray hits spares
+//     the search behind it.
 
 uniform usampler2D u_triangle_ids;  // as visibility.frag writes them
 

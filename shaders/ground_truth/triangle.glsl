@@ -1,6 +1,6 @@
 // Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index): a triangle in the
 // viewpoint frame: the world's axes, the origin is the viewpoint, metres.
-// Crossing intersect_triangle(Triangle t, vec3 ray): a ray from the viewpoint, of unit length, and it.
+// Crossing intersect_triangle(Triangle t, vec3 ray): that with a unit ray from the viewpoint.
 
 #include "ground_truth/tables.glsl"
 

@@ -36,7 +36,8 @@ class PixelMap:
     Args:
         context: of OpenGL.
         camera: the camera; for supersampling, that of the finer picture.
-        polygons: of its mirror's mesh; None: exact, by the camera model's GLSL file.
+        polygons: of its mirror's mesh, which a lens has not; None: exact, by the camera model's
+            GLSL file.
 
     Attributes:
         context, camera, polygons: as given.
@@ -71,6 +72,7 @@ class PixelMap:
 
         A fetch costs less than an iteration, and more than a formula.
         """
+        # as large as GPUs let buffers be: those with little memory keep none of a large picture's
         limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         if not self._iterates or 16 * self.size_px[0] * self.size_px[1] > limit:
             return None

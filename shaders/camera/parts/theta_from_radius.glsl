@@ -2,8 +2,8 @@
 // bounds at which a lens has a radius. Include it after
 //     float radius_from_theta(float theta_rad), increasing between the bounds, and
 //     float slope_from_theta(float theta_rad), its derivative.
-// Newton's method from the radius itself, in focal lengths nearly the angle; a bisection where a step
-// leads out of the bracket.
+// Newton's method from the radius itself, in focal lengths nearly the angle; a bisection where a
+// step leads out of the bracket.
 // Twin of omnisim/cameras/monotone.py.
 
 const int STEPS = 24;  // bisections alone reach the last bit of a float
