@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are whole."""
+"""Atomic writing of files, and checks of their paths."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def check_target(path: Path, may_make_folder: bool = False) -> None:
-    """Refuse early what could only fail after the work is done.
+    """Check that a file can be written, before the work is done.
 
     Args:
         path: file that is going to be written.
@@ -69,7 +69,7 @@ def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path |
 
 
 def check_suffix(path: Path, suffix: str) -> None:
-    """Refuse another suffix than that of what is going to be written: it may be another file's.
+    """Refuse a path with another suffix than the format's: it may be another file's.
 
     Raises:
         OutputError: another suffix.

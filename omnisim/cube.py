@@ -1,4 +1,4 @@
-"""The cube of virtual cameras around the effective viewpoint: its faces and its unfolded layout.
+"""Cube of virtual cameras around the effective viewpoint: faces and unfolded layout.
 
 Each face is a pinhole camera with its own optical frame (x right, y down, z forward) in the rig
 frame (x forward, y left, z up). The four side faces are upright; the down face has the rig's
@@ -39,7 +39,9 @@ LAYOUT_CELLS = ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1))
 def face_index(directions_rig: ArrayLike) -> NDArray[np.intp]:
     """Index (...,) into `FACE_NAMES` of the face that sees each direction (..., 3)."""
     directions = np.asarray(directions_rig, dtype=np.float64)
-    return np.argmax(np.einsum("fj,...j->...f", FACE_FROM_RIG[:, 2], directions), axis=-1)
+    forward = np.einsum("fj,...j->...f", FACE_FROM_RIG[:, 2], directions)
+    faces: NDArray[np.intp] = np.argmax(forward, axis=-1)
+    return faces
 
 
 def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
@@ -49,7 +51,8 @@ def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.flo
     """
     directions = np.asarray(directions_rig, dtype=np.float64)
     local = np.einsum("...ij,...j->...i", FACE_FROM_RIG[np.asarray(faces)], directions)
-    return local[..., :2] / local[..., 2:]
+    tangents: NDArray[np.float64] = local[..., :2] / local[..., 2:]
+    return tangents
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:

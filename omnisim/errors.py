@@ -22,15 +22,15 @@ class SceneError(OmnisimError):
 
 
 class SensorFileError(OmnisimError):
-    """A sensor file with an unknown key or a value that makes no sense."""
+    """A sensor file with an unknown key or an impossible value."""
 
 
 class RobotFileError(OmnisimError):
-    """A robot file, or a USARSim configuration, with something that no robot can have."""
+    """A robot file, or a USARSim configuration, with a fault."""
 
 
 class TrajectoryError(OmnisimError):
-    """Poses, times or wheel readings that no robot can have, or a file of them that is not one."""
+    """Impossible poses, times or odometry, or a file of them with a fault."""
 
 
 class GraphicsError(OmnisimError):
@@ -46,11 +46,11 @@ class OutputError(OmnisimError):
 
 
 class LocalizationError(OmnisimError):
-    """Colours, landmarks, measurements or times that no robot can find itself by."""
+    """Colours, landmarks, measurements or times that cannot localize a robot."""
 
 
 class CalibrationError(OmnisimError):
-    """A calibration file, or a model, that cannot say what is asked for."""
+    """A calibration file with a fault, or a model that has no such parameters."""
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one of") -> str:

@@ -1,4 +1,4 @@
-"""One rendered picture and all that is known about it."""
+"""Frames: a rendered picture with metadata and ground truth."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Frame:
         linear: (height, width, 3) float32 linear RGB, where it was asked for.
         metadata: camera, mirror, scene and pose, as JSON can hold them.
         channels: ground truth by name, (height, width) or (height, width, n), where it was asked
-            for; `omnisim.ground_truth.CHANNELS` says what each holds.
-        labels: what the numbers of its classes and instances mean, or None: no channels.
+            for; see `omnisim.ground_truth.CHANNELS`.
+        labels: of the IDs of classes and instances, or None: no channels.
     """
 
     rgba: NDArray[np.uint8]
@@ -43,7 +43,7 @@ class Frame:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (height, width): the pixel shows the scene, with at least half of its captures."""
+        """Mask (height, width): the pixel shows the scene, with at least half of its samples."""
         return self.rgba[..., 3] > 0
 
     def save(self, path: str | Path, previews: bool = False) -> None:
@@ -66,7 +66,9 @@ class Frame:
             if self.channels:
                 write_beside(path, self.channels, self.labels, self.metadata)
         elif self.linear is None:
-            raise OutputError(f"{path}: EXR holds linear colours: render with linear=True")
+            raise OutputError(
+                f"{path}: EXR holds linear colours: expected a frame rendered with linear=True"
+            )
         elif self.channels:
             write_exr(path, self.channels, self.labels, self.metadata, self.linear)
         else:

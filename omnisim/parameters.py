@@ -1,4 +1,4 @@
-"""Parameters, checked alike in files and in Python; annotations say what fits.
+"""Parameters, checked alike in files and in Python by their annotations.
 
 A `Table` is a table of a file, which `parse_table` checks. `Parameters` is the base of frozen
 dataclasses that check themselves when they are made:
@@ -64,7 +64,7 @@ Model = TypeVar("Model", bound=pydantic.BaseModel)
 
 
 class Parameters:
-    """Base of frozen dataclasses whose annotations say what fits.
+    """Base of frozen dataclasses that check their fields against their annotations.
 
     Raises:
         OpticsError: one line for each fault, naming the key, what was expected and what was got.
@@ -191,7 +191,7 @@ def _line(fault: Any, model: type[pydantic.BaseModel], at: str) -> str:
 
 
 def _expected(fault: Any, model: type[pydantic.BaseModel], names: list[str], key: str) -> str:
-    """What a fault's value should have been; empty: the message says all."""
+    """Expected value of a fault; empty: the message says all."""
     kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):
         is_item = bool(names) and names[-1].isdecimal()
@@ -222,7 +222,7 @@ def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
 
 
 def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """Whether the key that `names` leads to is a list of tables, whose own keys may be open."""
+    """Tell whether `names` leads to a list of tables, whose own keys may be open."""
     if _keys(model, names):
         return True
     field = model.model_fields.get(names[-1]) if len(names) == 1 else None

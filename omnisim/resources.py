@@ -1,4 +1,4 @@
-"""Where the files that ship with omnisim are: in the installed package, or in the checkout."""
+"""Folders that ship with omnisim, in the installed package or in the checkout."""
 
 from __future__ import annotations
 

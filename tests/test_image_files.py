@@ -102,7 +102,7 @@ def test_wrong_pixels_for_the_format(tmp_path):
     with pytest.raises(OutputError, match="expected float32 pixels, got uint8"):
         write_image(tmp_path / "a.exr", PICTURE)
     frame = Frame(np.zeros((2, 2, 4), np.uint8), None, {})
-    with pytest.raises(OutputError, match="render with linear=True"):
+    with pytest.raises(OutputError, match="rendered with linear=True"):
         frame.save(tmp_path / "a.exr")
 
 

@@ -26,7 +26,7 @@ from omnisim.ground_truth import parse_channels
 from omnisim.ground_truth.files import is_name_beside
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
-from omnisim.sensors.motion import FASTEST_MPS, FASTEST_RADPS, Twist
+from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.calibration import Calibration
@@ -79,8 +79,8 @@ def run(request: RenderRequest) -> None:
 
 def _check_motion(request: RenderRequest) -> None:
     for option, value, limit in (
-        ("--speed", request.speed_mps, FASTEST_MPS),
-        ("--turn-rate", request.turn_rate_degps, math.floor(math.degrees(FASTEST_RADPS))),
+        ("--speed", request.speed_mps, MAX_MPS),
+        ("--turn-rate", request.turn_rate_degps, math.floor(math.degrees(MAX_RADPS))),
     ):
         if not abs(value) <= limit:  # NaN is not, either
             raise OutputError(

@@ -16,7 +16,7 @@ from omnisim.poses import check_pose
 from omnisim.sensors.degradations.effect import MAX_STOPS
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
-from omnisim.sensors.motion import Motion, moved_px
+from omnisim.sensors.motion import PoseFunction, moved_px
 from omnisim.sensors.omnicamera import OmniCamera
 
 
@@ -32,7 +32,7 @@ class FrameRequest:
     poses: ScenePoses
     poses_at: Callable[[NDArray[np.float64]], ScenePoses]
     linear: bool
-    motion: Motion | None
+    motion: PoseFunction | None
     frame_number: int
     exposure_ev: float | None
 

@@ -23,9 +23,9 @@ class LaserRenderer(SensorRenderer[RangePass]):
     Use it as a context manager, or `close` it: it holds memory of the GPU.
 
     Args:
-        scene: what there is to hit, or a stage that has it and that other sensors share.
+        scene: to scan, or a stage of it that other sensors share.
         scanner: by default an LMS200.
-        body: what moves with the vehicle, in its base frame; a stage brings its own.
+        body: of the vehicle, in its base frame; a stage has its own.
         hidden: names of the body's instances that beams go through: the scanner's own housing.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
@@ -79,7 +79,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
         pose = check_pose(world_from_scanner)
         base = None if world_from_base is None else check_pose(world_from_base)
         if self.body is not None and base is None:
-            raise OmnisimError("scan: world_from_base is missing: where is the body?")
+            raise OmnisimError("scan: expected world_from_base, the pose of the body, got none")
         with self._current() as ranges:
             true_ranges_m = ranges.cast(pose, self._stage.object_poses_at(base, object_poses))
         ranges_m = self.scanner.measure(true_ranges_m, scan_number)
@@ -89,6 +89,6 @@ class LaserRenderer(SensorRenderer[RangePass]):
             **self._body_metadata(),
             "scan_number": int(scan_number),
         }
-        if self.body is not None:
+        if self.body is not None and base is not None:
             metadata["world_from_base"] = base.tolist()
         return Scan(self._angles_rad, ranges_m, self.scanner, pose, metadata)

@@ -1,4 +1,4 @@
-"""A laser range scanner: its beams, its limits and its errors. By default a SICK LMS200.
+"""Laser range scanners: beams, limits and errors. By default a SICK LMS200.
 
 Frame of the scanner: x forward, y left, z up (REP 103); the beams lie in its plane z = 0 and start
 at its origin. They count from right to left, counter-clockwise seen from above, as ROS's LaserScan
@@ -165,7 +165,7 @@ class LaserScanner(Parameters, name="scanner"):
 
     @cached_property
     def device_error_m(self) -> float:
-        """The constant error of the device that the seed stands for."""
+        """Constant error of the device with this seed."""
         bound = self.systematic_error_m
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 

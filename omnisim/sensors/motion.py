@@ -1,52 +1,50 @@
-"""How the camera moves while its picture is taken, and how far the picture moves with it."""
+"""Motion of a camera during its exposure, and of its picture."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras import CentralCamera
-from omnisim.errors import OmnisimError
+from omnisim.parameters import Number, Parameters
 
-# From seconds after the middle of the frame to the pose (4, 4) world_from_base.
-Motion = Callable[[float], NDArray[np.float64]]
-# Nothing is nearer than this when it is told how far a picture moves: an assumption, as depth is
-# not known before there is a picture. What is nearer moves by more from sub-frame to sub-frame.
+# Poses (4, 4) world_from_base, by seconds after the middle of the frame.
+PoseFunction = Callable[[float], NDArray[np.float64]]
+# Assumed distance of the nearest surface, as depth is not known before there is a picture. Nearer
+# surfaces move by more from sub-frame to sub-frame.
 NEAREST_M = 1.0
-# Beyond these no camera moves; within them poses are exact to 1e-9 even through an hour's exposure.
-FASTEST_MPS, FASTEST_RADPS = 1e4, 1e3
-GRID = 13  # places to a side of the picture at which its motion is looked at
+# Limits of a camera's motion; within them poses are exact to 1e-9 even through an hour's exposure.
+MAX_MPS, MAX_RADPS = 1e4, 1e3
+GRID = 13  # samples of the motion to a side of the picture
+
+
+Speed = Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)]
+TurnRate = Annotated[Number, Field(ge=-MAX_RADPS, le=MAX_RADPS)]
 
 
 @dataclass(frozen=True)
-class Twist:
-    """A constant motion.
+class Twist(Parameters, name="twist"):
+    """A constant velocity, linear and angular.
 
     Attributes:
         linear_mps: velocity of the base, in the base's own frame: x forward, y left, z up.
         angular_radps: turn rate about these axes; z counter-clockwise seen from above, to the left.
 
     Raises:
-        OmnisimError: a rate that is not finite, or beyond `FASTEST_MPS` or `FASTEST_RADPS`.
+        OpticsError: a rate that is not finite, or beyond `MAX_MPS` or `MAX_RADPS`.
     """
 
-    linear_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    angular_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    linear_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    angular_radps: tuple[TurnRate, TurnRate, TurnRate] = (0.0, 0.0, 0.0)
 
-    def __post_init__(self) -> None:
-        for name, most in (("linear_mps", FASTEST_MPS), ("angular_radps", FASTEST_RADPS)):
-            value = getattr(self, name)
-            if len(value) != 3 or not np.all(np.abs(value) <= most):  # false for NaN, too
-                raise OmnisimError(
-                    f"{name} = {value!r}: want three numbers from −{most:g} to {most:g}"
-                )
-
-    def through(self, world_from_base: NDArray[np.float64]) -> Motion:
-        """The motion that is at a pose (4, 4) in the middle of the frame."""
+    def through(self, world_from_base: NDArray[np.float64]) -> PoseFunction:
+        """Pose function of this motion, at a pose (4, 4) in the middle of the frame."""
         x, y, z = self.angular_radps
         rates = np.array(
             [
@@ -61,14 +59,14 @@ class Twist:
             from scipy.linalg import expm  # slow to import; a shutter that takes no time never asks
 
             moved = expm(rates * time_s)
-            moved[3] = (0.0, 0.0, 0.0, 1.0)  # of long ways only nearly so
+            moved[3] = (0.0, 0.0, 0.0, 1.0)  # only nearly so after a long way
             return world_from_base @ moved
 
         return at
 
 
 def moved_px(camera: CentralCamera, world_from_optical: list[NDArray[np.float64]]) -> float:
-    """How far the picture of something moves at most, along poses (4, 4) of a camera."""
+    """Largest motion in the picture along poses (4, 4) of a camera, in pixels."""
     u = np.linspace(0.0, camera.width_px - 1.0, GRID)
     v = np.linspace(0.0, camera.height_px - 1.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""The sensor: camera model and its mirror, virtual cameras, and where it is mounted."""
+"""Camera sensors: camera model, virtual cameras, mounting and degradation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _paper_camera() -> HyperbolicCamera:
 
 @dataclass(frozen=True, eq=False)
 class OmniCamera:
-    """A camera that sees all around: one that looks up at a mirror, or a lens.
+    """An omnidirectional camera: a pinhole camera below a mirror, or a lens.
 
     Without arguments: the paper's. A lens is captured exactly, as it has no mesh:
     `OmniCamera(lens, polygons=None)`.
@@ -49,13 +49,12 @@ class OmniCamera:
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
         face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
-        near_m, far_m: what the virtual cameras see; far may be infinite.
+        near_m, far_m: clipping planes of the virtual cameras; far may be infinite.
         samples: samples a texel of the virtual cameras, against jagged edges.
-        supersampling: captured pixels to a side of a pixel of the picture, averaged in linear
-            light.
+        supersampling: samples to a side of a pixel of the picture, averaged in linear light.
         texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels,
             where no size is given.
-        degradation: what the camera lacks to be ideal; by default nothing.
+        degradation: of the ideal picture; by default none.
 
     Raises:
         OmnisimError: a polygon count that makes no mesh, near and far that leave nothing between
@@ -76,29 +75,34 @@ class OmniCamera:
     def __post_init__(self) -> None:
         if self.polygons is not None:
             if type(self.polygons) is not int:
-                raise OpticsError(f"polygons = {self.polygons!r}: want a whole number, or None")
+                raise OpticsError(
+                    f"polygons: expected a whole number, or None, got {self.polygons!r}"
+                )
             sectors_and_rings(self.polygons)
             if not isinstance(self.model, HyperbolicCamera):
                 raise OpticsError(
                     f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
-                    "no mirror with a mesh: want 'exact'"
+                    "no mirror with a mesh: expected 'exact'"
                 )
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(
-                f"near_m = {self.near_m:g}, far_m = {self.far_m:g}: want 0 < near_m < far_m"
+                f"near_m: expected more than 0 and less than far_m = {self.far_m:g}, "
+                f"got {self.near_m:g}"
             )
         if self.face_size_px is not None and self.face_size_px < 1:
-            raise OpticsError(f"face_size_px = {self.face_size_px}: want at least 1, or None")
+            raise OpticsError(
+                f"face_size_px: expected at least 1, or None, got {self.face_size_px}"
+            )
         if self.samples not in (1, 2, 4, 8):
-            raise OpticsError(f"samples = {self.samples}: want 1, 2, 4 or 8")
+            raise OpticsError(f"samples: expected 1, 2, 4 or 8, got {self.samples}")
         if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
             raise OpticsError(
-                f"supersampling = {self.supersampling}: want 1 to {MAX_SUPERSAMPLING}"
+                f"supersampling: expected 1 to {MAX_SUPERSAMPLING}, got {self.supersampling}"
             )
         if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # false for NaN, too
             raise OpticsError(
-                f"texels_per_pixel = {self.texels_per_pixel}: want {MIN_DENSITY:g} to "
-                f"{MAX_DENSITY:g}"
+                f"texels_per_pixel: expected {MIN_DENSITY:g} to {MAX_DENSITY:g}, "
+                f"got {self.texels_per_pixel}"
             )
         poses.check_pose(self.base_from_rig)
 
@@ -107,7 +111,7 @@ class OmniCamera:
         """Read a sensor file.
 
         Raises:
-            SensorFileError: naming file, key, value and what was wanted.
+            SensorFileError: naming file, key, value and what was expected.
         """
         from omnisim.sensors.sensor_file import read_sensor_file  # the paper's camera needs none
 
@@ -118,7 +122,7 @@ class OmniCamera:
         """Make the sensor of a table with the keys of a sensor file.
 
         Raises:
-            SensorFileError: naming `source`, key, value and what was wanted.
+            SensorFileError: naming `source`, key, value and what was expected.
         """
         from omnisim.sensors.sensor_file import parse_sensor
 
@@ -149,7 +153,7 @@ class OmniCamera:
             OpticsError: a size below 1.
         """
         if size_px < 1:
-            raise OpticsError(f"camera: size {size_px}: want at least 1")
+            raise OpticsError(f"camera: size: expected at least 1, got {size_px}")
         old = self.model
         scale = size_px / min(old.width_px, old.height_px)
         return dataclasses.replace(
@@ -158,7 +162,7 @@ class OmniCamera:
 
     @property
     def captured_camera(self) -> CentralCamera:
-        """The camera of the finer picture that is averaged to this one's."""
+        """Model of the supersampled picture that is averaged to this one's."""
         return self.model.scaled(self.supersampling)
 
     @property
@@ -188,7 +192,7 @@ class OmniCamera:
         return dataclasses.replace(self, polygons=polygons)
 
     def with_quality(self, name: str) -> OmniCamera:
-        """The same sensor, captured as finely as a name says: "fast", "default" or "fine".
+        """The same sensor with a capture quality by name: "fast", "default" or "fine".
 
         Raises:
             OpticsError: there is no such quality.
@@ -196,7 +200,7 @@ class OmniCamera:
         return dataclasses.replace(self, **quality_named(name)._asdict())
 
     def with_degradation(self, degradation: Degradation) -> OmniCamera:
-        """The same camera, as far from ideal as said."""
+        """The same sensor with another degradation."""
         return dataclasses.replace(self, degradation=degradation)
 
     def base_pose(self, viewpoint_m: ArrayLike, yaw_deg: float = 0.0) -> NDArray[np.float64]:

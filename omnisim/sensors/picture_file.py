@@ -1,4 +1,4 @@
-"""A picture from a file together with the camera that took it."""
+"""Picture files, read together with their cameras."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from omnisim.sensors.valid_mask import valid_mask
 
 @dataclass(frozen=True, eq=False)
 class TakenPicture:
-    """A picture and what is known of how it was taken.
+    """A picture with its camera and poses.
 
     Attributes:
         pixels: (height, width, 3) uint8 sRGB, or float32 linear.
-        covered: (height, width) the pixels that show the scene.
+        covered: (height, width) mask of the pixels that show the scene.
         camera: the camera.
         base_from_optical: (3, 3) rotation from the camera's optical frame to the vehicle's base.
         world_from_base, world_from_optical: (4, 4) poses, where the picture knows them.
-        metadata: all that the picture says of itself; empty where it says nothing.
+        metadata: of the picture's file; empty where it has none.
     """
 
     pixels: NDArray[Any]
@@ -40,7 +40,7 @@ class TakenPicture:
 
     @property
     def height_m(self) -> float | None:
-        """Height of the effective viewpoint above the world's z = 0, where it is known."""
+        """Height of the effective viewpoint above the world's z = 0, if known."""
         return None if self.world_from_optical is None else float(self.world_from_optical[2, 3])
 
 
@@ -88,7 +88,7 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
         raise OutputError(f"{path}: its metadata: {reason}") from None
     if stored.shape[2] in (2, 4):
         covered &= stored[..., -1] > 0
-    if pixels.dtype != np.uint8:  # what is not a number shows nothing
+    if pixels.dtype != np.uint8:  # infinities and NaN are not valid
         finite = np.isfinite(pixels).all(axis=-1)
         covered &= finite
         pixels[~finite] = 0.0
@@ -112,4 +112,4 @@ def _pose(metadata: dict[str, Any], key: str, path: Path) -> NDArray[np.float64]
     try:
         return check_pose(metadata[key])
     except (OmnisimError, TypeError, ValueError):
-        raise OutputError(f"{path}: its metadata: {key}: want a pose, a 4 × 4 matrix") from None
+        raise OutputError(f"{path}: its metadata: {key}: expected a pose, a 4 × 4 matrix") from None

@@ -20,7 +20,7 @@ from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.sensors.degraded_camera import DegradedCamera, FrameRequest
 from omnisim.sensors.ground_truth import GroundTruth
-from omnisim.sensors.motion import Motion
+from omnisim.sensors.motion import PoseFunction
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import SensorRenderer, Stage
 from omnisim.sensors.tiles import sensor_tiles
@@ -150,7 +150,7 @@ class Renderer(SensorRenderer[CameraPasses]):
         object_poses: Mapping[str, ArrayLike] | None = None,
         next_base: ArrayLike | None = None,
         next_object_poses: Mapping[str, ArrayLike] | None = None,
-        motion: Motion | None = None,
+        motion: PoseFunction | None = None,
         frame_number: int = 0,
         exposure_ev: float | None = None,
     ) -> Frame:

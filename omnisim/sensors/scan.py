@@ -17,13 +17,13 @@ from omnisim.sensors.laser_scanner import LaserScanner
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """What a scanner told, beam by beam from right to left.
+    """Ranges of a scanner, beam by beam from right to left.
 
     Attributes:
         angles_rad: (beams,) counter-clockwise from straight ahead.
         ranges_m: (beams,) +inf: out of range; −inf: too near (REP 117).
-        scanner: what took it.
-        world_from_scanner: (4, 4) from where.
+        scanner: that took it.
+        world_from_scanner: (4, 4) its pose.
         metadata: omnisim's version, the scene, the number of the scan.
     """
 
@@ -35,7 +35,7 @@ class Scan:
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """Which beams (beams,) have a range."""
+        """Mask (beams,) of the beams that have a range."""
         return np.isfinite(self.ranges_m)
 
     @property
@@ -47,7 +47,7 @@ class Scan:
         )
 
     def save_csv(self, path: str | Path) -> None:
-        """Write columns beam, angle_deg and range_m; the file appears only when it is whole.
+        """Write columns beam, angle_deg and range_m; the file is written atomically.
 
         Lines that start with `#` come first, `# key: value` with the value in JSON: the metadata,
         the scanner's parameters under their own names, and `world_from_scanner`, the pose by rows.
@@ -67,8 +67,8 @@ class Scan:
         lines.append("beam,angle_deg,range_m")
         angles_deg = np.degrees(self.angles_rad)
         lines += [
-            f"{beam},{angle:.6f},{told:.6f}"
-            for beam, (angle, told) in enumerate(zip(angles_deg, self.ranges_m, strict=True))
+            f"{beam},{angle:.6f},{range_m:.6f}"
+            for beam, (angle, range_m) in enumerate(zip(angles_deg, self.ranges_m, strict=True))
         ]
         with atomic_write(Path(path)) as partial:
             partial.write_text("\n".join(lines) + "\n", encoding="utf-8")

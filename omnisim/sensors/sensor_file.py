@@ -93,7 +93,9 @@ class MirrorTable(Table):
     @model_validator(mode="after")
     def _one_rim(self) -> MirrorTable:
         if self.theta_max_deg is not None and self.rim_radius_m is not None:
-            raise ValueError("theta_max_deg and rim_radius_m both say where the rim is: want one")
+            raise ValueError(
+                "theta_max_deg and rim_radius_m both say where the rim is: expected one of them"
+            )
         return self
 
     def make_mirror(self, source: str) -> HyperbolicMirror:
@@ -252,7 +254,7 @@ class SensorFile(Table):
     def _mirror_or_lens(self) -> SensorFile:
         if self.lens is not None:
             if "mirror" in self.model_fields_set:
-                raise ValueError("[lens] and [mirror] both say what camera it is: want one")
+                raise ValueError("[lens] and [mirror] both define the camera: expected one of them")
             extra = self.camera.model_fields_set - {"quality", "supersampling"}
             if extra:
                 raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")

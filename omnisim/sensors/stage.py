@@ -1,4 +1,4 @@
-"""A scene and the vehicle's body on the GPU, for any number of sensors."""
+"""Stages: a scene and its dynamic objects on the GPU, for any number of sensors."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from omnisim.scene.labels import BODY
 
 
 class Closing(ABC):
-    """Something to close, at the end of a `with` block at the latest."""
+    """Base of context managers that free GPU memory when they are closed."""
 
     @abstractmethod
     def close(self) -> None:
-        """Give back what it holds; a second time does nothing."""
+        """Free the GPU memory; a second time does nothing."""
 
     def __enter__(self) -> Self:
         """Enter a `with` block."""
@@ -48,11 +48,11 @@ class Stage(Closing):
     says so. Sensors take turns: a stage and its renderers belong to one thread.
 
     Args:
-        scene: what stands in the world, with its lamps and background.
-        body: what moves with the vehicle, in its base frame (x forward, y left, z up, origin on
-            the ground); its lamps and background count for nothing.
-        dynamic_objects: by name, each in a frame of its own; their lamps and backgrounds
-            count for nothing, either.
+        scene: static scene in the world frame, with its lights and background.
+        body: of the vehicle, in its base frame (x forward, y left, z up, origin on the ground);
+            its lights and background are ignored.
+        dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
+            ignored, too.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
 
     Attributes:
@@ -88,7 +88,7 @@ class Stage(Closing):
 
     @property
     def moving(self) -> dict[str, Scene]:
-        """All that moves, by name, in the order of `object_poses_at`: the body first."""
+        """Body and dynamic objects by name, in the order of `object_poses_at`."""
         return ({} if self.body is None else {BODY: self.body}) | self.dynamic_objects
 
     def object_poses_at(
@@ -96,7 +96,7 @@ class Stage(Closing):
         world_from_base: NDArray[np.float64] | None,
         object_poses: Mapping[str, ArrayLike] | None = None,
     ) -> tuple[NDArray[np.float64], ...]:
-        """Poses (4, 4) of what moves, for the passes: the body's, then the dynamic objects'.
+        """Poses (4, 4) for the passes: the body's, then the dynamic objects'.
 
         Raises:
             SceneError: a dynamic object without a pose, or a pose without an object.
@@ -104,10 +104,10 @@ class Stage(Closing):
         """
         given = dict(object_poses or {})
         if given.keys() != self.dynamic_objects.keys():
-            want, got = (
+            expected, got = (
                 ", ".join(sorted(names)) or "none" for names in (self.dynamic_objects, given)
             )
-            raise SceneError(f"object_poses: expected poses of {want}, got {got}")
+            raise SceneError(f"object_poses: expected poses of {expected}, got {got}")
         others = tuple(check_pose(given[name]) for name in self.dynamic_objects)
         if self.body is None or world_from_base is None:
             return others
@@ -115,7 +115,7 @@ class Stage(Closing):
 
     @contextmanager
     def current(self) -> Iterator[None]:
-        """Make its context the current one for a `with` block: another stage's may be.
+        """Make its context current for a `with` block, as another stage's may be.
 
         Raises:
             GraphicsError: the stage is closed.
@@ -126,13 +126,13 @@ class Stage(Closing):
             yield
 
     def collect(self) -> None:
-        """Free what closed renderers had on the GPU."""
+        """Free the GPU memory of closed renderers."""
         if not self._closed:
             with self.context:
                 self.context.gc()
 
     def close(self) -> None:
-        """Give the OpenGL context back, and all that is in it."""
+        """Release the OpenGL context with everything in it."""
         if not self._closed:
             self._closed = True
             self.context.release()

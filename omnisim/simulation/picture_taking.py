@@ -19,7 +19,7 @@ from omnisim.image_files import read_image
 from omnisim.robot import Trajectory
 from omnisim.robot.interpolation import pose_at
 from omnisim.sensors import Renderer
-from omnisim.sensors.motion import Motion
+from omnisim.sensors.motion import PoseFunction
 from omnisim.simulation.run_folder import RunFolder
 from omnisim.simulation.vehicle import MountedCamera
 
@@ -82,7 +82,7 @@ def check_exposure(camera: MountedCamera, truth: Trajectory) -> None:
     )
 
 
-def _motion(truth: Trajectory, step: int) -> Motion:
+def _motion(truth: Trajectory, step: int) -> PoseFunction:
     return lambda time_s: pose_at(truth, float(truth.times_s[step]) + time_s)
 
 

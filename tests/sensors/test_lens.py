@@ -57,7 +57,7 @@ def test_a_lens_of_a_sensor_file(tmp_path):
             "theta_max_deg = 100.0\nk5 = 1",
             r"lens\.k5: unknown key; expected one of model",
         ),
-        ("[camera]", "[mirror]\nk = 5.0\n[camera]", r"\[lens\] and \[mirror\] both say"),
+        ("[camera]", "[mirror]\nk = 5.0\n[camera]", r"\[lens\] and \[mirror\] both define"),
         ("[camera]", "[camera]\nwidth_px = 9", r"camera\.width_px: is a key of \[lens\]"),
         ("theta_max_deg = 100.0", "theta_max_deg = 200.0", r"lens\.theta_max"),
     ],
@@ -71,7 +71,7 @@ def test_bad_lenses_are_named(tmp_path, old, new, words):
 
 def test_a_lens_has_no_mesh():
     with pytest.raises(
-        OpticsError, match="model 'equidistant' has no mirror with a mesh: want 'exact'"
+        OpticsError, match="model 'equidistant' has no mirror with a mesh: expected 'exact'"
     ):
         OmniCamera(LENS)
 

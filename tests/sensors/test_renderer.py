@@ -267,12 +267,12 @@ def test_blended_surfaces_do_not_hide_what_is_drawn_after_them():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"near_m": 0.0}, "want 0 < near_m < far_m"),
-        ({"near_m": float("nan")}, "want 0 < near_m < far_m"),
-        ({"near_m": 2.0, "far_m": 1.0}, "want 0 < near_m < far_m"),
-        ({"face_size_px": 0}, "face_size_px = 0: want at least 1"),
-        ({"samples": 3}, "samples = 3: want 1, 2, 4 or 8"),
-        ({"polygons": "exact"}, "polygons = 'exact': want a whole number, or None"),
+        ({"near_m": 0.0}, "near_m: expected more than 0 and less than far_m"),
+        ({"near_m": float("nan")}, "near_m: expected more than 0 and less than far_m"),
+        ({"near_m": 2.0, "far_m": 1.0}, "near_m: expected more than 0 and less than far_m"),
+        ({"face_size_px": 0}, "face_size_px: expected at least 1, or None, got 0"),
+        ({"samples": 3}, "samples: expected 1, 2, 4 or 8, got 3"),
+        ({"polygons": "exact"}, "polygons: expected a whole number, or None, got 'exact'"),
         ({"base_from_rig": np.diag([2.0, 2, 2, 1])}, "no scale"),
         ({"base_from_rig": np.eye(3)}, "expected a finite 4 × 4 matrix"),
     ],
@@ -408,7 +408,7 @@ def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
 
 @pytest.mark.parametrize("supersampling", [0, 9, 1.5])
 def test_supersampling_has_bounds(supersampling):
-    with pytest.raises(OpticsError, match="want 1 to 8"):
+    with pytest.raises(OpticsError, match="expected 1 to 8"):
         OmniCamera(supersampling=supersampling)
 
 

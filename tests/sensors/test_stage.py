@@ -158,7 +158,7 @@ def test_wrong_use_is_refused():
             with pytest.raises(GraphicsError, match="give them to the stage"):
                 Renderer(stage, CAMERA, **options)
         scanner = LaserRenderer(stage)
-        with pytest.raises(OmnisimError, match="world_from_base is missing: where is the body"):
+        with pytest.raises(OmnisimError, match="expected world_from_base, the pose of the body"):
             scanner.scan(np.eye(4))
         with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
             scanner.scan(np.eye(4), world_from_base=2.0 * np.eye(4))

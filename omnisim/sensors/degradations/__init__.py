@@ -1,4 +1,4 @@
-"""What real cameras do to a picture: parameters, presets, the GPU's steps and their reference."""
+"""Degradations of real cameras: parameters, presets, passes on the GPU and their reference."""
 
 from omnisim.sensors.degradations.bayer import Bayer
 from omnisim.sensors.degradations.chromatic_aberration import ChromaticAberration

@@ -1,4 +1,4 @@
-"""Bayer's mosaic, in which every pixel sees one colour, and demosaicking, which guesses the others.
+"""Bayer mosaic, one colour for each pixel, and demosaicking, which interpolates the others.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -43,7 +43,7 @@ _CORNERS = (
 
 @dataclass(frozen=True)
 class Bayer(SensorEffect, name="degradation.bayer"):
-    """Each pixel keeps one colour; the others come from its neighbours.
+    """Mosaic of single colours, and their interpolation.
 
     Neighbours outside of the picture or of its mask count for nothing: there, and where one of
     Malvar's 5 × 5 pixels is missing, the valid ones of the nearest of that colour are averaged.
@@ -53,7 +53,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
     demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
 
     def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """On the GPU: the mosaic, in all three channels, and demosaicking."""
+        """Two passes on the GPU: the mosaic, in all three channels, and demosaicking."""
         mosaic = Step("bayer_mosaic", {"u_red_at": RED_AT[self.pattern]})
         if self.demosaic == "none":
             return [mosaic]
@@ -78,7 +78,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         return result
 
     def colours(self, geometry: PictureGeometry) -> NDArray[np.intp]:
-        """Which colour (height, width) each pixel sees: 0 red, 1 green, 2 blue."""
+        """Colour index (height, width) of each pixel: 0 red, 1 green, 2 blue."""
         column, row = RED_AT[self.pattern]
         right = (np.arange(geometry.width_px)[None, :] + column) % 2
         down = (np.arange(geometry.height_px)[:, None] + row) % 2
@@ -144,7 +144,7 @@ def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray
 
 
 def _shifted(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
-    """What each pixel has at an offset; 0 outside."""
+    """Values at an offset of each pixel; 0 outside."""
     padded = np.pad(values, 2)
     height, width = values.shape
     return padded[2 + down : 2 + down + height, 2 + right : 2 + right + width]

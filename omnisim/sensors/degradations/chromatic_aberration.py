@@ -1,4 +1,4 @@
-"""Lateral chromatic aberration: each colour's picture has its own size.
+"""Lateral chromatic aberration: a scale of its own for each colour.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -30,9 +30,9 @@ Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
 
 @dataclass(frozen=True)
 class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"):
-    """The red and the blue picture are scaled about the optical axis, and looked up bilinearly.
+    """Red and blue pictures, scaled about the optical axis by bilinear interpolation.
 
-    Where no neighbour of the place looked up is valid, at the border of the picture, the pixel
+    Where no neighbour of a sampled position is valid, at the border of the picture, the pixel
     keeps its own colour; where only some are, those count.
     """
 

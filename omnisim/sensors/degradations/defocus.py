@@ -1,4 +1,4 @@
-"""Defocus: a point becomes a disc, wider towards the rim of a curved mirror than at its middle.
+"""Defocus: discs in place of points, wider towards the rim of a curved mirror.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -27,7 +27,7 @@ from omnisim.parameters import Number
 from omnisim.sensors.degradations.effect import OpticalEffect
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
-LARGEST_PX = 32.0  # 4225 lookups a pixel
+LARGEST_PX = 32.0  # 4225 samples a pixel
 SMALLEST_PX = 0.5  # such a disc lies within one pixel
 STRIPS = 8  # that a pixel on the edge of a disc is cut into: right to a few thousandths of it
 Radius = Annotated[Number, Field(ge=0.0, le=LARGEST_PX)]
@@ -35,10 +35,10 @@ Radius = Annotated[Number, Field(ge=0.0, le=LARGEST_PX)]
 
 @dataclass(frozen=True)
 class Defocus(OpticalEffect, name="degradation.defocus"):
-    """Each pixel is the mean of the valid pixels in the disc around it.
+    """Mean of the valid pixels in the disc around each pixel.
 
-    A pixel on the disc's edge counts with the part of it that is inside. What lies outside of the
-    picture or of its mask counts for nothing: no black creeps in.
+    A pixel on the disc's edge counts by the part of it that is inside; pixels outside of the
+    picture or of its mask do not count, so that no black bleeds in.
     """
 
     centre_defocus_px: Radius = 0.0
@@ -84,7 +84,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
 
 
 def covered_share(right_px: int, down_px: int, radius_px: NDArray[np.float32]) -> NDArray[Any]:
-    """How much of a pixel lies in a disc around another pixel, (...) in [0, 1].
+    """Fraction (...) of a pixel that lies in a disc around another pixel.
 
     The pixel is cut into strips along its shorter offset; across them the disc's chord is exact.
 

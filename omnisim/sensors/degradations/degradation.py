@@ -62,7 +62,7 @@ class Degradation:
 
     @property
     def is_ideal(self) -> bool:
-        """Whether there is no effect."""
+        """True where there is no effect."""
         return not self.parts
 
     @property
@@ -72,7 +72,7 @@ class Degradation:
 
     @property
     def is_metered(self) -> bool:
-        """Whether the exposure depends on the picture."""
+        """True where the exposure depends on the picture."""
         return self.exposure is not None and self.exposure.auto
 
     def tables(self) -> dict[str, dict[str, Any]]:

@@ -1,23 +1,23 @@
-"""Dust and scratches on the mirror or lens: they stay where they are in the picture.
+"""Dust and scratches on the mirror or lens, fixed in the picture.
 
 | key | unit | typical |
 | --- | --- | --- |
 | dust_count | specks in the picture's square | 0 to 300 |
 | dust_radius_px | pixels, the specks' median radius | 1 to 4 |
-| dust_opacity | share of the light that the middle of a speck takes, at most | 0.2 to 0.8 |
+| dust_opacity | fraction of the light that the middle of a speck absorbs, at most | 0.2 to 0.8 |
 | scratch_count | scratches | 0 to 30 |
 | scratch_width_px | pixels, to where half of its effect is gone | 0.5 to 1 |
 | scratch_length_px | pixels, the longest | 20 to 200 |
 | scratch_opacity | share, at most | 0.1 to 0.5 |
 | dust_glow | linear light that dust scatters to the camera in place of it | 0.02 to 0.2 |
 | scratch_glow | the same for scratches, which catch the lamps | 0.2 to 1 |
-| seed | which dirt | 0 |
+| seed | of the random numbers | 0 |
 
 No source has numbers for the dirt on a robot's mirror: these are assumptions, chosen by looking.
 
 It is nearly in focus: a speck's edge is soft over some tenths of its radius. Radii are log-normal,
 as those of dust are; positions are evenly distributed. The map is made once, in NumPy, and the GPU
-multiplies and adds: light · (1 − share taken) + glow · share taken.
+multiplies and adds: light · (1 − absorbed) + glow · absorbed.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     seed: Seed = 0
 
     def map(self, geometry: PictureGeometry) -> NDArray[np.float32]:
-        """Dirt (height, width, 2): the share of the light that it takes, and the light it adds."""
+        """Dirt (height, width, 2): fraction of the light absorbed, and light added."""
         dust, scratches = np.ones((2, geometry.height_px, geometry.width_px))
         self._dust(dust, geometry)
         self._scratches(scratches, geometry)
@@ -75,51 +75,53 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         result[..., :3] = picture[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
         return result
 
-    def _numbers(self, what: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Uniform numbers (count, 12) and normal ones (count, 4), for one thing each."""
-        key = key_of("dirt", what, self.seed)
-        things = np.arange(count)[:, None]
-        hashes = np.moveaxis(pcg4d(things, np.arange(5)[None, :], 0, key), 0, -1)
+    def _random(self, stream: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Uniform random numbers (count, 12) and normal ones (count, 4), a row for each item."""
+        key = key_of("dirt", stream, self.seed)
+        items = np.arange(count)[:, None]
+        hashes = np.moveaxis(pcg4d(items, np.arange(5)[None, :], 0, key), 0, -1)
         plain = uniform(hashes[:, :3].reshape(count, 12)).astype(np.float64)
         pairs = hashes[:, 3:].reshape(count, 8)
         return plain, normal(pairs[:, :4], pairs[:, 4:]).astype(np.float64)
 
-    def _place(self, shares: NDArray[np.float64], geometry: PictureGeometry) -> NDArray[np.float64]:
-        """Places (..., 2) in the square around the axis that holds the picture's shorter side."""
+    def _positions(
+        self, fractions: NDArray[np.float64], geometry: PictureGeometry
+    ) -> NDArray[np.float64]:
+        """Positions (..., 2) in the square of the picture's shorter side around the axis."""
         middle = np.array(geometry.centre_px)
-        return middle + (2.0 * shares - 1.0) * geometry.radius_unit_px
+        return middle + (2.0 * fractions - 1.0) * geometry.radius_unit_px
 
     def _dust(self, clear: NDArray[np.float64], geometry: PictureGeometry) -> None:
-        plain, spread = self._numbers("dust", self.dust_count)
-        places = self._place(plain[:, :2], geometry)
+        plain, spread = self._random("dust", self.dust_count)
+        positions = self._positions(plain[:, :2], geometry)
         radii = self.dust_radius_px * np.exp(RADIUS_SPREAD * spread[:, 0])
         opacities = self.dust_opacity * (0.4 + 0.6 * plain[:, 2])
-        for place, radius, opacity, turns in zip(
-            places, radii, opacities, plain[:, 3:6], strict=True
+        for position, radius, opacity, phases in zip(
+            positions, radii, opacities, plain[:, 3:6], strict=True
         ):
-            window, right, down = _window(clear, place, 1.8 * radius + 1.0)
+            window, right, down = _window(clear, position, 1.8 * radius + 1.0)
             if not window.size:
                 continue
             angle = np.arctan2(down, right)
             # no speck is round: an oval, three lumps and five small ones
-            lumps = zip((0.22, 0.12, 0.07), (2, 3, 5), turns, strict=True)
+            lumps = zip((0.22, 0.12, 0.07), (2, 3, 5), phases, strict=True)
             edge = radius * (
-                1.0 + sum(size * np.sin(n * angle + 2 * np.pi * turn) for size, n, turn in lumps)
+                1.0 + sum(size * np.sin(n * angle + 2 * np.pi * phase) for size, n, phase in lumps)
             )
             soft = max(SOFT * radius, 0.5)
             inside = np.clip(0.5 + (edge - np.hypot(right, down)) / (2.0 * soft), 0.0, 1.0)
             window *= 1.0 - opacity * inside * inside * (3.0 - 2.0 * inside)
 
     def _scratches(self, clear: NDArray[np.float64], geometry: PictureGeometry) -> None:
-        plain, spread = self._numbers("scratches", self.scratch_count)
-        places = self._place(plain[:, :2], geometry)
+        plain, spread = self._random("scratches", self.scratch_count)
+        positions = self._positions(plain[:, :2], geometry)
         reach = 3.0 * self.scratch_width_px + 1.0
-        for place, numbers, bends in zip(places, plain[:, 2:], spread, strict=True):
+        for position, numbers, bends in zip(positions, plain[:, 2:], spread, strict=True):
             length = self.scratch_length_px * (0.3 + 0.7 * numbers[0])
             along = np.linspace(-0.5, 0.5, max(2, round(length / SPACING_PX)))
             angle = 2.0 * np.pi * numbers[1] + 0.6 * bends[0] * along
             steps = np.stack((np.cos(angle), np.sin(angle)), axis=-1) * (length / len(along))
-            points = place + np.cumsum(steps, axis=0) - 0.5 * steps.sum(axis=0)
+            points = position + np.cumsum(steps, axis=0) - 0.5 * steps.sum(axis=0)
             # deep where it begins or in the middle, never all along
             depth = np.cos(np.pi * along) * (
                 0.7 + 0.3 * np.sin(2 * np.pi * (5 * along + numbers[2]))
@@ -130,30 +132,30 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             if not window.size:
                 continue
             points = points - points.mean(axis=0)
-            for point, deep in zip(points, opacity * depth, strict=True):
+            for point, strength in zip(points, opacity * depth, strict=True):
                 part = (np.abs(right[0] - point[0]) < reach, np.abs(down[:, 0] - point[1]) < reach)
                 across = np.flatnonzero(part[0])
                 upright = np.flatnonzero(part[1])
                 if not across.size or not upright.size:
                     continue
-                here = np.s_[upright[0] : upright[-1] + 1, across[0] : across[-1] + 1]
-                squared = (right[here] - point[0]) ** 2 + (down[here] - point[1]) ** 2
+                near = np.s_[upright[0] : upright[-1] + 1, across[0] : across[-1] + 1]
+                squared = (right[near] - point[0]) ** 2 + (down[near] - point[1]) ** 2
                 width = max(self.scratch_width_px, 0.3)
-                shape = deep * np.exp2(-np.minimum(squared / width**2, 60.0))
-                np.maximum(window[here], shape, out=window[here])
+                shape = strength * np.exp2(-np.minimum(squared / width**2, 60.0))
+                np.maximum(window[near], shape, out=window[near])
             clear *= 1.0 - dirt
 
 
 def _window(
-    values: NDArray[np.float64], place_px: NDArray[np.float64], reach_px: float
+    values: NDArray[np.float64], centre_px: NDArray[np.float64], reach_px: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The part of values (height, width) around a place, and its offsets right and down."""
+    """View of values (height, width) around a position, and offsets right and down from it."""
     height, width = values.shape
-    first = np.floor(place_px - reach_px).astype(int)
-    last = np.ceil(place_px + reach_px).astype(int) + 1
+    first = np.floor(centre_px - reach_px).astype(int)
+    last = np.ceil(centre_px + reach_px).astype(int) + 1
     left, right = np.clip((first[0], last[0]), 0, width).tolist()
     top, bottom = np.clip((first[1], last[1]), 0, height).tolist()
-    u = np.arange(left, right) - place_px[0]
-    v = np.arange(top, bottom) - place_px[1]
+    u = np.arange(left, right) - centre_px[0]
+    v = np.arange(top, bottom) - centre_px[1]
     across, down = np.meshgrid(u, v)
     return values[top:bottom, left:right], across, down

@@ -1,4 +1,4 @@
-"""Gamma and quantisation: from linear light to the numbers of the file.
+"""Gamma and quantisation: linear light to the values of the file.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -34,7 +34,7 @@ Gamma = Annotated[
 
 @dataclass(frozen=True)
 class Encoding(Effect, name="degradation.encoding"):
-    """Values are clipped to [0, 1], take the transfer function and are rounded to whole steps."""
+    """Clipping to [0, 1], the transfer function, and rounding to whole steps."""
 
     gamma: Gamma = "srgb"
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=8)] = 8

@@ -1,4 +1,4 @@
-"""Exposure, and auto-exposure that comes after the light.
+"""Exposure, and auto-exposure with a lag.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -54,7 +54,7 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return multiplied(picture, shot.exposure_factors)
 
     def metered_ev(self, mean_luminance: float) -> float:
-        """The exposure that would suit a picture (of Rec. 709 luminance, before exposure)."""
+        """Exposure that suits a picture, from its Rec. 709 luminance before exposure."""
         if not self.auto:
             return self.ev
         if mean_luminance <= 0.0:
@@ -63,11 +63,11 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return min(max(wanted, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
-        """The exposure of the next picture.
+        """Exposure of the next picture.
 
         Args:
             ev: of this picture.
-            metered_ev: what would have suited this picture.
+            metered_ev: that suits this picture.
             later_s: from this picture to the next.
         """
         if not self.auto:

@@ -1,4 +1,4 @@
-"""JPEG: the camera's own compression, by a real encoder and decoder.
+"""JPEG: the camera's compression, by a real encoder and decoder.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -23,13 +23,13 @@ from omnisim.sensors.degradations.effect import Effect
 
 @dataclass(frozen=True)
 class Jpeg(Effect, name="degradation.jpeg"):
-    """The picture is encoded and decoded; outside of its mask it stays black."""
+    """Encoding and decoding; outside of its mask the picture stays black."""
 
     quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
     subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
 
     def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The picture (height, width, 4) that comes out of its JPEG; alpha is kept."""
+        """Picture (height, width, 4) after JPEG; alpha is kept."""
         result = rgba.copy()
         result[..., :3] = through_jpeg(rgba[..., :3], self.quality, self.subsampling)
         result[rgba[..., 3] == 0, :3] = 0

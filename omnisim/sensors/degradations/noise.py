@@ -1,4 +1,4 @@
-"""Shot noise, dark current, read noise and the converter: a sensor that counts electrons.
+"""Shot noise, dark current, read noise and the converter of a sensor that counts electrons.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -38,14 +38,14 @@ from omnisim.sensors.degradations.picture_geometry import LinearPicture, Picture
 from omnisim.sensors.degradations.random_numbers import normal, pcg4d, uniform
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which on normal numbers are good enough
-MOST_COUNTED = 128  # more than that do not come from a mean below NORMAL_FROM_E
+MAX_COUNTED = 128  # more do not come from a mean below NORMAL_FROM_E
 # The terms of the sum are smaller than float32's steps near 1 from here on: it has come to its end.
 SMALLEST_TERM = 2.0**-27
 
 
 @dataclass(frozen=True)
 class Noise(SensorEffect, name="degradation.noise"):
-    """Every pixel and colour: electrons, Poisson; read noise, normal; whole numbers, clipped.
+    """Poisson distributed electrons and normal read noise, rounded and clipped.
 
     The result is brought back to linear values in which white is 1. It may be below 0 where there
     is a black level: clipping there would brighten the dark. Outside of the mask there is no noise.
@@ -94,7 +94,7 @@ class Noise(SensorEffect, name="degradation.noise"):
             "u_black_level_dn": self.black_level_dn,
             "u_largest_dn": float(self.largest_dn),
             "u_normal_from_e": NORMAL_FROM_E,
-            "u_most_counted": MOST_COUNTED,
+            "u_most_counted": MAX_COUNTED,
             "u_smallest_term": SMALLEST_TERM,
         }
         return [Step("noise", uniforms)]
@@ -124,22 +124,22 @@ class Noise(SensorEffect, name="degradation.noise"):
 def poisson(
     mean: NDArray[np.float32], first: NDArray[np.uint32], second: NDArray[np.uint32]
 ) -> NDArray[np.float32]:
-    """Whole numbers (...), Poisson distributed about means (...) ≥ 0, from two hashes each."""
+    """Poisson distributed whole numbers (...) with means (...) ≥ 0, from two hashes each."""
     z = normal(first, second)
     large = np.maximum(mean, np.float32(NORMAL_FROM_E))
     many = large + np.sqrt(large) * z + (z * z - np.float32(1.0)) * np.float32(1.0 / 6.0)
     many = np.maximum(np.floor(many + np.float32(0.5)), np.float32(0.0))
-    return np.where(mean >= np.float32(NORMAL_FROM_E), many, _counted(mean, uniform(first)))
+    return np.where(mean >= np.float32(NORMAL_FROM_E), many, _quantiles(mean, uniform(first)))
 
 
-def _counted(mean: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The smallest whole numbers (...) up to which a share (...) of the distribution lies."""
+def _quantiles(mean: NDArray[np.float32], fraction: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Quantiles (...) of the Poisson distribution with means (...), by summation."""
     mean = np.minimum(mean, np.float32(NORMAL_FROM_E))
     term = np.exp(-mean)
     total = term.copy()
     count = np.zeros_like(mean)
-    for number in range(1, MOST_COUNTED):
-        more = (share > total) & ~((number > mean) & (term < np.float32(SMALLEST_TERM)))
+    for number in range(1, MAX_COUNTED):
+        more = (fraction > total) & ~((number > mean) & (term < np.float32(SMALLEST_TERM)))
         if not np.any(more):
             break
         term = np.where(more, term * (mean / np.float32(number)), term)

@@ -1,4 +1,4 @@
-"""Where a pixel is relative to the optical axis: what the degradations of a lens depend on."""
+"""Picture geometry: positions of pixels relative to the optical axis."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ LinearPicture = NDArray[
 
 @dataclass(frozen=True)
 class PictureGeometry:
-    """Size and middle of a picture.
+    """Size and centre of a picture.
 
     Attributes:
         width_px, height_px: size.
-        centre_px: (u, v) where the optical axis meets the picture; the middle where the camera
-            model has no such point.
+        centre_px: (u, v) of the principal point; the middle of the picture where the camera model
+            has none.
     """
 
     width_px: int
@@ -31,7 +31,7 @@ class PictureGeometry:
 
     @classmethod
     def of_camera(cls, camera: CentralCamera) -> PictureGeometry:
-        """That of a camera's picture."""
+        """Geometry of a camera's picture."""
         middle = (0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1))
         u, v = getattr(camera, "principal_point_px", middle)
         return cls(camera.width_px, camera.height_px, (float(u), float(v)))

@@ -1,7 +1,7 @@
-"""Random numbers that are a function of where and when: a hash instead of a state.
+"""Random numbers as hashes of position and time, without a state.
 
 The same bits come out of `shaders/common/random.glsl`, on every machine and in any order, so that
-a picture can be rendered again, and a drive gone on with. 32-bit integers only.
+a picture can be rendered again, and a drive resumed. 32-bit integers only.
 
 Source: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020: pcg4d, which
 passes TestU01's batteries as they report it. Box and Muller, 1958, for normal numbers.
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def key_of(*parts: int | str) -> int:
-    """A key of 32 bits for one stream of numbers; parts that differ in anything give others."""
+    """Key of 32 bits for one stream of numbers; any difference of the parts makes another key."""
     text = "\0".join(f"{type(part).__name__} {part}" for part in parts)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "little")
 

@@ -1,8 +1,8 @@
-"""What a mirror takes from the light: reflectance and tint.
+"""Reflectance and tint of a mirror.
 
 | key | unit | typical |
 | --- | --- | --- |
-| reflectance | share of the light | 0.9 bare aluminium, 0.95 or more silver |
+| reflectance | fraction of the light | 0.9 bare aluminium, 0.95 or more silver |
 | tint | factors of R, G, B | 1, 1, 1; a shade warmer for nickel and chrome |
 
 Source: makers' data of coated mirrors for the ranges; for any one mirror an assumption.
@@ -31,7 +31,7 @@ class Reflectance(OpticalEffect, name="degradation.reflectance"):
 
     @property
     def factors(self) -> tuple[float, float, float]:
-        """Of red, green and blue."""
+        """Factors of red, green and blue."""
         red, green, blue = (self.reflectance * part for part in self.tint)
         return red, green, blue
 
@@ -45,5 +45,5 @@ class Reflectance(OpticalEffect, name="degradation.reflectance"):
 
 
 def multiplied(picture: LinearPicture, factors: tuple[float, float, float]) -> LinearPicture:
-    """A picture with its colours multiplied; the reference of `colour_factors.frag`."""
+    """Picture with its colours multiplied: the reference of `colour_factors.frag`."""
     return picture * np.array([*factors, 1.0], dtype=np.float32)

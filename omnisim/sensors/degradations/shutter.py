@@ -1,4 +1,4 @@
-"""Motion blur and rolling shutter: when each row of the picture collects its light.
+"""Motion blur and rolling shutter: exposure windows of the picture's rows.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -31,10 +31,10 @@ from pydantic import Field
 from omnisim.parameters import NotNegative, Positive, keyword_or
 from omnisim.sensors.degradations.effect import Effect
 
-LARGEST_ERROR_PX = 0.05  # of where a row shows a moving edge
-LARGEST_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
-MOST_SUB_FRAMES = 64
-LONGEST_S = 3600.0
+MAX_ERROR_PX = 0.05  # of a moving edge's position in a row
+MAX_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
+MAX_SUB_FRAMES = 64
+MAX_S = 3600.0
 
 
 def _is_count(value: object) -> bool:
@@ -48,10 +48,10 @@ SubFrames = Annotated[
 
 @dataclass(frozen=True)
 class Shutter(Effect, name="degradation.shutter"):
-    """How long rows collect light, and one after the other or all at once."""
+    """Exposure of the rows, one after the other or all at once."""
 
-    exposure_s: Annotated[Positive, Field(le=LONGEST_S)] | None = None
-    readout_s: Annotated[NotNegative, Field(le=LONGEST_S)] = 0.0
+    exposure_s: Annotated[Positive, Field(le=MAX_S)] | None = None
+    readout_s: Annotated[NotNegative, Field(le=MAX_S)] = 0.0
     frame_rate_hz: Positive | None = None
     sub_frames: SubFrames = "auto"
 
@@ -70,28 +70,28 @@ class Shutter(Effect, name="degradation.shutter"):
 
     @property
     def duration_s(self) -> float:
-        """From the start of the first row to the end of the last."""
+        """Time from the start of the first row to the end of the last."""
         return self.readout_s + (self.exposure_s or 0.0)
 
     def sub_frame_count(self, motion_px: float) -> int:
-        """How many renders a picture takes in which things move by so much."""
+        """Number of renders that make up a picture in which edges move by `motion_px`."""
         if self.duration_s == 0.0 or motion_px == 0.0:
             return 1
         if self.sub_frames != "auto":
             return self.sub_frames
-        # Half a step off without exposure. With it, what of a sub-frame a row takes is off by at
-        # most half a step at either end: the mean of its window by step² / (8 exposure).
+        # Without exposure an edge is off by half a step. With it, a row's part of a sub-frame is
+        # off by at most half a step at either end: the mean of its window by step² / (8 exposure).
         blur_px = motion_px * (self.exposure_s or 0.0) / self.duration_s
-        step_px = max(2.0 * LARGEST_ERROR_PX, math.sqrt(8.0 * LARGEST_ERROR_PX * blur_px))
-        step_px = min(step_px, LARGEST_STEP_PX)
-        return min(max(1, math.ceil(motion_px / step_px - 1e-9)), MOST_SUB_FRAMES)
+        step_px = max(2.0 * MAX_ERROR_PX, math.sqrt(8.0 * MAX_ERROR_PX * blur_px))
+        step_px = min(step_px, MAX_STEP_PX)
+        return min(max(1, math.ceil(motion_px / step_px - 1e-9)), MAX_SUB_FRAMES)
 
     def times_s(self, count: int) -> NDArray[np.float64]:
-        """The middles (count,) of the sub-frames, from the middle of the frame."""
+        """Times (count,) of the middles of sub-frames, from the middle of the frame."""
         return ((np.arange(count) + 0.5) / count - 0.5) * self.duration_s
 
     def row_weights(self, count: int, height_px: int) -> NDArray[np.float32]:
-        """Shares (count, height) of each row's exposure that the sub-frames make up."""
+        """Fractions (count, height) of each row's exposure in the sub-frames."""
         starts = (np.arange(height_px) + 0.5) / height_px * self.readout_s
         step_s = self.duration_s / count
         if self.exposure_s is None:

@@ -1,4 +1,4 @@
-"""Vignetting: a lens gives less light away from its axis.
+"""Vignetting: light falloff of a lens away from its axis.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -25,19 +25,21 @@ from omnisim.sensors.degradations.picture_geometry import LinearPicture, Picture
 
 @dataclass(frozen=True)
 class Vignetting(OpticalEffect, name="degradation.vignetting"):
-    """Light is multiplied by 1 + c₂r² + c₄r⁴ + c₆r⁶, but never by less than 0."""
+    """Factor of the light: 1 + c₂r² + c₄r⁴ + c₆r⁶, at least 0."""
 
     coefficients: tuple[Signed, Signed, Signed] = (-0.3, 0.0, 0.0)
 
     @classmethod
     def cos4(cls, tangent: float) -> Vignetting:
-        """The expansion of cos⁴ of the field angle whose tangent at r = 1 is given.
+        """Expansion of cos⁴ of the field angle, whose tangent at r = 1 is given.
 
         Raises:
             OpticsError: a field too wide for three terms, which would turn up again.
         """
         if not 0.0 <= tangent <= 0.6:
-            raise OpticsError(f"cos⁴ up to a tangent of {tangent:g}: want 0 to 0.6")
+            raise OpticsError(
+                f"vignetting by cos⁴: expected a tangent of 0 to 0.6, got {tangent:g}"
+            )
         return cls((-2.0 * tangent**2, 3.0 * tangent**4, -4.0 * tangent**6))
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:

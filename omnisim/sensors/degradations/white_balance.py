@@ -1,4 +1,4 @@
-"""White balance: what the sensor makes of white, and what the camera makes of that.
+"""White balance: the sensor's response to white, and the camera's gains.
 
 | key | unit | typical |
 | --- | --- | --- |
@@ -40,21 +40,21 @@ Gains = Annotated[
 
 @dataclass(frozen=True)
 class WhiteBalance(SensorEffect, name="degradation.white_balance"):
-    """Light is multiplied by `response` before the noise, and by `gains` after demosaicking."""
+    """Factors of the light: `response` before the noise, `gains` after demosaicking."""
 
     response: tuple[Factor, Factor, Factor] = (1.0, 1.0, 1.0)
     gains: Gains = "grey"
 
     @property
     def factors(self) -> tuple[float, float, float]:
-        """The gains of red, green and blue."""
+        """Gains of red, green and blue."""
         if self.gains == "grey":
             red, green, blue = self.response
             return 1.0 / red, 1.0 / green, 1.0 / blue
         return self.gains
 
     def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """On the GPU: the gains; the response is a part of the exposure."""
+        """One pass on the GPU, for the gains; the response is a part of the exposure."""
         return [Step("colour_factors", {"u_factors": self.factors})]
 
     def apply(

@@ -69,7 +69,7 @@ def test_vignetting_and_reflectance_of_white_are_their_formulas(context):
     cos4 = np.cos(np.arctan(0.5 * np.sqrt(squared))) ** 4
     inside = squared <= 1.0
     assert np.abs(factor - cos4)[inside].max() < 0.02  # what the series leaves out: 5 t⁸
-    with pytest.raises(OpticsError, match=r"want 0 to 0\.6"):
+    with pytest.raises(OpticsError, match=r"expected a tangent of 0 to 0\.6"):
         Vignetting.cos4(0.7)
 
 
