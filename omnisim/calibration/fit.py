@@ -19,33 +19,16 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from omnisim.calibration.calibrated_camera import Residuals
-from omnisim.calibration.distorted_pinhole import DistortedPinhole
 from omnisim.calibration.linear_fit import (
-    INITIALISERS,
+    FITTED,
     MIN_SAMPLES,
     STEEPEST_RAD,
+    Bounds,
     Samples,
     linear_fit,
     radial_profile,
 )
-from omnisim.cameras import (
-    CAMERA_MODELS,
-    CentralCamera,
-    DoubleSphereCamera,
-    EquidistantCamera,
-    EquisolidCamera,
-    EucmCamera,
-    FThetaCamera,
-    FThetaInverseCamera,
-    GazeboCamera,
-    KannalaBrandtCamera,
-    OcamcalibCamera,
-    OrthographicCamera,
-    PerspectiveCamera,
-    RadialTableCamera,
-    StereographicCamera,
-    UnifiedCamera,
-)
+from omnisim.cameras import CAMERA_MODELS, CentralCamera, PerspectiveCamera, UnifiedCamera
 from omnisim.cameras.domain import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import CalibrationError, OpticsError
@@ -56,36 +39,9 @@ MIN_COVERED = 0.05  # of the source's pixels; less is no picture of it
 MAX_RMS = 0.02  # as a share of the picture's longer side; more is another kind of picture
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
-GOOD_PX = 0.05  # what no corner detector sees
-MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the picture's shorter side
 
 Model = TypeVar("Model", bound=CentralCamera)
-Bounds = tuple[float, float]
-FREE: Bounds = (-math.inf, math.inf)
-POSITIVE: Bounds = (0.0, math.inf)
-_CENTRE = {"principal_point_px": FREE}
-_FOCAL = {"focal_length_px": POSITIVE, **_CENTRE}
-_FOCALS = {"focal_lengths_px": POSITIVE, **_CENTRE}
-# Free parameters of each model, and their bounds.
-_FREE: Mapping[type[ParametricCamera], Mapping[str, Bounds]] = {
-    PerspectiveCamera: _FOCAL,
-    KannalaBrandtCamera: {**_FOCALS, "coefficients": FREE},
-    UnifiedCamera: {**_FOCALS, "xi": POSITIVE, "distortion": FREE},
-    EucmCamera: {**_FOCALS, "alpha": (0.0, 1.0), "beta": (1e-9, math.inf)},
-    DoubleSphereCamera: {**_FOCALS, "xi": (-0.999, 0.999), "alpha": (0.0, 1.0)},
-    OcamcalibCamera: {**_CENTRE, "polynomial": FREE, "affine": FREE},
-    FThetaCamera: {**_CENTRE, "coefficients_px": FREE},
-    FThetaInverseCamera: {**_CENTRE, "coefficients": FREE},
-    RadialTableCamera: {**_CENTRE, "radii_px": FREE},
-    GazeboCamera: {
-        **_CENTRE, "c1": (1e-9, math.inf), "c2": (1e-9, math.inf), "c3": (-math.inf, 0.0)
-    },
-    EquidistantCamera: _FOCAL,
-    StereographicCamera: _FOCAL,
-    EquisolidCamera: _FOCAL,
-    OrthographicCamera: _FOCAL,
-}  # fmt: skip
-FITTED_MODELS = {model.model_name: model for model in INITIALISERS}
+FITTED_MODELS = {model.model_name: model for model in FITTED}
 
 
 class Fit(NamedTuple, Generic[Model]):
@@ -126,7 +82,7 @@ def fit_camera(
     fixed = dict(fixed or {})
     if isinstance(camera, model) and type(camera) is model and not mirrored and not fixed:
         return _evaluate(camera, camera, mirrored)
-    target = next((one for one in INITIALISERS if one is model), None)
+    target = next((one for one in FITTED if one is model), None)
     if target is None:
         names = ", ".join(FITTED_MODELS)
         raise _failure(camera, model, f"expected one of {names}")
@@ -144,47 +100,6 @@ def fit_camera(
         rms = f"the best found is off by {fit.residuals.rms_px:.3g} px RMS"
         raise _failure(camera, model, rms)
     return fit
-
-
-def nearest_model(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, str]:
-    """Nearest of omnisim's models to a lens of another, and a note on its residuals.
-
-    Args:
-        lens: of the other model.
-        source: names file and camera in messages.
-
-    Raises:
-        CalibrationError: none is near.
-    """
-    place = f"{source}: {lens.model_name}"
-    if not lens.radius_limit > 0.0:
-        raise CalibrationError(f"{place}: folds at its own middle: expected a lens")
-    best: Fit[CentralCamera] | None = None
-    candidates: tuple[tuple[type[CentralCamera], dict[str, float]], ...] = (
-        (UnifiedCamera, {}), (UnifiedCamera, {"xi": 0.0}), (KannalaBrandtCamera, {}),
-        (EucmCamera, {}),
-    )  # fmt: skip
-    for model, fixed in candidates:
-        try:
-            fit = fit_camera(lens, model, fixed=fixed)
-        except CalibrationError:
-            continue
-        if fit.covered > 0.99 and (best is None or fit.residuals.max_px < best.residuals.max_px):
-            best = fit
-        if best is not None and best.residuals.max_px <= GOOD_PX:
-            break
-    if best is None:
-        raise CalibrationError(f"{place}: no model of omnisim comes near it")
-    name, residuals = best.camera.model_name, best.residuals
-    if residuals.max_px > MAX_NEAREST * min(lens.width_px, lens.height_px):
-        raise CalibrationError(
-            f"{place}: the nearest model of omnisim, {name}, is up to {residuals.max_px:.3g} px off"
-        )
-    return best.camera, (
-        f"{lens.model_name} is none of omnisim's models: read as {name}, "
-        f"RMS {residuals.rms_px:.2g} px and at most {residuals.max_px:.2g} px off within "
-        f"{math.degrees(residuals.theta_max_rad):.1f}°"
-    )
 
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
@@ -234,7 +149,7 @@ def _fitted(
             used &= samples.theta_rad <= STEEPEST_RAD
         if used.sum() < MIN_SAMPLES:
             raise OpticsError("it sees nothing, or next to nothing, of what that shows")
-        camera = _refined(camera, samples.subset(used), _FREE[model], fixed)
+        camera = _refined(camera, samples.subset(used), FITTED[model].free, fixed)
     # past the source's own domain the fit means nothing
     limit = min(float(samples.theta_rad.max(initial=0.0)) + MARGIN_RAD, model.largest_theta_rad)
     return camera.ending_at(limit) or camera

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.calibration.equivalents import IDEAL_FISHEYES
 from omnisim.cameras import (
     CentralCamera,
     DoubleSphereCamera,
@@ -35,7 +36,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.domain import angles_from_axis
-from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.gazebo import FUNCTIONS
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import PlaneCamera
 from omnisim.cameras.radial_tangential import RadialTangential
@@ -46,6 +47,7 @@ MAX_ALPHA = 0.99  # ξ = 99 for the unified model, where it is told from 1 no mo
 STEEPEST_RAD = math.radians(80.0)  # further out a tangent's pixels would drown all others
 TABLE_NODES = 48
 OCAMCALIB_POWERS = (0, 2, 3, 4, 5, 6)  # a1 = 0: the picture is smooth at the axis
+IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | OrthographicCamera
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +121,12 @@ def radial_profile(
 def linear_fit(
     model: type[ParametricCamera], profile: Profile, is_pinhole: bool
 ) -> ParametricCamera:
-    """Initial camera of a model in `INITIALISERS`; a unified one with ξ = 0 if it is a pinhole.
+    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 if it is a pinhole.
 
     Raises:
         OpticsError: there is no such camera.
     """
-    return _pinhole(profile) if is_pinhole else INITIALISERS[model](profile)
+    return _pinhole(profile) if is_pinhole else FITTED[model].initialise(profile)
 
 
 def _solve(columns: list[NDArray[np.float64]], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -245,7 +247,7 @@ def _gazebo(profile: Profile) -> GazeboCamera:
     """The best of its three functions, each with the best of some c2, c3 = 0."""
     candidates: list[tuple[float, GazeboCamera]] = []
     widest = float(profile.theta_rad.max())
-    for name, function in (("sin", np.sin), ("tan", np.tan), ("id", np.positive)):
+    for name, function in FUNCTIONS.items():
         least = widest / (0.5 * math.pi) if name != "id" else 0.0
         for c2 in (1.0,) if name == "id" else (1.0, 1.5, 2.0, 2.5, 3.0, 4.0):
             if c2 < least or (name == "tan" and c2 * math.radians(89.9) < widest):
@@ -264,20 +266,15 @@ def _perspective(profile: Profile) -> PerspectiveCamera:
     return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.centre_px)
 
 
-def _fisheye(
-    model: type[FisheyeCamera], shape: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-) -> Callable[[Profile], FisheyeCamera]:
-    """Initialiser of a fisheye with r = f · shape(θ)."""
-
-    def initialise(profile: Profile) -> FisheyeCamera:
-        limit = model.largest_theta_rad
-        seen = profile.theta_rad <= limit + 1e-9
-        if not seen.any():
-            raise OpticsError("it sees nothing of what that shows")
-        focal = _scale(shape(np.minimum(profile.theta_rad[seen], limit)), profile.radii_px[seen])
-        return model(*profile.size, focal, profile.centre_px, limit)
-
-    return initialise
+def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
+    c1, c2, function = IDEAL_FISHEYES[model]
+    limit = model.largest_theta_rad
+    seen = profile.theta_rad <= limit + 1e-9
+    if not seen.any():
+        raise OpticsError("it sees nothing of what that shows")
+    shape = c1 * FUNCTIONS[function](np.minimum(profile.theta_rad[seen], limit) / c2)
+    focal = _scale(shape, profile.radii_px[seen])
+    return model(*profile.size, focal, profile.centre_px, limit)
 
 
 def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
@@ -285,19 +282,38 @@ def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     return float(values @ shape / (shape @ shape))
 
 
-INITIALISERS: Mapping[type[ParametricCamera], Callable[[Profile], ParametricCamera]] = {
-    PerspectiveCamera: _perspective,
-    KannalaBrandtCamera: _kannala_brandt,
-    UnifiedCamera: _unified,
-    EucmCamera: _eucm,
-    DoubleSphereCamera: _double_sphere,
-    OcamcalibCamera: _ocamcalib,
-    FThetaCamera: _f_theta,
-    FThetaInverseCamera: _f_theta_inverse,
-    RadialTableCamera: _radial_table,
-    GazeboCamera: _gazebo,
-    EquidistantCamera: _fisheye(EquidistantCamera, np.positive),
-    StereographicCamera: _fisheye(StereographicCamera, lambda theta: 2.0 * np.tan(0.5 * theta)),
-    EquisolidCamera: _fisheye(EquisolidCamera, lambda theta: 2.0 * np.sin(0.5 * theta)),
-    OrthographicCamera: _fisheye(OrthographicCamera, np.sin),
+Bounds = tuple[float, float]
+FREE: Bounds = (-math.inf, math.inf)
+POSITIVE: Bounds = (1e-9, math.inf)
+_CENTRE = {"principal_point_px": FREE}
+_FOCAL = {"focal_length_px": (0.0, math.inf), **_CENTRE}
+_FOCALS = {"focal_lengths_px": (0.0, math.inf), **_CENTRE}
+
+
+class FittedModel(NamedTuple):
+    """Initialisation of a fit, and bounds of the model's free parameters."""
+
+    initialise: Callable[[Profile], ParametricCamera]
+    free: Mapping[str, Bounds]
+
+
+FITTED: Mapping[type[ParametricCamera], FittedModel] = {
+    PerspectiveCamera: FittedModel(_perspective, _FOCAL),
+    KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
+    UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
+    EucmCamera: FittedModel(_eucm, {**_FOCALS, "alpha": (0.0, 1.0), "beta": POSITIVE}),
+    DoubleSphereCamera: FittedModel(
+        _double_sphere, {**_FOCALS, "xi": (-0.999, 0.999), "alpha": (0.0, 1.0)}
+    ),
+    OcamcalibCamera: FittedModel(_ocamcalib, {**_CENTRE, "polynomial": FREE, "affine": FREE}),
+    FThetaCamera: FittedModel(_f_theta, {**_CENTRE, "coefficients_px": FREE}),
+    FThetaInverseCamera: FittedModel(_f_theta_inverse, {**_CENTRE, "coefficients": FREE}),
+    RadialTableCamera: FittedModel(_radial_table, {**_CENTRE, "radii_px": FREE}),
+    GazeboCamera: FittedModel(
+        _gazebo, {**_CENTRE, "c1": POSITIVE, "c2": POSITIVE, "c3": (-math.inf, 0.0)}
+    ),
+    **{
+        model: FittedModel(partial(_fisheye, model), _FOCAL)
+        for model in (EquidistantCamera, StereographicCamera, EquisolidCamera, OrthographicCamera)
+    },
 }

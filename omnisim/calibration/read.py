@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,21 @@ from omnisim.calibration.calibrated_camera import CalibratedCamera
 from omnisim.calibration.distorted_pinhole import DistortedPinhole
 from omnisim.calibration.documents import read_text
 from omnisim.calibration.file_frame import camera_from_lens
-from omnisim.calibration.fit import nearest_model
-from omnisim.calibration.formats.format import ParsedCamera, error_context
+from omnisim.calibration.fit import Fit, fit_camera
+from omnisim.calibration.formats.format import (
+    ANY,
+    PINHOLE,
+    Fixed,
+    ParsedCamera,
+    error_context,
+)
 from omnisim.calibration.metadata import CameraMetadata, read_metadata
 from omnisim.calibration.registry import detect_format
-from omnisim.cameras import CentralCamera
+from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.errors import CalibrationError
 
+GOOD_PX = 0.05  # what no corner detector sees
+MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the picture's shorter side
 MAX_CENTRE_OFFSET = 0.5  # of the picture's size beside it: further away, one of both is wrong
 
 
@@ -59,13 +68,54 @@ def _calibrated(
     lens = parsed.lens
     notes: tuple[str, ...] = ()
     if isinstance(lens, DistortedPinhole):
-        lens, note = nearest_model(lens, place)
+        lens, note = _nearest_model(lens, place)
         notes = (note,)
     with error_context(place):
         camera = camera_from_lens(lens, metadata.mirrored, metadata.turned, metadata.theta_max_rad)
         _check_camera(camera, place)
     return CalibratedCamera(
         parsed.name, camera, parsed.poses, metadata.residuals, notes, lens.model_name
+    )
+
+
+def _nearest_model(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, str]:
+    """Nearest of omnisim's models to a lens of another, and a note on its residuals.
+
+    Args:
+        lens: of the other model.
+        source: names file and camera in messages.
+
+    Raises:
+        CalibrationError: none is near.
+    """
+    place = f"{source}: {lens.model_name}"
+    if not lens.radius_limit > 0.0:
+        raise CalibrationError(f"{place}: folds at its own middle: expected a lens")
+    best: Fit[CentralCamera] | None = None
+    candidates: tuple[tuple[type[CentralCamera], Fixed], ...] = (
+        (UnifiedCamera, ANY), (UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY),
+        (EucmCamera, ANY),
+    )  # fmt: skip
+    for model, fixed in candidates:
+        try:
+            fit = fit_camera(lens, model, fixed=fixed)
+        except CalibrationError:
+            continue
+        if fit.covered > 0.99 and (best is None or fit.residuals.max_px < best.residuals.max_px):
+            best = fit
+        if best is not None and best.residuals.max_px <= GOOD_PX:
+            break
+    if best is None:
+        raise CalibrationError(f"{place}: no model of omnisim comes near it")
+    name, residuals = best.camera.model_name, best.residuals
+    if residuals.max_px > MAX_NEAREST * min(lens.width_px, lens.height_px):
+        raise CalibrationError(
+            f"{place}: the nearest model of omnisim, {name}, is up to {residuals.max_px:.3g} px off"
+        )
+    return best.camera, (
+        f"{lens.model_name} is none of omnisim's models: read as {name}, "
+        f"RMS {residuals.rms_px:.2g} px and at most {residuals.max_px:.2g} px off within "
+        f"{math.degrees(residuals.theta_max_rad):.1f}°"
     )
 
 

@@ -22,6 +22,7 @@ camera/lens/custom_function.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,11 @@ from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
 _LARGEST_ARGUMENT = {"sin": 0.5 * math.pi, "tan": math.radians(89.9), "id": math.inf}
-_FUNCTIONS = {"sin": np.sin, "tan": np.tan, "id": np.positive}
+FUNCTIONS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    "sin": np.sin,
+    "tan": np.tan,
+    "id": np.positive,
+}
 _INVERSES = {"sin": np.arcsin, "tan": np.arctan, "id": np.positive}
 
 
@@ -67,7 +72,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
         for name in ("c1", "c2"):
             check_limits(self, name, 1e-9, math.inf, "more than 0")
         check_limits(self, "c3", -math.inf, 0.0, "at most 0, as above the picture has a hole")
-        if self.function not in _FUNCTIONS:
+        if self.function not in FUNCTIONS:
             raise OpticsError(f"camera: function: expected sin, tan or id, got {self.function!r}")
         if not self.theta_min_rad < self.theta_edge_rad:
             raise OpticsError(f"camera: c3: expected a domain that is not empty, got {self.c3:g}")
@@ -83,7 +88,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
         return min(self.theta_max_rad, self.c2 * (_LARGEST_ARGUMENT[self.function] - self.c3))
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.c1 * _FUNCTIONS[self.function](theta / self.c2 + self.c3)
+        return self.c1 * FUNCTIONS[self.function](theta / self.c2 + self.c3)
 
     def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
         value = radius / self.c1
@@ -96,7 +101,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
         return {
             **super().uniforms(),
             "u_constants": (self.c1, self.c2, self.c3),
-            "u_function": list(_FUNCTIONS).index(self.function),
+            "u_function": list(FUNCTIONS).index(self.function),
             "u_theta_limits_rad": (self.theta_min_rad, self.theta_edge_rad),
             "u_radius_limits": self.radius_limits,
         }

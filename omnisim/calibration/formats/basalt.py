@@ -40,7 +40,7 @@ from omnisim.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.calibration.formats.pinhole import Intrinsics, as_pinhole, pinhole
+from omnisim.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.calibration.formats.quaternion_pose import (
     pose_from_quaternion,
     position_and_quaternion,
@@ -146,9 +146,7 @@ class Basalt(Format[BasaltLens]):
 
     def unsupported(self, lens: BasaltLens) -> str | None:
         """Refuses pinhole cameras with distortion."""
-        if not isinstance(lens, UnifiedCamera):
-            return None
-        if any(lens.distortion) or lens.skew_px or not as_pinhole(lens):
+        if isinstance(lens, UnifiedCamera) and (any(lens.distortion) or lens.skew_px or lens.xi):
             return "its pinhole camera has no distortion, no skew and no ξ"
         return None
 

@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from omnisim.calibration.fields import check_choice
 from omnisim.calibration.formats.format import ANY, PINHOLE, Format, error_context
 from omnisim.calibration.formats.pinhole import (
-    beyond_pinhole,
     brown_pinhole,
     check_no_skew,
     fisheye,
@@ -44,10 +43,6 @@ class CameraInfo(Format[CameraInfoLens]):
     max_theta_rad = 0.5 * math.pi
     distortion_models: tuple[str, ...]
     fisheye_models: tuple[str, ...]
-
-    def unsupported(self, lens: CameraInfoLens) -> str | None:
-        """Refuses ξ and skew."""
-        return beyond_pinhole(lens)
 
     def _lens(
         self,

@@ -27,12 +27,7 @@ from omnisim.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.calibration.formats.pinhole import (
-    Intrinsics,
-    as_pinhole,
-    beyond_four_coefficients,
-    pinhole,
-)
+from omnisim.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.calibration.formats.yaml_text import yaml_float
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.parameters import Number, Table
@@ -111,6 +106,7 @@ class Camodocal(Format[CamodocalLens]):
     models = (UnifiedCamera, KannalaBrandtCamera)
     fits = ((UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY))
     signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
+    unified_terms = frozenset({"ξ"})
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
         """The camera."""
@@ -133,7 +129,7 @@ class Camodocal(Format[CamodocalLens]):
             parts["projection_parameters"] = {**named, "mu": fu, "mv": fv, "u0": u, "v0": v}
         else:
             model, keys = "PINHOLE", ("fx", "fy", "cx", "cy")
-            if not as_pinhole(lens):
+            if lens.xi:
                 model, keys = "MEI", ("gamma1", "gamma2", "u0", "v0")
                 parts["mirror_parameters"] = {"xi": lens.xi}
             named = dict(zip(("k1", "k2", "p1", "p2"), lens.distortion, strict=False))
@@ -145,10 +141,6 @@ class Camodocal(Format[CamodocalLens]):
             text += f"{name}:\n"
             text += "".join(f"   {key}: {yaml_float(value)}\n" for key, value in values.items())
         return text
-
-    def unsupported(self, lens: CamodocalLens) -> str | None:
-        """Refuses skew and k3."""
-        return beyond_four_coefficients(lens)
 
 
 def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:

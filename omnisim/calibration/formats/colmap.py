@@ -32,7 +32,6 @@ from omnisim.calibration.fields import (
 from omnisim.calibration.formats.format import ANY, PINHOLE, Format, ParsedCamera, error_context
 from omnisim.calibration.formats.pinhole import (
     Intrinsics,
-    beyond_pinhole,
     brown_pinhole,
     pinhole,
 )
@@ -114,10 +113,6 @@ class Colmap(Format[ColmapLens]):
             numbers = " ".join(repr(float(value)) for value in values)
             text += f"{camera.name} {model} {size} {numbers}\n"
         return text
-
-    def unsupported(self, lens: ColmapLens) -> str | None:
-        """Refuses ξ and skew."""
-        return beyond_pinhole(lens)
 
     def camera_name(self, index: int, name: str) -> str:
         """Name as COLMAP wants it: a number."""

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 
 from omnisim.calibration.calibrated_camera import NamedPose
-from omnisim.cameras import CentralCamera
+from omnisim.cameras import CentralCamera, UnifiedCamera
 from omnisim.errors import CalibrationError, OpticsError
 
 Lens = TypeVar("Lens", bound=CentralCamera)
@@ -64,6 +64,7 @@ class Format(ABC, Generic[Lens]):
         centred: the axis is in the picture's middle always.
         several: a file holds more than one camera.
         has_names: cameras have names in the file.
+        unified_terms: those of "ξ", "skew" and "k3" that its unified or pinhole camera has.
     """
 
     name: ClassVar[str]
@@ -79,6 +80,7 @@ class Format(ABC, Generic[Lens]):
     centred: ClassVar[bool] = False
     several: ClassVar[bool] = False
     has_names: ClassVar[bool] = True
+    unified_terms: ClassVar[frozenset[str]] = frozenset({"k3"})
 
     def looks_like(self, text: str) -> bool:
         """True for the text of a file of the format."""
@@ -101,8 +103,12 @@ class Format(ABC, Generic[Lens]):
         """Text of a file of the cameras, which are one if the format holds no more."""
 
     def unsupported(self, lens: Lens) -> str | None:
-        """Reason why the format has no place for a lens of its models, or None."""
-        return None
+        """Reason why the format cannot represent a lens of its models, or None."""
+        if not isinstance(lens, UnifiedCamera):
+            return None
+        used = (("ξ", lens.xi), ("skew", lens.skew_px), ("k3", lens.k3))
+        missing = (term for term, value in used if value and term not in self.unified_terms)
+        return next((f"it has no {term}" for term in missing), None)
 
     def native(self, camera: CentralCamera) -> Lens | None:
         """The camera itself, where the format represents mirrors as mirrors, or None."""

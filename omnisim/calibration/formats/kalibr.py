@@ -35,11 +35,7 @@ from omnisim.calibration.fields import (
     unexpected,
 )
 from omnisim.calibration.formats.format import ANY, NO_SKEW, Format, ParsedCamera, error_context
-from omnisim.calibration.formats.pinhole import (
-    Intrinsics,
-    beyond_four_coefficients,
-    pinhole,
-)
+from omnisim.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.calibration.formats.yaml_text import yaml_floats
 from omnisim.cameras import (
     CentralCamera,
@@ -91,6 +87,7 @@ class Kalibr(Format[KalibrLens]):
     )
     signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
     several = True
+    unified_terms = frozenset({"ξ"})
 
     def looks_like(self, text: str) -> bool:
         """True for YAML with a camera model and intrinsics."""
@@ -135,10 +132,6 @@ class Kalibr(Format[KalibrLens]):
             text += f"  rostopic: /{camera.name}/image_raw\n"
             before = camera.name
         return text
-
-    def unsupported(self, lens: KalibrLens) -> str | None:
-        """Refuses skew and k3."""
-        return beyond_four_coefficients(lens)
 
     def camera_name(self, index: int, name: str) -> str:
         """Name as Kalibr wants it: cam0, cam1, …"""

@@ -43,7 +43,7 @@ from omnisim.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.calibration.formats.pinhole import Intrinsics, beyond_pinhole, pinhole
+from omnisim.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.cameras import (
     CentralCamera,
     EquirectangularCamera,
@@ -136,10 +136,6 @@ class Nerfstudio(Format[NerfstudioLens]):
             if pose.target == "world"
         ]
         return json.dumps({**_intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
-
-    def unsupported(self, lens: NerfstudioLens) -> str | None:
-        """Refuses ξ and skew."""
-        return beyond_pinhole(lens)
 
 
 def _lens(part: _Intrinsics, place: str) -> CentralCamera:

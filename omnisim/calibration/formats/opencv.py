@@ -22,7 +22,7 @@ import math
 import re
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import (
@@ -44,8 +44,6 @@ from omnisim.calibration.formats.format import (
 )
 from omnisim.calibration.formats.pinhole import (
     Intrinsics,
-    beyond_four_coefficients,
-    beyond_pinhole,
     brown_pinhole,
     check_no_skew,
     fisheye,
@@ -93,15 +91,10 @@ class _File(NamedTuple):
 
 
 class _Opencv(Format[Lens]):
-    """Base of OpenCV's formats: sizes, K and D.
-
-    Attributes:
-        has_skew: the projection takes K's skew into account.
-    """
+    """Base of OpenCV's formats: sizes, K and D."""
 
     suffix = ".yaml"
     has_names = False
-    has_skew: ClassVar[bool] = False
 
     def looks_like(self, text: str) -> bool:
         """True for YAML of `cv2.FileStorage` with this kind of camera."""
@@ -120,7 +113,7 @@ class _Opencv(Format[Lens]):
         key, matrix = _matrix(data, MATRIX_KEYS, source)
         size_px = picture.image_width, picture.image_height
         intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {key}")
-        if not self.has_skew:
+        if "skew" not in self.unified_terms:
             check_no_skew(skew_px, f"{source}: {key}")
         key, coefficients = _matrix(data, DISTORTION_KEYS, source)
         file = _File(data, source, intrinsics, skew_px, coefficients, f"{source}: {key}")
@@ -137,7 +130,7 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
 
     name = "opencv_omnidir"
     title = "OpenCV: omnidir yaml"
-    has_skew = True
+    unified_terms = frozenset({"ξ", "skew"})
     models = (UnifiedCamera,)
     fits = ((UnifiedCamera, NO_SKEW),)
 
@@ -155,10 +148,6 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
         (camera,) = cameras
         lens = camera.lens
         return _encode(lens, lens.distortion, lens.skew_px) + f"xi: {yaml_float(lens.xi)}\n"
-
-    def unsupported(self, lens: UnifiedCamera) -> str | None:
-        """Refuses k3."""
-        return beyond_four_coefficients(lens, allow_skew=True)
 
 
 class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
@@ -205,10 +194,6 @@ class OpencvPinhole(_Opencv[UnifiedCamera]):
         """Text of the camera."""
         (camera,) = cameras
         return _encode(camera.lens, camera.lens.distortion) + "fisheye_model: 0\n"
-
-    def unsupported(self, lens: UnifiedCamera) -> str | None:
-        """Refuses ξ and skew."""
-        return beyond_pinhole(lens)
 
 
 def _kind(text: str) -> type[_Opencv[Any]]:

@@ -102,27 +102,3 @@ def brown_pinhole(
     if any(used[5:]):
         return BrownLens(*intrinsics, used)
     return pinhole(intrinsics, used[:5] if used[4] else used[:4])
-
-
-def as_pinhole(lens: CentralCamera) -> UnifiedCamera | None:
-    """Pinhole camera with distortion that is the same as a lens, or None."""
-    unified = equivalent(lens, UnifiedCamera)
-    return unified if unified is not None and unified.xi == 0.0 else None
-
-
-def beyond_pinhole(lens: CentralCamera) -> str | None:
-    """Reason why a format with pinhole cameras and fisheyes has no place for a lens, or None."""
-    if not isinstance(lens, UnifiedCamera):
-        return None
-    if not as_pinhole(lens):
-        return "it has no ξ"
-    return "it has no skew" if lens.skew_px else None
-
-
-def beyond_four_coefficients(lens: CentralCamera, allow_skew: bool = False) -> str | None:
-    """Reason why a format with k1, k2, p1, p2 alone has no place for a lens, or None."""
-    if not isinstance(lens, UnifiedCamera):
-        return None
-    if lens.skew_px and not allow_skew:
-        return "it has no skew"
-    return "it has no k3" if lens.k3 else None
