@@ -1,23 +1,24 @@
-"""Which class and which instance each surface belongs to.
+"""Semantic classes and instance labels of a scene.
 
-Classes come from the `[[labels]]` tables of a scene's TOML, or of a label file of its own:
+Classes come from the `[[labels]]` tables of a scene's TOML, or of a label file:
 
     [[labels]]
     name = "goal"
-    color = [250, 210, 0]       # 8-bit sRGB, for pictures; one is made up where it is missing
+    color = [250, 210, 0]       # 8-bit sRGB, for pictures; chosen where it is missing
     nodes = ["goal_*"]          # names of nodes, * and ? stand for any letters
-    id = 3                      # 1 and up; the table's place among the others where it is missing
+    id = 3                      # 1 and up; the next free one where it is missing
 
-The first table that claims a name has it. The vehicle's body is "vehicle", and what no table claims
-"unlabelled"; their numbers are the next two after the largest, unless a table has that name.
+The first table that matches a name has it. The vehicle's body is "vehicle", names that no table
+matches are "unlabelled"; their ids follow the largest, unless a table has that name.
 
-Where there are no tables, an instance's class is its name: up to the first "/", without numbers at
-its end, whatever joins them: chair_01, chair.002, chair-3 and "chair 4" are all chairs. Those
-classes are numbered in the order of the alphabet.
-"""  # fmt: skip
+Without tables, an instance's class is its name: up to the first "/", without numbers at its end,
+whatever joins them: chair_01, chair.002, chair-3 and "chair 4" are all chairs. Ids of those classes
+follow the alphabet.
+"""
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
@@ -35,63 +36,42 @@ _NUMBERS = re.compile(r"(?<=\D)(?:[ ._-]?\d+)+$")
 
 
 def class_name(instance: str) -> str:
-    """The class that an instance's name tells: `shelf_02` is a shelf."""
+    """Class by an instance's name: `shelf_02` is a shelf."""
     return _NUMBERS.sub("", instance.partition("/")[0]).rstrip(" ._-") or instance
 
 
 def read_label_file(path: Path) -> tuple[LabelRule, ...]:
-    """The labels of a TOML file that has nothing but `[[labels]]`.
+    """Label rules of a TOML file that has only `[[labels]]`.
 
     Raises:
-        SceneError: naming file, key, value and what was wanted.
+        SceneError: naming file, key, value and what was expected.
     """
     return label_rules(read_toml(path, LabelFile, SceneError).labels)
 
 
 def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
-    """Rules of the tables, with the numbers and colours that are not written."""
-    taken = {table.id for table in tables if table.id is not None}
-    rules, free = [], 1
-    for table in tables:
-        number = table.id
-        if number is None:
-            while free in taken:
-                free += 1
-            number = free
-            taken.add(number)
-        rules.append(
-            LabelRule(number, table.name, table.color or distinct_color(number), table.nodes)
-        )
-    return tuple(rules)
+    """Rules of the tables; missing ids and colours are chosen."""
+    taken = {table.id for table in tables}
+    free = (number for number in itertools.count(1) if number not in taken)
+    ids = [next(free) if table.id is None else table.id for table in tables]
+    return tuple(
+        LabelRule(number, table.name, table.color or distinct_color(number), table.nodes)
+        for number, table in zip(ids, tables, strict=True)
+    )
 
 
 def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None) -> Labels:
-    """Number all instances of a scene and what moves in it, and give each its class.
+    """Label all instances of a scene and its dynamic objects.
 
     Args:
-        scene: whose labels hold for the dynamic objects, too.
+        scene: its label rules hold for the dynamic objects, too.
         dynamic_objects: by name; `BODY` is the vehicle's.
     """
-    keys = {(None, instance.name): None for instance in scene.instances}
-    for object_name, part in (dynamic_objects or {}).items():
-        keys |= {(object_name, instance.name): None for instance in part.instances}
-    names = list(keys)
-    if scene.labels:
-        rules = scene.labels
-        claimed = [_claimed(rules, name, object_name) for object_name, name in names]
-    else:
-        by_name = sorted(
-            {class_name(name) for object_name, name in names if object_name != BODY} - {VEHICLE}
-        )
-        rules = tuple(
-            LabelRule(number, name, distinct_color(number), ())
-            for number, name in enumerate(by_name, start=1)
-        )
-        ids = {rule.name: rule.id for rule in rules}
-        claimed = [
-            None if object_name == BODY else ids.get(class_name(name))
-            for object_name, name in names
-        ]
+    named: list[tuple[str | None, str]] = [(None, each.name) for each in scene.instances]
+    for part, contents in (dynamic_objects or {}).items():
+        named += [(part, each.name) for each in contents.instances]
+    names = dict.fromkeys(named)
+    rules = scene.labels or _rules_by_name({name for part, name in names if part != BODY})
     classes = {rule.id: ClassLabel(rule.id, rule.name, rule.color) for rule in rules}
     ids = {rule.name: rule.id for rule in rules}
     for name in (VEHICLE, UNLABELLED):
@@ -99,15 +79,18 @@ def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None
             ids[name] = max(classes, default=0) + 1
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
     instances, unlabelled = [], []
-    for number, ((object_name, name), found) in enumerate(
-        zip(names, claimed, strict=True), start=1
-    ):
+    for number, (part, name) in enumerate(names, start=1):
+        found: int | None
+        if part == BODY:
+            found = ids[VEHICLE]
+        elif scene.labels:
+            found = _first_match(rules, name)
+        else:
+            found = ids[class_name(name)]
         if found is None:
-            is_vehicle = object_name == BODY or (not scene.labels and class_name(name) == VEHICLE)
-            found = ids[VEHICLE] if is_vehicle else ids[UNLABELLED]
-            if not is_vehicle:
-                unlabelled.append(name)
-        instances.append(InstanceLabel(number, name, found, object_name))
+            found = ids[UNLABELLED]
+            unlabelled.append(name)
+        instances.append(InstanceLabel(number, name, found, part))
     return Labels(
         tuple(classes[number] for number in sorted(classes)),
         tuple(instances),
@@ -116,16 +99,15 @@ def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None
     )
 
 
-def _claimed(rules: tuple[LabelRule, ...], name: str, object_name: str | None) -> int | None:
-    """The first rule's number that claims a name; the body is the vehicle's, whatever its names."""
-    if object_name == BODY:
-        return None
+def _rules_by_name(instances: set[str]) -> tuple[LabelRule, ...]:
+    """Rules that match nothing, one for each class that instances are named by."""
+    names = sorted({class_name(instance) for instance in instances} - {VEHICLE})
+    return tuple(LabelRule(i, name, distinct_color(i), ()) for i, name in enumerate(names, start=1))
+
+
+def _first_match(rules: tuple[LabelRule, ...], name: str) -> int | None:
+    """Id of the first rule that matches a name; in patterns only * and ? are special."""
     for rule in rules:
-        if any(_fits(name, pattern) for pattern in rule.nodes):
+        if any(fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in rule.nodes):
             return rule.id
     return None
-
-
-def _fits(name: str, pattern: str) -> bool:
-    """Whether a name is like a pattern, in which only * and ? mean more than themselves."""
-    return fnmatchcase(name, pattern.replace("[", "[[]"))

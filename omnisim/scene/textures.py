@@ -1,35 +1,35 @@
-"""From the pictures that trimesh hands on (Pillow) to textures."""
+"""Decoding of images to textures."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
+from PIL.Image import Image
 
 from omnisim.scene.model import AlphaMode, Texture, Wrap
 
 
 class TextureStore:
-    """Decodes each picture once, however many materials use it.
+    """Textures of images, each decoded once, however many materials use it.
 
     Attributes:
-        notices: one line for each picture that could not be decoded.
+        notices: one line for each image that could not be decoded.
     """
 
     def __init__(self) -> None:
         self.notices: list[str] = []
         self._textures: dict[tuple[object, ...], Texture | None] = {}
-        self._pixels: dict[int, tuple[Any, NDArray[np.uint8] | None]] = {}
+        # by id; the image is kept so that its id is not used again
+        self._pixels: dict[int, tuple[Image, NDArray[np.uint8] | None]] = {}
 
     def texture(
         self,
-        image: Any,
+        image: Image,
         used_by: str,
         wraps: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT),
         mirrored: tuple[bool, bool] = (False, False),
     ) -> Texture | None:
-        """Return the texture of a Pillow picture, or None where it cannot be decoded.
+        """Texture of an image, or None where it cannot be decoded.
 
         Where it is mirrored, its mirror image stands beside it, along u or v.
         """
@@ -42,27 +42,22 @@ class TextureStore:
             self._textures[key] = None if pixels is None else Texture(pixels, *wraps)
         return self._textures[key]
 
-    def _decode(self, image: Any, used_by: str) -> NDArray[np.uint8] | None:
+    def _decode(self, image: Image, used_by: str) -> NDArray[np.uint8] | None:
         if id(image) not in self._pixels:
+            pixels = None
             try:
                 pixels = rgba8(image)
-            except (OSError, ValueError, SyntaxError, EOFError) as reason:  # what Pillow raises
+            except Exception as reason:  # Pillow's readers raise all kinds
                 self.notices.append(
                     f"texture of {used_by!r} cannot be decoded ({reason}): "
                     "its plain colour is drawn"
                 )
-                pixels = None
-            # the picture is kept so that its id is not used again
             self._pixels[id(image)] = (image, pixels)
         return self._pixels[id(image)][1]
 
 
-def rgba8(image: Any) -> NDArray[np.uint8]:
-    """Pixels (height, width, 4) uint8 of a Pillow picture of any mode.
-
-    Raises:
-        OSError, ValueError, SyntaxError, EOFError: the picture is damaged.
-    """
+def rgba8(image: Image) -> NDArray[np.uint8]:
+    """Pixels (height, width, 4) uint8 of an image of any mode; Pillow raises if it is damaged."""
     if image.mode.startswith(("I", "F")):  # 16-bit grey, which Pillow would clip
         grey = np.asarray(image, dtype=np.float64)
         grey = grey / 257.0 if image.mode.startswith("I") else grey * 255.0
@@ -73,7 +68,7 @@ def rgba8(image: Any) -> NDArray[np.uint8]:
 
 
 def alpha_mode_of(texture: Texture | None) -> AlphaMode:
-    """How the alpha of a texture is meant, in formats that do not say.
+    """Alpha mode of a texture, in formats that do not state it.
 
     All or nothing is a mask, as leaves and fences have it; anything between is glass.
     """
