@@ -63,7 +63,7 @@ def test_a_missed_bound_is_status_1(suites, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "error"),
     [
         (["lense"], "suite 'lense': no such suite; did you mean 'lenses'?"),
         (["x"], "suite 'x': no such suite; want fps, lenses or all"),
@@ -73,10 +73,10 @@ def test_a_missed_bound_is_status_1(suites, tmp_path):
         ([], "the following arguments are required: suite"),
     ],
 )
-def test_wrong_arguments_are_one_line(suites, arguments, told, capsys):
+def test_wrong_arguments_are_one_line(suites, arguments, error, capsys):
     try:
         status = command.main(arguments)
     except SystemExit as end:
         status = end.code
     assert status == 2
-    assert capsys.readouterr().err == f"error: {told}\n"
+    assert capsys.readouterr().err == f"error: {error}\n"

@@ -158,9 +158,9 @@ class TestEmbree:
         pose = SENSOR.base_pose((0.4, -0.3, 0.2), 30.0)
         rays, valid = mirror_rays(SENSOR.model)
         hits = room_hit(pose[:3, 3], rays[valid] @ pose[:3, :3].T)
-        told = 255.0 * srgb_from_linear(room_color(hits))
+        expected = 255.0 * srgb_from_linear(room_color(hits))
         # rounded to 8 bits, of float32 rays
-        assert np.abs(racer.render(pose)[valid] - told).max() < 0.6
+        assert np.abs(racer.render(pose)[valid] - expected).max() < 0.6
 
     def test_goes_on_through_glass_holes_and_backs(self):
         floor = _quad(-1.0, 0, [0.2, 0.4, 0.6, 1.0])

@@ -58,7 +58,7 @@ def _with(value, *keys):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (_without("suite"), "suite = None"),
         (_with(2, "schema"), "schema = 2"),
@@ -73,10 +73,10 @@ def _with(value, *keys):
         (_with({1, 2}, "remark"), "is no JSON"),
     ],
 )
-def test_what_is_no_report_is_refused(report, change, told):
+def test_what_is_no_report_is_refused(report, change, message):
     changed = copy.deepcopy(report)
     change(changed)
-    with pytest.raises(BenchmarkError, match=told):
+    with pytest.raises(BenchmarkError, match=message):
         check(changed)
 
 

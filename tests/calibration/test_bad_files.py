@@ -184,7 +184,7 @@ def test_gazebo_cameras_of_one_name_are_told_apart(old, new, names, tmp_path):
 def test_yaml_in_its_other_ways_of_writing_is_read(tmp_path):
     plain = FOLDER / "kalibr_tum_vi.yaml"
     cameras = yaml.safe_load(plain.read_text())
-    quoted = "".join(f'"{name}": {json.dumps(told)}\n' for name, told in cameras.items())
+    quoted = "".join(f'"{name}": {json.dumps(table)}\n' for name, table in cameras.items())
     (tmp_path / "quoted.yaml").write_text(quoted)
     (tmp_path / "crlf.yaml").write_bytes(
         b"\xef\xbb\xbf" + plain.read_bytes().replace(b"\n", b"\r\n")

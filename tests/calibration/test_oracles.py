@@ -153,11 +153,11 @@ def test_a_plain_yaml_reader_finds_floats_for_kalibr(name, tmp_path):
     camera = CAMERA_EXAMPLES[name]
     tiny = dataclasses.replace(camera, principal_point_px=(1e-5, 250.0))
     calibration_of(tiny).save(tmp_path / "camchain.yaml", "kalibr")
-    told = yaml.safe_load((tmp_path / "camchain.yaml").read_text())["cam0"]
-    numbers = told["intrinsics"] + told["distortion_coeffs"]
+    document = yaml.safe_load((tmp_path / "camchain.yaml").read_text())["cam0"]
+    numbers = document["intrinsics"] + document["distortion_coeffs"]
     assert all(type(number) is float for number in numbers)
-    assert told["intrinsics"][-2:] == [1e-5, 250.0]
-    assert told["resolution"] == [camera.width_px, camera.height_px]
+    assert document["intrinsics"][-2:] == [1e-5, 250.0]
+    assert document["resolution"] == [camera.width_px, camera.height_px]
 
 
 def test_matlabs_ocamcalib_counts_from_one(tmp_path):
@@ -252,10 +252,10 @@ def test_nerfstudios_rays_agree(tmp_path):
     """Through (u + 0.5, v + 0.5), y up and z back."""
     camera = CAMERA_EXAMPLES["equirectangular"]
     calibration_of(camera).save(tmp_path / "a.json", "nerfstudio")
-    told = json.loads((tmp_path / "a.json").read_text())
+    document = json.loads((tmp_path / "a.json").read_text())
     u, v = np.array([0.0, 17.0, 399.0]), np.array([0.0, 80.0, 199.0])
-    x = (u + 0.5 - told["cx"]) / told["fl_x"]
-    y = -(v + 0.5 - told["cy"]) / told["fl_y"]
+    x = (u + 0.5 - document["cx"]) / document["fl_x"]
+    y = -(v + 0.5 - document["cy"]) / document["fl_y"]
     theta, phi = -math.pi * x, math.pi * (0.5 - y)  # its equirectangular camera
     theirs = np.stack(
         (-np.sin(theta) * np.sin(phi), np.cos(phi), -np.cos(theta) * np.sin(phi)), axis=-1

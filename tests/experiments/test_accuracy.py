@@ -61,8 +61,8 @@ def test_seeds_are_averaged_over_what_is_known():
 
 
 def test_the_real_setting_starts_without_any_doubt():
-    told = read_parameters(REAL_PARAMETERS)
-    assert told.start.position_sigma_m == told.start.heading_sigma_deg == 0.0
+    parameters = read_parameters(REAL_PARAMETERS)
+    assert parameters.start.position_sigma_m == parameters.start.heading_sigma_deg == 0.0
     camera = real_camera()
     assert {"defocus", "shutter", "exposure", "noise", "bayer", "dirt"} <= camera.parts.keys()
 

@@ -27,9 +27,9 @@ def test_a_hand_is_as_good_as_it_says():
     exact = pick_landmarks(pose, mount, landmarks, Hand(sigma_px=0.0, farthest_m=9.0), generator)
     assert {each.candidates[0] for each in exact} == set(landmarks.corners_m)
     for each in exact:
-        told = expect(tuple(pose), mount.position_m, landmarks.corners(each.candidates[0]))
-        assert abs(each.range_m - told[0]) < 1e-9
-        assert abs(math.remainder(each.bearing_rad - told[4], 2.0 * math.pi)) < 1e-9
+        expected = expect(tuple(pose), mount.position_m, landmarks.corners(each.candidates[0]))
+        assert abs(each.range_m - expected[0]) < 1e-9
+        assert abs(math.remainder(each.bearing_rad - expected[4], 2.0 * math.pi)) < 1e-9
     errors = []
     for _ in range(150):
         for each, true in zip(

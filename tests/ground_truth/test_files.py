@@ -69,26 +69,26 @@ def test_one_exr_holds_everything(tmp_path):
                 found.values[part], parts[..., index].astype(np.float32), err_msg=part
             )
     np.testing.assert_array_equal(found.values["G"], np.float32(0.25))
-    told = found.metadata["labels"]
-    assert {"id": 300, "name": "goal", "color": [0, 0, 255]} in told["classes"]
-    assert {"id": 2, "name": "goal_a", "class": 300} in told["instances"]
+    labels = found.metadata["labels"]
+    assert {"id": 300, "name": "goal", "color": [0, 0, 255]} in labels["classes"]
+    assert {"id": 2, "name": "goal_a", "class": 300} in labels["instances"]
     assert json.loads((tmp_path / "frame.coco.json").read_text())["images"][0]["width"] == 9
 
 
 def test_files_beside_a_picture_say_what_their_numbers_mean(tmp_path):
     channels = _channels()
     _frame(channels).save(tmp_path / "a.png")
-    told = json.loads((tmp_path / "a.channels.json").read_text())
+    document = json.loads((tmp_path / "a.channels.json").read_text())
     there = {path.name for path in tmp_path.iterdir()}
-    named = {name for channel in told["channels"].values() for name in channel["files"]}
+    named = {name for channel in document["channels"].values() for name in channel["files"]}
     assert there == named | {"a.png", "a.channels.json", "a.coco.json"}
-    assert told["labels"]["classes"][0]["name"] == "nothing"
+    assert document["labels"]["classes"][0]["name"] == "nothing"
 
     hit = np.isfinite(channels["range"])
     steps, _ = read_image(tmp_path / "a.range.png")
     assert steps.dtype == np.uint16
     near = hit & (channels["range"] < 65.0)
-    scale = told["channels"]["range"]["steps_per_m"]
+    scale = document["channels"]["range"]["steps_per_m"]
     np.testing.assert_allclose(
         steps[near, 0] / scale, channels["range"][near], atol=0.5 / scale + 1e-5
     )
@@ -97,7 +97,7 @@ def test_files_beside_a_picture_say_what_their_numbers_mean(tmp_path):
         channels["range"] > 66.0]] == 65535).all()  # fmt: skip
 
     normals, _ = read_image(tmp_path / "a.normals.png")
-    scale = told["channels"]["normals"]
+    scale = document["channels"]["normals"]
     decoded = (normals.astype(float) - scale["zero"]) / scale["steps_per_unit"]
     np.testing.assert_allclose(decoded[hit], channels["normals"][hit], atol=2e-5)
     assert not normals[~hit].any()

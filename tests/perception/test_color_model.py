@@ -136,7 +136,7 @@ def _flat_counts():
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "reason"),
     [
         ({"format": np.inf}, "is no model"),
         ({"smoothing": 0.0}, "smoothing = 0: want a finite number above 0"),
@@ -147,13 +147,13 @@ def _flat_counts():
         ({"colors": np.array([{}])}, "is no model"),  # would have to be unpickled
     ],
 )  # fmt: skip
-def test_a_model_that_cannot_be_is_refused_in_one_line(tmp_path, changed, told):
+def test_a_model_that_cannot_be_is_refused_in_one_line(tmp_path, changed, reason):
     _stored(tmp_path / "model.npz", **changed)
     with pytest.raises(LocalizationError) as caught:
         load_model(tmp_path / "model.npz")
     message = str(caught.value)
     assert message.startswith(str(tmp_path / "model.npz"))
-    assert told in message
+    assert reason in message
     assert "\n" not in message
 
 

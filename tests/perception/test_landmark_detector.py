@@ -60,8 +60,8 @@ def test_every_landmark_is_found_where_it_is(field):
     for (x, y, yaw_deg), picture in zip(PLACES, pictures, strict=True):
         found = {each.landmark: each for each in detector(picture)}
         for name, corners in landmarks.corners_m.items():
-            told = expect((x, y, math.radians(yaw_deg)), mount.position_m, corners)
-            range_m, bearing = told[0], told[4]
+            expected = expect((x, y, math.radians(yaw_deg)), mount.position_m, corners)
+            range_m, bearing = expected[0], expected[4]
             if range_m < 4.0:
                 assert name in found, f"{name} at {range_m:.2f} m is not found from {x, y}"
             if name not in found:

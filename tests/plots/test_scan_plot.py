@@ -55,9 +55,9 @@ def test_axes_are_equal_and_left_is_left():
     assert low < min(0.0, x.min()) < x.max() < high
 
 
-@pytest.mark.parametrize("told", [np.inf, -np.inf, 0.2])
-def test_scans_without_extent_have_a_plot_too(told, tmp_path):
-    write_plot(tmp_path / "a.png", scan_figure(scan_with(np.full(181, told))))
+@pytest.mark.parametrize("range_m", [np.inf, -np.inf, 0.2])
+def test_scans_without_extent_have_a_plot_too(range_m, tmp_path):
+    write_plot(tmp_path / "a.png", scan_figure(scan_with(np.full(181, range_m))))
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 

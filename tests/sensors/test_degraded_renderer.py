@@ -182,9 +182,9 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     np.testing.assert_array_equal(frame.valid, perfect.valid)
     assert not frame.rgb[~frame.valid].any()
     frame.save(tmp_path / "a.png")
-    told = read_image(tmp_path / "a.png")[1]["degradation"]
-    assert told["parameters"]["noise"]["full_well_e"] == degradation.noise.full_well_e
-    assert told["noise"] == {"seed": 3, "frame_number": 2}
+    recorded = read_image(tmp_path / "a.png")[1]["degradation"]
+    assert recorded["parameters"]["noise"]["full_well_e"] == degradation.noise.full_well_e
+    assert recorded["noise"] == {"seed": 3, "frame_number": 2}
 
 
 def test_exposure_doubles_light_and_auto_exposure_reaches_its_target():
@@ -200,15 +200,15 @@ def test_exposure_doubles_light_and_auto_exposure_reaches_its_target():
             return frame.linear, frame.valid, frame.metadata["degradation"]["exposure"]
 
         plain, valid, _ = linear(Exposure())
-        brighter, _, told = linear(Exposure(ev=1.0))
+        brighter, _, recorded = linear(Exposure(ev=1.0))
         np.testing.assert_allclose(brighter, 2.0 * plain, rtol=1e-6)
-        assert told == {"ev": 1.0, "metered_ev": 1.0}
-        seen, _, told = linear(Exposure(auto=True, target=0.1))
+        assert recorded == {"ev": 1.0, "metered_ev": 1.0}
+        seen, _, recorded = linear(Exposure(auto=True, target=0.1))
         luminance = seen[valid] @ (0.2126, 0.7152, 0.0722)
         assert luminance.mean() == pytest.approx(0.1, rel=1e-4)
         lagging, _, late = linear(Exposure(auto=True, target=0.1), exposure_ev=0.0)
         np.testing.assert_allclose(lagging, plain, rtol=1e-6)
-        assert late == {"ev": 0.0, "metered_ev": told["metered_ev"]}
+        assert late == {"ev": 0.0, "metered_ev": recorded["metered_ev"]}
 
 
 def test_auto_exposure_lags_as_a_filter_of_first_order():

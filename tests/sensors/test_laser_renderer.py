@@ -183,12 +183,12 @@ def test_the_file_says_all(tmp_path):
     scan.save_csv(path)
     lines = path.read_text(encoding="utf-8").splitlines()
     comments = dict(line[2:].split(": ", 1) for line in lines if line.startswith("#"))
-    told = {key: json.loads(value) for key, value in comments.items()}
-    assert told["scene"] == "test"
-    assert told["scan_number"] == 0
-    parameters = {key: told[key] for key in dataclasses.asdict(scanner)}
+    header = {key: json.loads(value) for key, value in comments.items()}
+    assert header["scene"] == "test"
+    assert header["scan_number"] == 0
+    parameters = {key: header[key] for key in dataclasses.asdict(scanner)}
     assert LaserScanner(**parameters) == scanner
-    np.testing.assert_array_equal(told["world_from_scanner"], scan.world_from_scanner)
+    np.testing.assert_array_equal(header["world_from_scanner"], scan.world_from_scanner)
     assert lines[len(comments)] == "beam,angle_deg,range_m"
     beams, angles_deg, ranges_m = np.loadtxt(path, delimiter=",", skiprows=len(comments) + 1).T
     np.testing.assert_array_equal(beams, np.arange(181))

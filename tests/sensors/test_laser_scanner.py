@@ -134,10 +134,10 @@ def test_any_scan_can_be_made_again_alone():
 def test_limits_and_rounding():
     scanner = LaserScanner().without_noise()
     given = [0.0, 0.0994, 0.0996, 0.1, 1.23449, 1.2351, 8.19, 8.1904, 8.1906, 9.0, np.inf]
-    told = [-np.inf, -np.inf, 0.1, 0.1, 1.234, 1.235, 8.19, 8.19, np.inf, np.inf, np.inf]
+    expected = [-np.inf, -np.inf, 0.1, 0.1, 1.234, 1.235, 8.19, 8.19, np.inf, np.inf, np.inf]
     true_m = np.full(scanner.beams, np.inf)
     true_m[: len(given)] = given
-    np.testing.assert_array_equal(scanner.measure(true_m, 0)[: len(told)], told)
+    np.testing.assert_array_equal(scanner.measure(true_m, 0)[: len(expected)], expected)
     coarse = LaserScanner.lms200(mode="cm").without_noise().measure(true_m, 0)
     assert coarse[4] == 1.23
     exact = scanner.without_errors().measure(true_m, 0)

@@ -59,13 +59,15 @@ def _told(folder, step):
 def test_exposure_lags_by_what_the_pictures_tell(whole, scene, vehicle):
     truth = Drive(scene, vehicle, ROUTE, seed=7).plan().truth
     exposure = vehicle.camera().sensor.degradation.exposure
-    told = [_told(whole, step)["exposure"] for step in range(len(truth))]
-    assert told[0]["ev"] == told[0]["metered_ev"]  # it has settled where it starts
+    exposures = [_told(whole, step)["exposure"] for step in range(len(truth))]
+    assert exposures[0]["ev"] == exposures[0]["metered_ev"]  # it has settled where it starts
     for step in range(1, len(truth)):
-        before = told[step - 1]
+        before = exposures[step - 1]
         later_s = truth.times_s[step] - truth.times_s[step - 1]
-        assert told[step]["ev"] == exposure.next_ev(before["ev"], before["metered_ev"], later_s)
-    assert np.ptp([one["ev"] for one in told]) > 0.02  # else this is no test
+        assert exposures[step]["ev"] == exposure.next_ev(
+            before["ev"], before["metered_ev"], later_s
+        )
+    assert np.ptp([one["ev"] for one in exposures]) > 0.02  # else this is no test
     assert any(_told(whole, step)["sub_frames"] > 1 for step in range(len(truth)))
 
 

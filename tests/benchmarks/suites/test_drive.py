@@ -55,8 +55,8 @@ def test_a_start_is_told_and_held(report, monkeypatch):
     assert {row["what"] for row in rows[2:]} == set(PHASES)
     (bound,) = drive._bounds(rows)
     assert (bound.value, bound.passed) == (1.0, True)
-    told = "\n".join(drive.lines({**report, "rows": [*report["rows"], *rows]}))
-    assert "start-up, shaders compiled anew: 2.00 s (3.00 s of the processor)" in told
+    lines = "\n".join(drive.lines({**report, "rows": [*report["rows"], *rows]}))
+    assert "start-up, shaders compiled anew: 2.00 s (3.00 s of the processor)" in lines
 
 
 def test_a_scene_without_a_path_cannot_be_driven_through():

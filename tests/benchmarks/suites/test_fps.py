@@ -47,16 +47,16 @@ def test_bound_is_that_of_frames_per_second(report):
     assert bound["value"] == pytest.approx(fast[4096]["fps"] / fast[16]["fps"])
     assert bound["value"] == fast[4096]["share"]
     assert fast[16]["share"] == 1.0
-    told = fps.lines(report)
-    assert sum(line.startswith(("holds", "FAILS")) for line in told) == 2
-    assert sum("the paper found them alike" in line for line in told) == 2
+    lines = fps.lines(report)
+    assert sum(line.startswith(("holds", "FAILS")) for line in lines) == 2
+    assert sum("the paper found them alike" in line for line in lines) == 2
 
 
 def test_remark_tells_the_cost_beside_the_view():
     ones = np.ones(30)
     seconds = {"no sensor": 0.010 * ones, "lms200": 0.012 * ones, "1024": 0.018 * ones}
-    told = fps._remark("soccer", "fast", Timings(seconds, seconds))
-    assert "costs 8.0 ms, the LMS200 2.0 ms: 4.0 times as much" in told
+    lines = fps._remark("soccer", "fast", Timings(seconds, seconds))
+    assert "costs 8.0 ms, the LMS200 2.0 ms: 4.0 times as much" in lines
 
 
 def test_patrol_goes_along_the_path_and_turns_where_there_is_none():

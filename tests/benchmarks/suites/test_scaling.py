@@ -21,8 +21,8 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
     options = Options(rounds=1, warm_up=0, scenes=("rings",))
     report = scaling.run(options, triangles=(1000,), sizes_px=(32, 64), cameras=(1, 3))
     check(report)
-    told = [(row["against"], row["picture_px"], row["cameras"]) for row in report["rows"]]
-    assert told == [
+    rows = [(row["against"], row["picture_px"], row["cameras"]) for row in report["rows"]]
+    assert rows == [
         ("triangles", 360, 1), ("picture", 32, 1), ("picture", 64, 1), ("cameras", 360, 1),
         ("cameras", 360, 3),
     ]  # fmt: skip
@@ -33,7 +33,7 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
     if has_embree():
         assert report["bounds"][0]["value"] == town["embree_ratio"]
         assert town["as_good_psnr_db"] >= town["embree_psnr_db"] > 10.0
-    assert len(scaling.lines(report)) >= 1 + len(told)
+    assert len(scaling.lines(report)) >= 1 + len(rows)
     scaling.plot(report, tmp_path / "scaling.png")
     assert (tmp_path / "scaling.png").stat().st_size > 0
 

@@ -26,8 +26,8 @@ def test_what_is_broken(monkeypatch, broken):
         raise broken
 
     monkeypatch.setattr(oracles, "import_module", import_module)
-    told = import_failure("mitsuba")
-    assert told.startswith(
+    message = import_failure("mitsuba")
+    assert message.startswith(
         "mitsuba is here and cannot be imported; sudo apt-get install libatomic1"
     )
-    assert "\n" not in told
+    assert "\n" not in message
