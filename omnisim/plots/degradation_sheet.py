@@ -45,31 +45,53 @@ WHOLE = {
     "ideal": Degradation(),
     "reflectance 0.7, warm tint": Degradation(reflectance=Reflectance(0.7, (1.0, 0.93, 0.8))),
     "dust and scratches": Degradation(
-        dirt=Dirt(140, 1.7, 0.7, 18, 0.5, 80.0, 0.5, dust_glow=0.05, scratch_glow=0.8)
+        dirt=Dirt(
+            dust_count=140,
+            dust_radius_px=1.7,
+            dust_opacity=0.7,
+            scratch_count=18,
+            scratch_width_px=0.5,
+            scratch_length_px=80.0,
+            scratch_opacity=0.5,
+            dust_glow=0.05,
+            scratch_glow=0.8,
+        )
     ),
     "vignetting, cos⁴ to 30°": Degradation(vignetting=Vignetting.cos4(math.tan(math.pi / 6.0))),
-    "exposure +1.5 EV": Degradation(exposure=Exposure(1.5)),
+    "exposure +1.5 EV": Degradation(exposure=Exposure(ev=1.5)),
     "auto-exposure, target 0.06": Degradation(exposure=Exposure(auto=True, target=0.06)),
     "white balance of lamplight": Degradation(
         white_balance=WhiteBalance((1.0, 0.8, 0.5), (1.0, 1.0, 1.0))
     ),
     "gamma 1": Degradation(encoding=Encoding(1.0)),
     "gamma 2.2, 3 bits": Degradation(encoding=Encoding(2.2, 3)),
-    "exposure 50 ms, turning left": Degradation(shutter=Shutter(0.05)),
+    "exposure 50 ms, turning left": Degradation(shutter=Shutter(exposure_s=0.05)),
 }
 PARTS = {
     "ideal": Degradation(),
     "defocus 1 to 3 px": Degradation(defocus=Defocus(1.0, 3.0)),
     "red +1 %, blue −1 %": Degradation(chromatic_aberration=ChromaticAberration(1.01, 0.99)),
-    "noise: full well of 500 e⁻": Degradation(noise=Noise(500.0, None, 3.0, bit_depth=10)),
-    "read noise 60 of 3000 e⁻": Degradation(noise=Noise(3000.0, None, 60.0, 0.0, 60.0, 10)),
+    "noise: full well of 500 e⁻": Degradation(
+        noise=Noise(full_well_e=500.0, read_noise_e=3.0, bit_depth=10)
+    ),
+    "read noise 60 of 3000 e⁻": Degradation(
+        noise=Noise(
+            full_well_e=3000.0,
+            read_noise_e=60.0,
+            dark_current_e_per_s=0.0,
+            black_level_dn=60.0,
+            bit_depth=10,
+        )
+    ),
     "Bayer mosaic RGGB": Degradation(bayer=Bayer(demosaic="none")),
     "demosaicked bilinearly": Degradation(bayer=Bayer(demosaic="bilinear")),
     "demosaicked by Malvar": Degradation(bayer=Bayer()),
-    "noise, then Malvar": Degradation(noise=Noise(500.0, None, 3.0), bayer=Bayer()),
+    "noise, then Malvar": Degradation(
+        noise=Noise(full_well_e=500.0, read_noise_e=3.0), bayer=Bayer()
+    ),
     "JPEG, quality 50": Degradation(jpeg=Jpeg(50)),
     "JPEG, quality 10": Degradation(jpeg=Jpeg(10)),
-    "exposure 50 ms, turning": Degradation(shutter=Shutter(0.05)),
+    "exposure 50 ms, turning": Degradation(shutter=Shutter(exposure_s=0.05)),
 }
 AHEAD = {
     "perspective lens": Degradation(),

@@ -27,7 +27,7 @@ MAX_SEED = 2**32 - 1  # one word of NumPy's seeds each, so that no two runs of w
 _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LaserScanner(Parameters, name="scanner"):
     """Range and error model of a scanner. Without arguments: an LMS200 in mm mode.
 

@@ -17,7 +17,7 @@ from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.valid_mask import valid_mask
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TakenPicture:
     """A picture with its camera and poses.
 
@@ -93,7 +93,13 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
         covered &= finite
         pixels[~finite] = 0.0
     return TakenPicture(
-        pixels, covered, camera, base_from_optical, world_from_base, world_from_optical, metadata
+        pixels=pixels,
+        covered=covered,
+        camera=camera,
+        base_from_optical=base_from_optical,
+        world_from_base=world_from_base,
+        world_from_optical=world_from_optical,
+        metadata=metadata,
     )
 
 

@@ -128,7 +128,10 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
         (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step 0 m: want more"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: want"),
         (["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"], "seed -1: want a whole"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"], "size 0: want at least 1"),
+        (
+            ["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"],
+            "size: expected at least 1, got 0",
+        ),
         (
             ["soccer", "--robot", "p2at", "--path", "lap", "-n", "7"],
             "polygons, got 7",

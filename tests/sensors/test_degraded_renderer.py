@@ -90,14 +90,14 @@ def test_exposure_blurs_an_edge_evenly_over_its_way():
 
 def test_the_pose_is_that_of_the_middle_of_the_frame():
     """And at rest the shutter does nothing."""
-    still = _looking_ahead(Degradation(shutter=Shutter(0.01, 0.02)))
+    still = _looking_ahead(Degradation(shutter=Shutter(exposure_s=0.01, readout_s=0.02)))
     with Renderer(_wall_on_the_right(), still, unlit=True) as renderer:
         at_rest = renderer.render(np.eye(4), linear=True)
         motion = Twist((0.0, 0.0, 0.0)).through(np.eye(4))
         again = renderer.render(np.eye(4), linear=True, motion=motion)
         assert at_rest.metadata["degradation"]["sub_frames"] == 1
     np.testing.assert_array_equal(at_rest.linear, again.linear)
-    moving = _turning_left(Shutter(0.01, 0.02))
+    moving = _turning_left(Shutter(exposure_s=0.01, readout_s=0.02))
     assert _edges_px(moving.linear)[15:17].mean() == pytest.approx(23.5, abs=0.1)
 
 
@@ -227,7 +227,7 @@ def test_auto_exposure_lags_as_a_filter_of_first_order():
 def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
     """The noise of a blurred picture is not blurred."""
     sensor = OmniCamera().resized(90)
-    both = Degradation(defocus=Defocus(3.0, 3.0), noise=Noise(500.0, None, 0.0))
+    both = Degradation(defocus=Defocus(3.0, 3.0), noise=Noise(full_well_e=500.0, read_noise_e=0.0))
     blurred = Degradation(defocus=Defocus(3.0, 3.0))
     with Stage(scene_of([room()])) as stage:
         pictures = []
@@ -240,7 +240,9 @@ def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
 
 
 def test_a_motion_that_is_no_pose_is_refused():
-    sensor = _looking_ahead(Degradation(shutter=Shutter(0.01)), supersampling=1, samples=1)
+    sensor = _looking_ahead(
+        Degradation(shutter=Shutter(exposure_s=0.01)), supersampling=1, samples=1
+    )
     with (
         Renderer(_wall_on_the_right(), sensor) as renderer,
         pytest.raises(OmnisimError, match="pose: expected"),

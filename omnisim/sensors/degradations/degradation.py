@@ -24,7 +24,7 @@ from omnisim.sensors.degradations.vignetting import Vignetting
 from omnisim.sensors.degradations.white_balance import WhiteBalance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Degradation:
     """Effects of a camera; None: not there. By default the camera is ideal.
 

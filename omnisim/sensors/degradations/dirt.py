@@ -41,7 +41,7 @@ SOFT = 0.35  # of a speck's radius: half of the width of its edge
 SPACING_PX = 0.25  # of the dots that a scratch is drawn with
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Dirt(OpticalEffect, name="degradation.dirt"):
     """Specks and scratches, drawn by their seed."""
 

@@ -28,7 +28,7 @@ from omnisim.sensors.degradations.picture_geometry import LinearPicture, Picture
 from omnisim.sensors.degradations.reflectance import multiplied
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Exposure(SensorEffect, name="degradation.exposure"):
     """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
 

@@ -43,7 +43,7 @@ MAX_COUNTED = 128  # more do not come from a mean below NORMAL_FROM_E
 SMALLEST_TERM = 2.0**-27
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Noise(SensorEffect, name="degradation.noise"):
     """Poisson distributed electrons and normal read noise, rounded and clipped.
 

@@ -46,7 +46,7 @@ SubFrames = Annotated[
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Shutter(Effect, name="degradation.shutter"):
     """Exposure of the rows, one after the other or all at once."""
 

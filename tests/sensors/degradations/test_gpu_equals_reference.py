@@ -101,7 +101,13 @@ def test_random_numbers_have_the_same_bits(context):
 @pytest.mark.parametrize("full_well_e", [40.0, 3000.0])
 def test_noise_equals_its_reference_but_for_ties(context, full_well_e):
     """Whole electrons: a last bit decides one in thousands otherwise, by one step."""
-    noise = Noise(full_well_e, None, 1.7, 30.0, 5.0, 10)
+    noise = Noise(
+        full_well_e=full_well_e,
+        read_noise_e=1.7,
+        dark_current_e_per_s=30.0,
+        black_level_dn=5.0,
+        bit_depth=10,
+    )
     picture, key = random_picture(), key_of("noise", 3)
     shot = Shot(exposure_s=0.02, noise_key=key, frame_number=7)
     steps = noise.steps(GEOMETRY, shot)

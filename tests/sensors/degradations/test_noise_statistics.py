@@ -31,7 +31,14 @@ def test_photon_transfer_curve_is_a_line_of_the_stated_gain(context):
     (√(2/n)), the slope of the weighted line to 0.2 % and the read noise to 0.4 %: 2 % is five
     standard deviations.
     """
-    noise = Noise(30_000.0, 2.5, 12.0, 0.0, 100.0, 12)
+    noise = Noise(
+        full_well_e=30_000.0,
+        gain_e_per_dn=2.5,
+        read_noise_e=12.0,
+        dark_current_e_per_s=0.0,
+        black_level_dn=100.0,
+        bit_depth=12,
+    )
     levels = np.concatenate(((0.0,), np.geomspace(0.005, 0.8, 13)))
     drawn = _noisy(context, noise, flat_picture(levels)) * noise.white_e / noise.gain
     fields = drawn.reshape(len(levels), -1).astype(np.float64)
@@ -50,7 +57,13 @@ def test_photon_transfer_curve_is_a_line_of_the_stated_gain(context):
 
 
 def test_bright_light_saturates_and_dark_current_is_taken_off(context):
-    noise = Noise(1000.0, None, 0.0, 5000.0, 0.0, 8)
+    noise = Noise(
+        full_well_e=1000.0,
+        read_noise_e=0.0,
+        dark_current_e_per_s=5000.0,
+        black_level_dn=0.0,
+        bit_depth=8,
+    )
     drawn = _noisy(context, noise, flat_picture([0.0, 0.5, 40.0]))
     dark, middle, white = drawn.reshape(3, -1)
     assert np.unique(white).size == 1
@@ -98,7 +111,13 @@ def test_random_numbers_are_uniform_and_normal():
 
 def test_noise_has_no_pattern(context):
     """Between neighbours, colours and frames nothing is correlated, and no frequency stands out."""
-    noise = Noise(20_000.0, None, 5.0, 0.0, 50.0, 14)
+    noise = Noise(
+        full_well_e=20_000.0,
+        read_noise_e=5.0,
+        dark_current_e_per_s=0.0,
+        black_level_dn=50.0,
+        bit_depth=14,
+    )
     frames = [
         _noisy(context, noise, flat_picture([0.4], 256, 256), frame).astype(np.float64)
         for frame in range(2)
