@@ -93,6 +93,7 @@ class LaserScanner(Parameters, name="scanner"):
     @classmethod
     def usarsim(
         cls,
+        *,
         scan_fov_rad: float = 3.14159,
         resolution_rad: float = 0.01745,
         max_range_m: float = 20.0,

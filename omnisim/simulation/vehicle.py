@@ -218,12 +218,13 @@ def _scanner(mount: SensorMount) -> LaserScanner:
         return scanner if mount.noise else scanner.without_noise()
     if isinstance(mount, RangeScannerMount):
         return LaserScanner.usarsim(
-            min(mount.scan_fov_rad, 2.0 * math.pi),  # a turn, whose last digit is rounded up
-            mount.resolution_rad,
-            mount.max_range_m,
-            mount.min_range_m,
-            mount.noise_share,
-            mount.seed,
+            # a turn, whose last digit is rounded up
+            scan_fov_rad=min(mount.scan_fov_rad, 2.0 * math.pi),
+            resolution_rad=mount.resolution_rad,
+            max_range_m=mount.max_range_m,
+            min_range_m=mount.min_range_m,
+            noise=mount.noise_share,
+            seed=mount.seed,
         )
     raise TypeError(f"no scanner is made of a {type(mount).__name__}")
 
