@@ -32,5 +32,5 @@ def renew_table(mark: str, table: str) -> None:
         flags=re.DOTALL,
     )
     if count != 1:
-        sys.exit(f"README.md: want one place for the {mark}, between its two comments")
+        sys.exit(f"README.md: expected one place for {mark} between two comments, got {count}")
     readme.write_text(text, encoding="utf-8")

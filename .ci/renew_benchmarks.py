@@ -47,7 +47,7 @@ def main() -> None:
     machines = {report["machine"]["name"] for report in reports.values()}
     commits = {report["machine"]["commit"] for report in reports.values()}
     if len(machines) != 1 or len(commits) != 1:
-        sys.exit(f"{folder}: want reports of one machine and one commit: run all suites again")
+        sys.exit(f"{folder}: expected reports of one machine and one commit: run all suites again")
     kept = RESULTS / machines.pop()
     kept.mkdir(parents=True, exist_ok=True)
     for suite in reports:

@@ -16,7 +16,7 @@ from readme import ROOT, renew_figures, renew_table
 # By title of the report: mark in README, folder of the figures, figures that README shows.
 SHOWN = {
     "Validation": (
-        "proof",
+        "validation",
         ROOT / "omnisim" / "validation" / "figures",
         (
             "fig7-rings",

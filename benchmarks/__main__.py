@@ -91,7 +91,7 @@ def _suite_names(suite: str) -> list[str]:
         return available
     if suite not in available:
         near = difflib.get_close_matches(suite, available, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"want {', '.join(available)} or {ALL}"
+        hint = f"did you mean {near[0]!r}?" if near else f"expected {', '.join(available)} or {ALL}"
         raise BenchmarkError(f"suite {suite!r}: no such suite; {hint}")
     return [suite]
 

@@ -37,11 +37,13 @@ class Options:
 
     def __post_init__(self) -> None:
         if self.rounds < 1:
-            raise BenchmarkError(f"--rounds {self.rounds}: want at least 1")
+            raise BenchmarkError(f"--rounds: expected at least 1, got {self.rounds}")
         if self.warm_up < 0:
-            raise BenchmarkError(f"--warm-up {self.warm_up}: want 0 or more")
+            raise BenchmarkError(f"--warm-up: expected 0 or more, got {self.warm_up}")
         if self.device is not None and self.device < 0:
-            raise BenchmarkError(f"--device {self.device}: want 0 or more, see `omnisim info`")
+            raise BenchmarkError(
+                f"--device: expected 0 or more, got {self.device}; see `omnisim info`"
+            )
 
     def fewer(self, times: int) -> Options:
         """Options with so many times fewer rounds, for slow variants."""

@@ -83,11 +83,13 @@ def check(report: Mapping[str, Any]) -> None:
     name = report.get("suite", "report")
     for key, kind in _KINDS.items():
         if type(report.get(key)) is not kind:
-            raise BenchmarkError(f"{name}: {key} = {report.get(key)!r}: want {kind.__name__}")
+            raise BenchmarkError(
+                f"{name}: {key}: expected {kind.__name__}, got {report.get(key)!r}"
+            )
     if report["schema"] != SCHEMA:
-        raise BenchmarkError(f"{name}: schema = {report['schema']}: want {SCHEMA}")
+        raise BenchmarkError(f"{name}: schema: expected {SCHEMA}, got {report['schema']}")
     if not report["rows"]:
-        raise BenchmarkError(f"{name}: rows: want at least one")
+        raise BenchmarkError(f"{name}: rows: expected at least one, got none")
     for at, row in enumerate(report["rows"]):
         _check_row(row, f"{name}: rows[{at}]")
     for at, bound in enumerate(report["bounds"]):
@@ -107,7 +109,7 @@ def bound_lines(report: Mapping[str, Any]) -> list[str]:
     """Bounds as text, a line each."""
     return [
         f"{'holds' if one['passed'] else 'FAILS'}: {one['name']}: {one['value']:.3g}, "
-        f"want {one['sense']} {one['bound']:g}"
+        f"expected {one['sense']} {one['bound']:g}"
         for one in report["bounds"]
     ]
 
@@ -139,29 +141,31 @@ def read_report(path: Path) -> dict[str, Any]:
     except ValueError as reason:
         raise BenchmarkError(f"{path}: is no JSON: {reason}") from None
     if not isinstance(report, dict):
-        raise BenchmarkError(f"{path}: is no report: want an object")
+        raise BenchmarkError(f"{path}: expected a report, got {type(report).__name__}")
     check(report)
     return report
 
 
 def _check_row(row: Any, where: str) -> None:
     if not isinstance(row, dict) or not row:
-        raise BenchmarkError(f"{where}: want names and numbers")
+        raise BenchmarkError(f"{where}: expected names and numbers, got {row!r}")
     for key, value in row.items():
         if type(value) not in _PLAIN or (isinstance(value, float) and not math.isfinite(value)):
-            raise BenchmarkError(f"{where}: {key} = {value!r}: want a word or a finite number")
+            raise BenchmarkError(
+                f"{where}: {key}: expected a word or a finite number, got {value!r}"
+            )
 
 
 def _check_bound(bound: Any, where: str) -> None:
     if not isinstance(bound, dict) or not bound.keys() >= set(_BOUND_KEYS):
-        raise BenchmarkError(f"{where}: want {', '.join(_BOUND_KEYS)}")
+        raise BenchmarkError(f"{where}: expected {', '.join(_BOUND_KEYS)}, got {bound!r}")
     if bound["sense"] not in get_args(Sense):
         raise BenchmarkError(
-            f"{where}: sense = {bound['sense']!r}: want {' or '.join(get_args(Sense))}"
+            f"{where}: sense: expected {' or '.join(get_args(Sense))}, got {bound['sense']!r}"
         )
     for key in ("value", "bound"):
         if type(bound[key]) not in (int, float) or not math.isfinite(bound[key]):
-            raise BenchmarkError(f"{where}: {key} = {bound[key]!r}: want a finite number")
+            raise BenchmarkError(f"{where}: {key}: expected a finite number, got {bound[key]!r}")
     at_least = bound["sense"] == "at least"
     if Measure("", bound["value"], "", bound["bound"], at_least).passed is not bound["passed"]:
         raise BenchmarkError(f"{where}: passed = {bound['passed']}: its value says otherwise")

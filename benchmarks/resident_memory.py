@@ -19,5 +19,5 @@ def resident_bytes() -> int:
     try:
         pages = int(_STATM.read_text(encoding="ascii").split()[1])
     except (OSError, ValueError, IndexError) as reason:
-        raise BenchmarkError(f"{_STATM}: cannot be read ({reason}): want Linux") from None
+        raise BenchmarkError(f"{_STATM}: cannot be read ({reason}): Linux is needed") from None
     return pages * os.sysconf("SC_PAGE_SIZE")

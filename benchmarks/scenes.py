@@ -29,6 +29,6 @@ def load_scenes(options: Options, choice: tuple[str, ...] | None = None) -> dict
     for source in options.scenes or (usual_scenes() if choice is None else choice):
         name = Path(source).stem
         if name in scenes:
-            raise BenchmarkError(f"--scene {source}: want another name than {name!r}, taken before")
+            raise BenchmarkError(f"--scene: expected distinct names, got {name!r} twice")
         scenes[name] = load_scene(source)
     return scenes

@@ -81,7 +81,7 @@ def run(
     frames = FRAMES if frames is None else frames
     name, scene = next(iter(load_scenes(options, (SCENE,)).items()))
     if not scene.paths:
-        raise BenchmarkError(f"--scene {scene.name}: has no path to drive: want one that has")
+        raise BenchmarkError(f"--scene: expected a scene with a path, got {scene.name}")
     source = options.scenes[0] if options.scenes else SCENE
     started = start_up_rows(source, starts, options)
     driven = [_drive(options, scene, setting, count) for setting, count in frames.items()]

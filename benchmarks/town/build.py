@@ -48,7 +48,7 @@ def build_town(triangles: int) -> Scene:
     total = np.cumsum(np.array([_count(parts) + beside for parts in houses])[kind_of_plot])
     if not total[0] // 2 <= triangles <= total[-1]:
         raise BenchmarkError(
-            f"a town of {triangles} triangles: want {total[0] // 2} to {total[-1]}"
+            f"town: expected {total[0] // 2} to {total[-1]} triangles, got {triangles}"
         )
     plots = plots.first(1 + int(np.argmin(np.abs(total - triangles))))
     kind_of_plot = kind_of_plot[: len(plots)]

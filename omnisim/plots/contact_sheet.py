@@ -35,7 +35,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
         OutputError: no picture.
     """
     if not tiles:
-        raise OutputError("a contact sheet without pictures: want at least one")
+        raise OutputError("contact sheet: expected at least one picture, got none")
     cell_width = max(picture.shape[1] for _, picture in tiles) + GAP_PX
     cell_height = max(picture.shape[0] for _, picture in tiles) + GAP_PX + TITLE_PX
     rows = math.ceil(len(tiles) / columns)

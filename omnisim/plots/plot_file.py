@@ -44,9 +44,8 @@ def figure_png(figure: Figure) -> bytes:
 
 
 def _format(path: Path) -> str:
-    name = path.suffix.lower().removeprefix(".")
-    if name not in FORMATS:
-        raise OutputError(
-            f"{path}: unknown plot format: want {', '.join('.' + f for f in FORMATS)}"
-        )
-    return name
+    suffix = path.suffix.lower()
+    if suffix.removeprefix(".") not in FORMATS:
+        expected = ", ".join(f".{name}" for name in FORMATS)
+        raise OutputError(f"{path}: expected {expected}, got {suffix or 'no suffix'}")
+    return suffix.removeprefix(".")

@@ -24,7 +24,9 @@ def check_video_target(path: Path) -> None:
         OutputError: an unknown format, PyAV is not installed, or a place that cannot be written.
     """
     if path.suffix.lower() not in FORMATS:
-        raise OutputError(f"{path}: unknown video format: want {' or '.join(FORMATS)}")
+        raise OutputError(
+            f"{path}: expected {' or '.join(FORMATS)}, got {path.suffix or 'no suffix'}"
+        )
     try:
         import av  # noqa: F401
     except ImportError:
@@ -57,8 +59,8 @@ def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: floa
                     height, width = (side // 2 * 2 for side in picture.shape[:2])
                     if not (height and width):
                         raise OutputError(
-                            f"{path}: pictures of {picture.shape[1]} × "
-                            f"{picture.shape[0]} px: want at least 2 × 2 for a video"
+                            f"{path}: expected pictures of at least 2 × 2 px, got "
+                            f"{picture.shape[1]} × {picture.shape[0]} px"
                         )
                     if count == 0:
                         stream.width, stream.height = width, height
@@ -67,7 +69,7 @@ def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: floa
                     container.mux(stream.encode(frame))
                     count += 1
                 if count == 0:
-                    raise OutputError(f"{path}: there are no pictures to make a video of")
+                    raise OutputError(f"{path}: expected at least one picture, got none")
                 container.mux(stream.encode())
         except av.FFmpegError as reason:
             raise OutputError(f"{path}: cannot be encoded: {reason}") from None

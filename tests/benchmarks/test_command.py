@@ -66,8 +66,8 @@ def test_a_missed_bound_is_status_1(suites, tmp_path):
     ("arguments", "error"),
     [
         (["lense"], "suite 'lense': no such suite; did you mean 'lenses'?"),
-        (["x"], "suite 'x': no such suite; want fps, lenses or all"),
-        (["fps", "--rounds", "0"], "--rounds 0: want at least 1"),
+        (["x"], "suite 'x': no such suite; expected fps, lenses or all"),
+        (["fps", "--rounds", "0"], "--rounds: expected at least 1, got 0"),
         (["fps", "--rounds", "many"], "argument --rounds: invalid int value: 'many'"),
         (["fps", "-o", __file__], f"{__file__}: cannot be made: File exists"),
         ([], "the following arguments are required: suite"),

@@ -32,8 +32,8 @@ def test_report_holds_to_its_schema_and_says_what_failed(report):
     assert report["rounds"] == 3
     assert report["remark"] == "why"
     assert bound_lines(report) == [
-        "FAILS: share: 0.9, want at least 0.97",
-        "holds: cost: 1.1, want at most 1.15",
+        "FAILS: share: 0.9, expected at least 0.97",
+        "holds: cost: 1.1, expected at most 1.15",
     ]
 
 
@@ -60,13 +60,16 @@ def _with(value, *keys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (_without("suite"), "suite = None"),
-        (_with(2, "schema"), "schema = 2"),
-        (_with([], "rows"), "rows: want at least one"),
-        (_with(float("nan"), "rows", 0, "p50_ms"), r"rows\[0\]: p50_ms = nan"),
+        (_without("suite"), "suite: expected str, got None"),
+        (_with(2, "schema"), "schema: expected 1, got 2"),
+        (_with([], "rows"), "rows: expected at least one, got none"),
+        (
+            _with(float("nan"), "rows", 0, "p50_ms"),
+            r"rows\[0\]: p50_ms: expected .* finite number, got nan",
+        ),
         (_with({"a": 1}, "rows", 0, "p50_ms"), r"rows\[0\]: p50_ms"),
-        (_without("bounds", 1, "sense"), r"bounds\[1\]: want name"),
-        (_with("more", "bounds", 1, "sense"), "sense = 'more'"),
+        (_without("bounds", 1, "sense"), r"bounds\[1\]: expected name"),
+        (_with("more", "bounds", 1, "sense"), "sense: expected at least or at most, got 'more'"),
         (_with(True, "bounds", 0, "passed"), "its value says otherwise"),
         (_with(True, "passed"), "its bounds say otherwise"),
         (_without("machine", "renderer"), "machine: renderer is missing"),
@@ -88,7 +91,7 @@ def test_a_value_that_is_no_number_holds_no_bound():
 def test_a_file_that_is_no_report_is_refused(tmp_path):
     path = tmp_path / "fps.json"
     path.write_text("[1]", encoding="utf-8")
-    with pytest.raises(BenchmarkError, match="is no report"):
+    with pytest.raises(BenchmarkError, match="expected a report, got list"):
         read_report(path)
     path.write_text("{", encoding="utf-8")
     with pytest.raises(BenchmarkError, match="is no JSON"):
@@ -106,7 +109,7 @@ def test_machine_says_what_draws(context):
 
 def test_impossible_options_are_refused():
     for wrong in ({"rounds": 0}, {"warm_up": -1}, {"device": -1}):
-        with pytest.raises(BenchmarkError, match="want"):
+        with pytest.raises(BenchmarkError, match="expected"):
             Options(**wrong)
 
 

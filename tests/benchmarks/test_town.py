@@ -67,5 +67,5 @@ def test_texture_is_as_wide_as_what_it_lies_on():
 
 @pytest.mark.parametrize("triangles", [100, 10**9])
 def test_towns_that_cannot_be_are_refused(triangles):
-    with pytest.raises(BenchmarkError, match=f"a town of {triangles} triangles: want"):
+    with pytest.raises(BenchmarkError, match=f"town: expected .* triangles, got {triangles}"):
         build_town(triangles)

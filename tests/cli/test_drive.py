@@ -58,7 +58,7 @@ def test_the_video_shows_the_pictures(omnisim, run_folder, tmp_path):
 
 def test_pictures_too_small_for_a_video(tmp_path):
     pytest.importorskip("av")
-    with pytest.raises(OutputError, match=r"pictures of 1 × 1 px: want at least 2 × 2"):
+    with pytest.raises(OutputError, match=r"at least 2 × 2 px, got 1 × 1 px"):
         write_video(tmp_path / "a.mp4", [np.zeros((1, 1, 3), np.uint8)], 10.0)
     assert not list(tmp_path.iterdir())
 
@@ -156,8 +156,8 @@ def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, mes
     ("arguments", "message"),
     [
         (["plot", "none"], "none: no such folder: want the folder of a run"),
-        (["plot", "run", "-o", "a.bmp"], "a.bmp: unknown plot format"),
-        (["video", "run", "-o", "a.avi"], "a.avi: unknown video format: want .mp4 or .mkv"),
+        (["plot", "run", "-o", "a.bmp"], "a.bmp: expected .png"),
+        (["video", "run", "-o", "a.avi"], "a.avi: expected .mp4 or .mkv, got .avi"),
         (["video", "run", "-o", "a.mp4", "--camera", "omni"], "did you mean 'omnicam'?"),
         (["video", "run", "-o", "a.mp4", "--fps", "0"], "--fps: expected 0.1 to 240"),
         (["video", "none", "-o", "a.mp4"], "none: no such folder"),

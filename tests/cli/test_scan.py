@@ -53,7 +53,7 @@ def test_a_seed_is_a_device(omnisim, tmp_path):
         (["none.glb", "-o", "a.csv"], "none.glb: no such scene file"),
         (["courtyard", "-o", "a.txt"], "--output: expected a .csv file, got a.txt"),
         (["courtyard", "-o", "none/a.csv"], "the folder none does not exist: create it first"),
-        (["courtyard", "-o", "a.csv", "--plot", "a.jpg"], "a.jpg: unknown plot format: want .png"),
+        (["courtyard", "-o", "a.csv", "--plot", "a.jpg"], "a.jpg: expected .png"),
         (
             ["courtyard", "-o", "a.csv", "--resolution", "0.3"],
             "scanner.resolution_deg: expected 1, 0.5 or 0.25, got 0.3",

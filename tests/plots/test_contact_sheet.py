@@ -41,7 +41,7 @@ def test_long_titles_stay_in_their_cells():
 
 
 def test_a_sheet_of_nothing_is_refused():
-    with pytest.raises(OutputError, match="want at least one"):
+    with pytest.raises(OutputError, match="expected at least one"):
         contact_sheet([], 3)
 
 

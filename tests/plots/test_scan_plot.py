@@ -73,7 +73,7 @@ def test_formats(name, first, tmp_path):
 
 
 def test_what_cannot_be_written_is_refused_early(tmp_path):
-    with pytest.raises(OutputError, match=r"a\.gif: unknown plot format: want \.png, \.pdf, \.svg"):
+    with pytest.raises(OutputError, match=r"a\.gif: expected \.png, \.pdf, \.svg, got \.gif"):
         check_plot_target(tmp_path / "a.gif")
     with pytest.raises(OutputError, match="does not exist: create it first"):
         check_plot_target(tmp_path / "none" / "a.png")

@@ -40,7 +40,7 @@ def test_fast_frames_and_memory_are_held(report):
     assert [growth["value"], growth_by_default["value"]] == [row["growth_mib"] for row in memory]
     for row in memory:
         assert row["most_mib"] >= max(row["settled_mib"], row["end_mib"]) > 10.0
-    assert sum("want at most" in line for line in drive.lines(report)) == 3
+    assert sum("expected at most" in line for line in drive.lines(report)) == 3
 
 
 def test_a_start_is_told_and_held(report, monkeypatch):
@@ -60,7 +60,7 @@ def test_a_start_is_told_and_held(report, monkeypatch):
 
 
 def test_a_scene_without_a_path_cannot_be_driven_through():
-    with pytest.raises(BenchmarkError, match="rings: has no path to drive"):
+    with pytest.raises(BenchmarkError, match="expected a scene with a path, got rings"):
         drive.run(Options(scenes=("rings",)), starts=0)
 
 
