@@ -3,41 +3,48 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from urllib.parse import unquote
 
 
-class AssetResolver:
-    """Finds files beside a scene file, as its author meant them.
+class AssetResolver(Mapping[str, bytes]):
+    """Content of the files beside a scene file, by the names that its author meant them by.
 
     Scene files from Windows write `Textures\\Wood.JPG` for `textures/wood.jpg`; names with
     spaces arrive percent-encoded. Both are found. Files outside the scene's folder are read too:
-    scenes refer to `../textures` all the time.
+    scenes refer to `../textures` all the time. (trimesh takes a mapping for a resolver.)
 
     Attributes:
+        file_name: the scene file's; trimesh names the meshes of an OBJ by it.
+        given: content of files that need not be found, by name.
         missing: names of the files that were asked for and are not there.
     """
 
     def __init__(self, scene_file: Path):
+        self.file_name = scene_file.name
+        self.given: dict[str, bytes] = {}
         self.missing: list[str] = []
         self._folder = scene_file.parent
 
-    def has(self, name: str) -> bool:
-        """True where there is a file of that name."""
-        return self._find(name) is not None
+    def __contains__(self, name: object) -> bool:
+        return name in self.given or self._find(str(name)) is not None
 
-    def read(self, name: str) -> bytes:
-        """Content of a file.
-
-        Raises:
-            FileNotFoundError: no such file; its name is then in `missing`.
-        """
+    def __getitem__(self, name: str) -> bytes:
+        if name in self.given:
+            return self.given[name]
         found = self._find(name)
         if found is None:
             if name not in self.missing:
                 self.missing.append(name)
             raise FileNotFoundError(f"{name}: no such file")
         return found.read_bytes()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.given)
+
+    def __len__(self) -> int:
+        return len(self.given)
 
     def _find(self, name: str) -> Path | None:
         plain = unquote(name).strip().removeprefix("file://").replace("\\", "/")

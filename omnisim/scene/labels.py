@@ -68,10 +68,10 @@ def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None
         dynamic_objects: by name; `BODY` is the vehicle's.
     """
     named: list[tuple[str | None, str]] = [(None, each.name) for each in scene.instances]
-    for part, contents in (dynamic_objects or {}).items():
-        named += [(part, each.name) for each in contents.instances]
+    for key, part in (dynamic_objects or {}).items():
+        named += [(key, each.name) for each in part.instances]
     names = dict.fromkeys(named)
-    rules = scene.labels or _rules_by_name({name for part, name in names if part != BODY})
+    rules = scene.labels or _rules_by_name({name for owner, name in names if owner != BODY})
     classes = {rule.id: ClassLabel(rule.id, rule.name, rule.color) for rule in rules}
     ids = {rule.name: rule.id for rule in rules}
     for name in (VEHICLE, UNLABELLED):
@@ -79,18 +79,14 @@ def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None
             ids[name] = max(classes, default=0) + 1
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
     instances, unlabelled = [], []
-    for number, (part, name) in enumerate(names, start=1):
-        found: int | None
-        if part == BODY:
+    for number, (owner, name) in enumerate(names, start=1):
+        found = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
+        if owner == BODY:
             found = ids[VEHICLE]
-        elif scene.labels:
-            found = _first_match(rules, name)
-        else:
-            found = ids[class_name(name)]
-        if found is None:
+        elif found is None:
             found = ids[UNLABELLED]
             unlabelled.append(name)
-        instances.append(InstanceLabel(number, name, found, part))
+        instances.append(InstanceLabel(number, name, found, owner))
     return Labels(
         tuple(classes[number] for number in sorted(classes)),
         tuple(instances),

@@ -52,7 +52,7 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
     """
     path, settings = resolve_source(source)
     if path.suffix.lower() not in _GLTF:
-        from omnisim.scene.trimesh_loader import check_format  # slow to import
+        from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
 
         check_format(path)
     data = read_bytes(path)

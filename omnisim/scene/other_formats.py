@@ -7,6 +7,7 @@ None of them says which side of a triangle is its front reliably, so both are dr
 from __future__ import annotations
 
 import io
+import logging
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,18 +19,35 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.imported_scene import ImportedScene
 from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
-from omnisim.scene.trimesh_loader import load_with_trimesh
 from omnisim.srgb import linear_from_srgb
 
 # What a surface without any colour looks like: a light grey of 80 % on the screen.
 PLAIN_GREY = float(linear_from_srgb(0.8))
 _OPAQUE_FROM = 0.999
+# trimesh also reads paths without surfaces, voxels, and archives of files.
+_NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
+# What it would write to standard error is said by errors and notices.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
+
+def check_format(path: Path) -> None:
+    """Check that trimesh reads surfaces from files with the suffix of `path`.
+
+    Raises:
+        SceneError: it does not.
+    """
+    if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
+        raise SceneError(
+            f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae, or a scene's "
+            f".toml, got {path.suffix or '(no suffix)'!r}"
+        )
 
 
 def read_other(
@@ -40,11 +58,10 @@ def read_other(
     Raises:
         SceneError: damaged vertices or indices, or nothing that trimesh can read.
     """
-    given = {}
     if path.suffix.lower() == ".obj":
         data, names = plain_obj(data)
-        given[MATERIAL_FILES] = _material_files(names, assets)
-    loaded = load_with_trimesh(path, data, assets, given)
+        assets.given[MATERIAL_FILES] = _material_files(names, assets)
+    loaded = _load_with_trimesh(path, data, assets)
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
@@ -66,14 +83,26 @@ def read_other(
     return ImportedScene(tuple(meshes), tuple(materials), tuple(instances), notices)
 
 
+def _load_with_trimesh(path: Path, data: bytes, assets: AssetResolver) -> trimesh.Scene:
+    kind = path.suffix[1:].lower()
+    try:
+        return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=assets, process=False)
+    except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
+        message = f"{' '.join(str(reason).split())[:200]} ({type(reason).__name__})"
+        if isinstance(reason, ImportError):  # trimesh guesses encodings with a library of its own
+            message = "it is not text, and not its binary form either"
+        missing = f"{assets.missing[-1]} is not there; " if assets.missing else ""
+        raise SceneError(f"cannot be read as {kind}: {missing}{message}") from None
+
+
 def _material_files(names: list[str], assets: AssetResolver) -> bytes:
     """All material files that an OBJ's `mtllib` lines name, as one."""
     parts = []
     for line in names:
         # "a.mtl b.mtl" is two files, "my file.mtl" is one
-        for name in [line] if assets.has(line) else line.split():
+        for name in [line] if line in assets else line.split():
             with suppress(FileNotFoundError):
-                parts.append(plain_mtl(assets.read(name)))
+                parts.append(plain_mtl(assets[name]))
     return b"\n".join(parts)
 
 
@@ -171,7 +200,7 @@ def _hole_map(extra: dict[str, Any], assets: AssetResolver) -> NDArray[np.uint8]
     if not extra.get("map_d"):
         return None
     try:
-        pixels = rgba8(Image.open(io.BytesIO(assets.read(" ".join(extra["map_d"])))))
+        pixels = rgba8(Image.open(io.BytesIO(assets[" ".join(extra["map_d"])])))
     except (OSError, ValueError, SyntaxError):  # missing: the resolver has noted its name
         return None
     holes = pixels[..., 3]

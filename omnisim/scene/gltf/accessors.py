@@ -31,21 +31,9 @@ def read_uri(uri: str, assets: AssetResolver) -> bytes:
         OSError, ValueError: there is no such file, or the data URI is damaged.
     """
     if not uri.startswith("data:"):
-        return assets.read(uri)
+        return assets[uri]
     media_type, _, payload = uri.partition(",")
     return base64.b64decode(payload) if ";base64" in media_type else unquote_to_bytes(payload)
-
-
-def to_floats(values: NDArray[Any], normalized: bool) -> NDArray[np.float64]:
-    """Values as floats; normalized integers as the fractions that they stand for.
-
-    Source: glTF 2.0, section 3.6.2.2.
-    """
-    with np.errstate(invalid="ignore"):  # signalling NaNs
-        floats = values.astype(np.float64)
-    if normalized and values.dtype.kind in "iu":
-        return np.maximum(floats / np.iinfo(values.dtype).max, -1.0)
-    return floats
 
 
 class Accessors:
@@ -54,6 +42,7 @@ class Accessors:
     def __init__(self, root: JsonObject, chunk: memoryview, assets: AssetResolver):
         """Read all buffers; one without a URI is the GLB file's `chunk`."""
         self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
+        self._decoded: dict[int, NDArray[Any]] = {}
         self._buffers: list[memoryview] = []
         for buffer in root.objects("buffers"):
             data, uri = chunk, buffer.text("uri", "")
@@ -74,9 +63,22 @@ class Accessors:
             raise SceneError(f"{view.place}: expected {end} bytes in its buffer, got {len(buffer)}")
         return buffer[start:end]
 
+    def replace(self, owner: JsonObject, key: str, values: NDArray[Any]) -> None:
+        """Store decompressed values for the accessor that a property refers to."""
+        self._decoded[owner.index(key, self._accessors)] = values
+
     def floats(self, owner: JsonObject, key: str) -> NDArray[np.float64]:
-        """Values (count, …) of the accessor that a property refers to."""
-        return to_floats(self._values(owner, key), self.is_normalized(owner, key))
+        """Values (count, …) of the accessor that a property refers to.
+
+        Source: glTF 2.0, section 3.6.2.2: normalized integers stand for fractions.
+        """
+        values = self._values(owner, key)
+        with np.errstate(invalid="ignore"):  # signalling NaNs
+            floats = values.astype(np.float64)
+        is_normalized = self._accessors[owner.index(key, self._accessors)].flag("normalized")
+        if is_normalized and values.dtype.kind in "iu":
+            return np.maximum(floats / np.iinfo(values.dtype).max, -1.0)
+        return floats
 
     def integers(self, owner: JsonObject, key: str) -> NDArray[np.int64]:
         """Values (count, …) of the accessor of integers that a property refers to."""
@@ -85,12 +87,11 @@ class Accessors:
             raise owner.error(key, "an accessor of integers")
         return values.astype(np.int64)
 
-    def is_normalized(self, owner: JsonObject, key: str) -> bool:
-        """True where the integers of an accessor stand for fractions."""
-        return self._accessors[owner.index(key, self._accessors)].flag("normalized")
-
     def _values(self, owner: JsonObject, key: str) -> NDArray[Any]:
-        accessor = self._accessors[owner.index(key, self._accessors)]
+        index = owner.index(key, self._accessors)
+        if index in self._decoded:
+            return self._decoded[index]
+        accessor = self._accessors[index]
         count, shape = accessor.integer("count"), accessor.choice("type", _SHAPES)
         dtype = accessor.choice("componentType", _COMPONENT_TYPES)
         if accessor.has("bufferView"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
 from omnisim.errors import SceneError
@@ -26,6 +26,9 @@ class JsonObject:
             raise _error(place, "an object", value)
         self.place = place
         self._values: dict[str, object] = value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
 
     def has(self, key: str) -> bool:
         """True where the property is there."""

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.gltf.accessors import Accessors, to_floats
+from omnisim.scene.gltf.accessors import Accessors
 from omnisim.scene.gltf.json_object import JsonObject
 
 # OpenGL's numbers, as `mode` has them
@@ -27,11 +25,8 @@ class Primitive:
         """Decompress it where needed."""
         self.entry = entry
         self._accessors, self._attributes = accessors, entry.object("attributes")
-        self._ids, self._faces = JsonObject({}, ""), None
-        self._decoded: dict[int, NDArray[Any]] = {}
         if draco := entry.extension("KHR_draco_mesh_compression"):
-            self._ids = draco.object("attributes")
-            self._decoded, self._faces = _decode_draco(draco, accessors.view(draco))
+            self._decode_draco(draco)
 
     def has(self, attribute: str) -> bool:
         """True where the primitive has an attribute."""
@@ -41,11 +36,7 @@ class Primitive:
         """Vertex attribute (n, components), if any."""
         if not self.has(name):
             return None
-        if self._ids.has(name) and self._ids.integer(name) in self._decoded:
-            decoded = self._decoded[self._ids.integer(name)]
-            values = to_floats(decoded, self._accessors.is_normalized(self._attributes, name))
-        else:
-            values = self._accessors.floats(self._attributes, name)
+        values = self._accessors.floats(self._attributes, name)
         if values.ndim != 2:
             raise self._attributes.error(name, "an accessor of vectors")
         return values
@@ -63,9 +54,7 @@ class Primitive:
         Source: glTF 2.0, section 3.7.2.1.
         """
         order = np.arange(vertex_count)
-        if self._faces is not None:
-            order = self._faces.astype(np.int64).ravel()
-        elif self.entry.has("indices"):
+        if self.entry.has("indices"):
             order = self._accessors.integers(self.entry, "indices").ravel()
         mode = self.entry.integer("mode", TRIANGLES)
         if mode == TRIANGLES and len(order) % 3 == 0:
@@ -79,20 +68,22 @@ class Primitive:
             return strip
         raise self.entry.error("mode", f"0 to 6, and triangles of 3 of the {len(order)} indices")
 
-
-def _decode_draco(
-    draco: JsonObject, data: memoryview
-) -> tuple[dict[int, NDArray[Any]], NDArray[Any] | None]:
-    """Attributes by their unique ids, and faces (m, 3), if any."""
-    try:
-        import DracoPy
-    except ImportError:
-        raise SceneError(
-            "is compressed with Draco: pip install DracoPy, or export without it"
-        ) from None
-    try:
-        mesh = DracoPy.decode(bytes(data))
-    except Exception as reason:  # the library documents none
-        raise SceneError(f"{draco.place}: cannot be decoded: {reason!s:.80}") from None
-    faces: NDArray[Any] | None = getattr(mesh, "faces", None)  # a point cloud has none
-    return {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}, faces
+    def _decode_draco(self, draco: JsonObject) -> None:
+        try:
+            import DracoPy
+        except ImportError:
+            raise SceneError(
+                "is compressed with Draco: pip install DracoPy, or export without it"
+            ) from None
+        try:
+            mesh = DracoPy.decode(bytes(self._accessors.view(draco)))
+        except Exception as reason:  # the library documents none
+            raise SceneError(f"{draco.place}: cannot be decoded: {reason!s:.80}") from None
+        values = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
+        ids = draco.object("attributes")
+        for name in ids:
+            if self._attributes.has(name) and ids.integer(name) in values:
+                self._accessors.replace(self._attributes, name, values[ids.integer(name)])
+        faces: NDArray[np.uint32] | None = getattr(mesh, "faces", None)  # a point cloud has none
+        if faces is not None and self.entry.has("indices"):
+            self._accessors.replace(self.entry, "indices", faces)
