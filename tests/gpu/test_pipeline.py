@@ -60,7 +60,7 @@ def test_room_has_the_right_colour_everywhere(context, camera):
 
 
 @examples
-def test_planned_faces_are_those_that_the_picture_sees(camera):
+def test_planned_faces_are_those_of_the_pictures_rays(camera):
     plan = plan_tiles(camera, camera.rig_from_optical)
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     seen = np.unique(face_index(rays.directions[rays.valid] @ camera.rig_from_optical.T))

@@ -79,7 +79,7 @@ def test_face_of_the_warehouse(warehouse, name):
 
 
 def test_exported_mirror_shows_our_picture(tmp_path):
-    """The paper's Fig. 6 by somebody else's renderer: the mirror's file, its texture coordinates,
+    """The paper's Fig. 6 by another renderer: the mirror's file, its texture coordinates,
     the five faces as its texture, and a pinhole camera at its focus make our capture."""
     pyrender = pytest.importorskip("pyrender")
     trimesh = pytest.importorskip("trimesh")

@@ -44,7 +44,7 @@ def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, po
     with Renderer(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(pose)
     expected, valid, faces, hits = _analytic(camera, pose)
-    # a pixel counts where the mirror covers half of its four captures, which stand ¼ px from its
+    # a pixel counts where the mirror covers half of its four samples, which are ¼ px from its
     # middle: those whose middle is up to that far outside may count, too
     radii = np.linalg.norm(pixel_grid(360, 360) - camera.principal_point_px, axis=-1)
     assert np.all(frame.valid[valid])

@@ -1,4 +1,4 @@
-"""A camera that is not perfect, in a scene: shutter, exposure, and nothing where it is ideal."""
+"""Degraded cameras in a scene: shutter, exposure, and no change where they are ideal."""
 
 import numpy as np
 import pytest
@@ -39,13 +39,13 @@ def _wall_on_the_right():
 
 
 def _looking_ahead(degradation, **options):
-    # fine enough for an edge: 4 captures to a side of a pixel, 4 samples in each texel
+    # fine enough for an edge: 4 samples to a side of a pixel, 4 samples in each texel
     options = {"supersampling": 4, "samples": 4, **options}
     return OmniCamera(CAMERA, polygons=None, degradation=degradation, **options)
 
 
 def _edges_px(picture):
-    """Where the white begins (height,), from the light in each row."""
+    """Column (height,) at which the white begins, from the light in each row."""
     return SIZE_PX[0] - 0.5 - picture[..., 0].sum(axis=1)
 
 
@@ -57,12 +57,12 @@ def _turning_left(shutter):
 
 
 def _edge_px(times_s):
-    """Exactly where a camera that turns left sees the edge: ever further to the right."""
+    """Exact column of the edge for a camera that rotates left: ever further to the right."""
     return 23.5 + FOCAL_PX * np.tan(TURN_RADPS * times_s)
 
 
 @pytest.mark.parametrize("exposure_s", [None, 0.01])
-def test_rolling_shutter_slants_an_edge_by_what_the_turn_says(exposure_s):
+def test_rolling_shutter_slants_an_edge_by_the_rotation(exposure_s):
     """A vertical edge, each row at its own time: to 0.1 px everywhere, 3.6 px aslant."""
     frame = _turning_left(Shutter(exposure_s=exposure_s, readout_s=0.05))
     rows = np.arange(SIZE_PX[1])
@@ -77,7 +77,7 @@ def test_rolling_shutter_slants_an_edge_by_what_the_turn_says(exposure_s):
     assert frame.metadata["degradation"]["sub_frames"] > 5
 
 
-def test_exposure_blurs_an_edge_evenly_over_its_way():
+def test_exposure_blurs_an_edge_evenly_along_its_motion():
     frame = _turning_left(Shutter(exposure_s=0.06))
     first, last = _edge_px(np.array([-0.03, 0.03]))
     u = np.arange(SIZE_PX[0])
@@ -101,7 +101,7 @@ def test_the_pose_is_that_of_the_middle_of_the_frame():
     assert _edges_px(moving.linear)[15:17].mean() == pytest.approx(23.5, abs=0.1)
 
 
-def test_twist_is_the_motion_that_it_says():
+def test_twist_moves_along_an_arc():
     start = poses.pose((1.0, 2.0, 0.5), yaw_deg=90.0)
     motion = Twist((2.0, 0.0, 0.0), (0.0, 0.0, np.pi)).through(start)
     np.testing.assert_allclose(motion(0.0), start, atol=1e-15)
@@ -123,7 +123,7 @@ def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
         np.testing.assert_allclose(np.hypot(x, y), chord_m, rtol=1e-9, atol=1e-9 * speed_mps)
 
 
-def test_an_ideal_camera_is_the_same_picture_and_no_pass_more():
+def test_an_ideal_camera_has_the_same_picture_and_no_more_passes():
     scene, pose = scene_of([room()]), np.eye(4)
     ideal = OmniCamera().resized(90)
     with Stage(scene) as stage, Renderer(stage, ideal) as plain:
@@ -133,7 +133,7 @@ def test_an_ideal_camera_is_the_same_picture_and_no_pass_more():
         with Renderer(stage, ideal.with_degradation(preset("ideal")), seed=5) as other:
             same = other.render(pose, linear=True, frame_number=3)
             assert other._passes._degraded is None
-        # what is encoded as it always is has the same bytes through the chain, too
+        # the default encoding has the same bytes through the chain, too
         encoding = Degradation(encoding=Encoding())
         with Renderer(stage, ideal.with_degradation(encoding)) as through:
             chain = through.render(pose, linear=True)
@@ -143,7 +143,7 @@ def test_an_ideal_camera_is_the_same_picture_and_no_pass_more():
     assert np.abs(chain.rgba.astype(int) - expected.rgba).max() <= 1  # float32, not half floats
 
 
-def test_seed_and_frame_decide_and_nothing_else():
+def test_noise_depends_on_seed_and_frame_alone():
     sensor = OmniCamera().resized(90).with_degradation(preset("bad-day"))
     pose = np.eye(4)
     with Stage(scene_of([room()])) as stage:
@@ -262,7 +262,7 @@ def test_an_impossible_exposure_is_refused(exposure_ev):
 
 
 def test_ground_truth_is_that_of_the_ideal_camera():
-    """Whatever becomes of the picture, and whatever moves while it is taken."""
+    """Whatever the degradation and the motion are."""
     ideal = OmniCamera().resized(60)
     also = ("range", "instance", "normals", "flow")
     pose, after = np.eye(4), poses.pose((0.1, 0.0, 0.0), yaw_deg=3.0)

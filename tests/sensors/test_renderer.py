@@ -101,7 +101,7 @@ def test_alpha_mask_and_blend():
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_two_panes_blend_from_far_to_near_whatever_their_order(order):
+def test_blended_panes_are_drawn_back_to_front(order):
     panes = [
         material(1, 0, 0, alpha=0.25, alpha_mode=AlphaMode.BLEND),
         material(0, 1, 0, alpha=0.5, alpha_mode=AlphaMode.BLEND),
@@ -171,12 +171,12 @@ def test_point_and_spot_light_fall_off():
         np.testing.assert_allclose(color, 2.0 / 2.0**2, rtol=2e-3)
 
 
-def test_background_where_nothing_is():
+def test_background_where_no_surface_is():
     color = centre_color(scene_of([quad(+9.0)], [material(1, 0, 0)], background=(0.1, 0.2, 0.3)))
     np.testing.assert_allclose(color, (0.1, 0.2, 0.3), atol=1e-3)
 
 
-def test_near_and_far_are_where_they_are_said_to_be():
+def test_near_and_far_planes_clip():
     sensor = OmniCamera.from_table(
         {"mirror": {"polygons": "exact"}, "virtual_cameras": {"near_m": 0.5, "far_m": 2.0}}
     ).resized(91)
@@ -230,8 +230,8 @@ def test_unlit_material_is_its_colour_in_any_light():
 
 
 @pytest.mark.parametrize("wrap", [Wrap.REPEAT, Wrap.CLAMP_TO_EDGE])
-def test_texture_stands_upright_and_ends_as_it_says(wrap):
-    """Four colours, the first row of the picture at v = 0; beyond the edges as `wrap` says."""
+def test_textures_are_upright_and_wrap(wrap):
+    """Four colours, the first row of the picture at v = 0; beyond the edges by `wrap`."""
     pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
     pixels = np.concatenate((pixels, np.full((2, 2, 1), 255, np.uint8)), axis=-1)
     pixels = pixels.repeat(64, axis=0).repeat(64, axis=1)
@@ -255,7 +255,7 @@ def test_texture_stands_upright_and_ends_as_it_says(wrap):
     assert at(-1.0, -1.0) == ((0, 1, 0) if wrap is Wrap.REPEAT else (1, 0, 0))  # u = −0.25
 
 
-def test_blended_surfaces_do_not_hide_what_is_drawn_after_them():
+def test_blended_surfaces_write_no_depth():
     """The middle of the large pane is farther away, so it is drawn first, in front as it is."""
     pane = material(1, 0, 0, alpha=0.5, alpha_mode=AlphaMode.BLEND)
     large = quad(-1.0, half_m=3.0)
@@ -282,7 +282,7 @@ def test_impossible_sensors_are_refused(options, words):
         OmniCamera(**options)
 
 
-def test_picture_is_the_users_to_write_on():
+def test_pictures_can_be_written_to():
     with Renderer(scene_of([room()])) as renderer:
         frame = renderer.render(np.eye(4), linear=True)
         frame.rgb[0, 0] = 1
@@ -290,12 +290,12 @@ def test_picture_is_the_users_to_write_on():
         renderer.faces()["front"][0, 0] = 1
 
 
-def test_more_than_fits_is_said():
+def test_sizes_that_do_not_fit_are_refused():
     with pytest.raises(GraphicsError, match=r"smaller$"):
         Renderer(scene_of([room()]), OmniCamera(face_size_px=7000))
 
 
-def test_closed_renderer_says_so():
+def test_closed_renderers_refuse_to_render():
     renderer = Renderer(scene_of([room()]))
     with pytest.raises(GraphicsError, match="render a frame first"):
         renderer.faces()
@@ -351,7 +351,7 @@ def test_faces_and_their_unfolding():
     assert not unfolded[cell:, 2 * cell :].any()  # there is no up face
 
 
-def test_limits_of_the_gpu_are_said():
+def test_limits_of_the_gpu_are_named():
     with pytest.raises(GraphicsError, match="a capture of 90000 × 90000 px: this GPU takes at"):
         Renderer(scene_of([room()]), OmniCamera().resized(30000))
     with pytest.raises(GraphicsError, match="size_px smaller"):
@@ -389,9 +389,9 @@ def test_metadata_describes_camera_and_pose():
 
 @pytest.mark.parametrize("polygons", [None, 64])
 def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
-    """Three captures to a side of a pixel, or a picture three times as large: the same light."""
+    """Three samples to a side of a pixel, or a picture three times as large: the same light."""
     scene = scene_of([room()])
-    # so few texels that neither asks for mip levels, which differ between one look and many
+    # so few texels that neither asks for mip levels, which differ between one sample and many
     coarse = OmniCamera(polygons=polygons, supersampling=3, face_size_px=48).resized(120)
     fine = OmniCamera(polygons=polygons, supersampling=1, face_size_px=48).resized(360)
     with Renderer(scene, coarse) as one, Renderer(scene, fine) as other:
@@ -418,7 +418,7 @@ def test_texels_per_pixel_have_bounds(texels_per_pixel):
         OmniCamera(texels_per_pixel=texels_per_pixel)
 
 
-def test_faces_are_whole_although_a_frame_draws_only_what_it_looks_up():
+def test_faces_are_whole_although_a_frame_draws_only_tiles():
     scene = scene_of([room()])
     with Renderer(scene, OmniCamera().resized(120)) as renderer:
         renderer.render(np.eye(4))
