@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from omnisim import OmniCamera, Renderer  # noqa: E402
 from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
-from omnisim.cameras.domain import Domain, domain  # noqa: E402
+from omnisim.cameras.field_of_view import FieldOfView, field_of_view  # noqa: E402
 from omnisim.scene import load_scene  # noqa: E402
 from tests.camera_examples import CAMERA_EXAMPLES  # noqa: E402
 
@@ -62,7 +62,7 @@ def page(cameras: dict[str, CentralCamera]) -> str:
     for model, camera in cameras.items():
         module = inspect.getmodule(type(camera))
         title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
-        seen = domain(camera)
+        seen = field_of_view(camera)
         parts.append(
             f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_in_words(seen)} "
             f"{_as_here(camera)}\n\n{text}\n"
@@ -70,7 +70,7 @@ def page(cameras: dict[str, CentralCamera]) -> str:
     return "\n".join(parts)
 
 
-def _in_words(seen: Domain) -> str:
+def _in_words(seen: FieldOfView) -> str:
     degrees = [
         math.degrees(angle)
         for angle in (

@@ -28,7 +28,7 @@ from omnisim.cameras import (
     EquirectangularCamera,
     MirroredCamera,
 )
-from omnisim.cameras.domain import angles_from_axis, largest_theta_rad, optical_axis
+from omnisim.cameras.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.errors import CalibrationError, OmnisimError
 
 MIN_COVERED = 0.95  # of the picture's pixels; a fit that shows fewer is another camera

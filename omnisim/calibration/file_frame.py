@@ -20,7 +20,7 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.domain import optical_axis
+from omnisim.cameras.field_of_view import optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror

@@ -29,7 +29,7 @@ from omnisim.calibration.linear_fit import (
     radial_profile,
 )
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, PerspectiveCamera, UnifiedCamera
-from omnisim.cameras.domain import corner_pixels, edge_pixels, optical_axis
+from omnisim.cameras.field_of_view import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import CalibrationError, OpticsError
 

@@ -35,7 +35,7 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.domain import angles_from_axis
+from omnisim.cameras.field_of_view import angles_from_axis
 from omnisim.cameras.gazebo import FUNCTIONS
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import PlaneCamera

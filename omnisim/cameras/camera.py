@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Uniforms = dict[str, float | tuple[float, ...]]
-Parameters = dict[str, float | int | str | list[float]]
+CameraParameters = dict[str, float | int | str | list[float]]
 
 
 class Rays(NamedTuple):
@@ -69,7 +69,7 @@ class CentralCamera(Protocol):
         """Values of the uniforms that the model's GLSL file declares."""
         ...
 
-    def parameters(self) -> Parameters:
+    def parameters(self) -> CameraParameters:
         """Model and parameters by name, as JSON can hold them, for the picture's metadata."""
         ...
 

@@ -2,7 +2,7 @@
 
 A ray of the scene passes through the effective viewpoint, meets the hollow inside of the ellipsoid
 behind it, and goes on to the pinhole. So the viewpoint is a real place that rays cross in, and the
-picture is turned upside down as a telescope's: a point of the mirror at azimuth φ shows the scene
+picture is upside down as a telescope's: a point of the mirror at azimuth φ shows the scene
 at φ + 180°. With e the ellipsoid's eccentricity and β the angle at the pinhole:
 
     tan(θ/2) = K tan(β/2),  K = (1 + e)/(1 − e),  r = f tan β
@@ -75,11 +75,6 @@ class EllipticCamera(FocalCamera, RadialCamera):
     def half_angle_ratio(self) -> float:
         """K in tan(θ/2) = K tan(β/2)."""
         return (1.0 + self.eccentricity) / (1.0 - self.eccentricity)
-
-    @property
-    def theta_edge_rad(self) -> float:
-        """Where the domain ends: at the rim."""
-        return self.theta_max_rad
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         half = np.tan(0.5 * theta) / self.half_angle_ratio

@@ -1,4 +1,4 @@
-"""What the ideal fisheye lenses have in common: one focal length, one limit, r(θ) in closed form.
+"""Base of the ideal fisheye lenses: one focal length, one limit, r(θ) in closed form.
 
 The lenses themselves: `equidistant`, `stereographic`, `equisolid`, `orthographic`.
 Source: Miyamoto, "Fish eye lens", 1964; Kannala & Brandt 2006, Eq. 1 to 5.
@@ -29,11 +29,6 @@ class FisheyeCamera(FocalCamera, RadialCamera):
     """
 
     theta_max_rad: float
-
-    @property
-    def theta_edge_rad(self) -> float:
-        """Where the domain ends: θ_max."""
-        return self.theta_max_rad
 
     def uniforms(self) -> Uniforms:
         """Values of the uniforms of `shaders/camera/<model>.glsl`."""

@@ -79,12 +79,12 @@ class GazeboCamera(FocalCamera, RadialCamera):
 
     @property
     def theta_min_rad(self) -> float:
-        """Where the domain begins."""
+        """Angle from the axis where the domain begins."""
         return max(0.0, -self.c2 * self.c3)
 
     @property
     def theta_edge_rad(self) -> float:
-        """Where the domain ends."""
+        """Angle from the axis where the domain ends."""
         return min(self.theta_max_rad, self.c2 * (_LARGEST_ARGUMENT[self.function] - self.c3))
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@
 
 θ is measured at the mirror's inner focus, the effective viewpoint, from its axis: 0 looks down at
 the camera, 90° is the horizon, of radius f/√(k(k−2)) in the picture; β is the same at the pinhole.
-A pixel's ray is (sin θ cos φ, sin θ sin φ, −cos θ). With its axis turned round it is the unified
+A pixel's ray is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected it is the unified
 model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
 
 Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos(−√((k−2)/k)).
@@ -32,7 +32,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import Parameters, Pixels, Rays, Uniforms
+from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.parameters import number, point, whole_number
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
@@ -75,7 +75,7 @@ class HyperbolicCamera(FocalCamera):
     def framed_on_rim(
         cls, mirror: HyperbolicMirror, width_px: int, height_px: int
     ) -> HyperbolicCamera:
-        """Make the camera in whose picture the rim touches the nearest edges.
+        """Camera in whose picture the rim touches the nearest edges.
 
         Raises:
             OpticsError: a size below 1.
@@ -179,7 +179,7 @@ class HyperbolicCamera(FocalCamera):
             "u_rim_half_tangent": math.tan(0.5 * self.mirror.theta_max_rad),
         }
 
-    def parameters(self) -> Parameters:
+    def parameters(self) -> CameraParameters:
         """Model and parameters by name, and ξ and γ of the unified model."""
         return {
             "model": self.model_name,

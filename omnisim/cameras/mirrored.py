@@ -1,7 +1,7 @@
 """Catadioptric camera that was calibrated as if it were a lens: its rays with z reflected.
 
 Calibration tools want z > 0 in front of the camera, also where a camera looks up into a mirror and
-sees what is behind it. They are given (x, y, −z) then, a mirrored frame; this camera turns it back.
+sees what is behind it. They are given (x, y, −z) then, a mirrored frame; this camera undoes that.
 The GLSL twin is the lens's own, and `MIRRORED` in `shaders/capture/lens.frag`.
 """
 
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, Parameters, Pixels, Rays, Uniforms
+from omnisim.cameras.camera import CameraParameters, CentralCamera, Pixels, Rays, Uniforms
 from omnisim.errors import OpticsError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
@@ -42,7 +42,7 @@ class MirroredCamera:
 
     @classmethod
     def of(cls, lens: CentralCamera, parameters: Mapping[str, Any]) -> CentralCamera:
-        """The lens itself, or mirrored where `parameters` say so.
+        """The lens itself, or its mirrored camera, by the key `mirrored`.
 
         Raises:
             OpticsError: `mirrored` is neither true nor false.
@@ -89,6 +89,6 @@ class MirroredCamera:
         """Values for the lens's GLSL file."""
         return self.lens.uniforms()
 
-    def parameters(self) -> Parameters:
-        """Parameters of the lens, and `mirrored`."""
+    def parameters(self) -> CameraParameters:
+        """CameraParameters of the lens, and `mirrored`."""
         return {**self.lens.parameters(), "mirrored": True}

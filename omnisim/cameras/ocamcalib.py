@@ -97,7 +97,7 @@ class OcamcalibCamera(RadialCamera):
 
     @property
     def theta_edge_rad(self) -> float:
-        """Where the domain ends."""
+        """Angle from the axis where the domain ends."""
         return min(self.theta_max_rad, float(self._theta(np.array(self.radius_max_px))))
 
     def _theta(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:

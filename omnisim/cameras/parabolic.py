@@ -65,11 +65,6 @@ class ParabolicCamera(RadialCamera):
         """Pixels to a unit of the plane, h."""
         return self.horizon_radius_px
 
-    @property
-    def theta_edge_rad(self) -> float:
-        """Where the domain ends: at the rim."""
-        return self.theta_max_rad
-
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.tan(0.5 * theta)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import Parameters, Pixels, Rays, Uniforms
+from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
 from omnisim.cameras.parameters import (
     check_finite,
     check_limits,
@@ -130,9 +130,9 @@ class ParametricCamera(ABC):
             values[field.name] = _map(math.radians, value) if _is_angle(field.name) else value
         return cls(**values)
 
-    def parameters(self) -> Parameters:
+    def parameters(self) -> CameraParameters:
         """Model and parameters by name, for the picture's metadata."""
-        named: Parameters = {"model": self.model_name}
+        named: CameraParameters = {"model": self.model_name}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             value = _map(math.degrees, value) if _is_angle(field.name) else value

@@ -45,7 +45,7 @@ class PerspectiveCamera(FocalCamera):
     def with_field_of_view(
         cls, width_px: int, height_px: int, field_of_view_rad: float
     ) -> PerspectiveCamera:
-        """Make the camera whose picture is `field_of_view_rad` wide, its axis in the middle.
+        """Camera whose picture is `field_of_view_rad` wide, its axis in the middle.
 
         Raises:
             OpticsError: a field of view that is not between 0 and 180°, or a size below 1.

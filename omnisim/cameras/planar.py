@@ -1,4 +1,4 @@
-"""The pinhole camera that looks up at a plane mirror: perspective, with the depth turned round.
+"""The pinhole camera that looks up at a plane mirror: perspective, with z reflected.
 
     (u, v) = f (x, y)/(−z) + (u0, v0)
 

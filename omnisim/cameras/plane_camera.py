@@ -1,11 +1,12 @@
-"""Models that map the rays to a normalised plane, which the picture shows scaled and shifted.
+"""Bases of models that project rays onto a normalised plane, a scaled and shifted picture.
 
-Two halves: `PlaneCamera` knows the picture, its subclass knows the plane. `RadialCamera` is such a
-subclass for lenses that are alike all around their axis: it needs only r(θ) and θ(r).
+`PlaneCamera` has the picture, its subclass the plane. `RadialCamera` is such a subclass for
+radially symmetric lenses: it needs only r(θ) and θ(r).
 """
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from functools import cached_property
 from typing import NamedTuple
@@ -60,7 +61,7 @@ class PlaneCamera(ParametricCamera):
 
 
 class RadialCamera(PlaneCamera):
-    """A lens that is alike all around its axis: radius r on the plane, angle θ from +z.
+    """A radially symmetric lens: radius r on the plane, angle θ from +z.
 
     Domain: θ_min ≤ θ ≤ θ_edge, where r(θ) increases; on the plane r(θ_min) ≤ r ≤ r(θ_edge).
     """
@@ -71,9 +72,10 @@ class RadialCamera(PlaneCamera):
         return 0.0
 
     @property
-    @abstractmethod
     def theta_edge_rad(self) -> float:
-        """Where the domain ends."""
+        """Angle from +z where the domain ends: θ_max."""
+        limit = self.domain_limit_rad
+        return math.pi if limit is None else limit
 
     @abstractmethod
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -85,7 +87,7 @@ class RadialCamera(PlaneCamera):
 
     @cached_property
     def radius_limits(self) -> tuple[float, float]:
-        """Radii on the plane where the domain begins and ends."""
+        """Smallest and largest radius on the plane."""
         ends = np.array([self.theta_min_rad, self.theta_edge_rad])
         first, last = self._radius_from_theta(ends).tolist()
         return first, last

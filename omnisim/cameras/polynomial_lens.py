@@ -33,7 +33,7 @@ class PolynomialLens(RadialCamera):
 
     @property
     def theta_edge_rad(self) -> float:
-        """Where the domain ends: at θ_max, or before it at the fold."""
+        """Angle from the axis where the domain ends: θ_max, or the fold before it."""
         return min(self.theta_max_rad, self.fold_rad)
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -70,7 +70,7 @@ class RadialTableCamera(RadialCamera):
 
     @property
     def theta_edge_rad(self) -> float:
-        """Where the domain ends: at the table's last angle."""
+        """Angle from the axis where the domain ends: the table's last."""
         return self.thetas_rad[-1]
 
     @cached_property

@@ -29,7 +29,7 @@ ROUNDING = 1e-14  # of the distance between a point and the distorted inverse of
 
 
 class RadialTangential(NamedTuple):
-    """The coefficients, as OpenCV orders them."""
+    """Coefficients, in OpenCV's order."""
 
     k1: float
     k2: float
@@ -38,7 +38,7 @@ class RadialTangential(NamedTuple):
     k3: float = 0.0
 
     def radius_limit(self, highest: float) -> float:
-        """Radius of the disc that is the domain, `highest` if that is less."""
+        """Radius of the disc that is the domain, at most `highest`."""
         slant = -6.0 * math.hypot(self.p1, self.p2)
         across = first_root(np.array([1.0, slant, self.k1, 0.0, self.k2, 0.0, self.k3]), highest)
         slopes = [1.0, slant, 3.0 * self.k1, 0.0, 5.0 * self.k2, 0.0, 7.0 * self.k3]
@@ -72,18 +72,18 @@ class RadialTangential(NamedTuple):
     def _descend(
         self, plane: NDArray[np.float64], distorted: NDArray[np.float64], limit: float
     ) -> NDArray[np.float64]:
-        """Newton's steps (n, 2) that stay within `limit`, each point until it stands."""
+        """Points (n, 2) by Newton's steps within `limit`, each until it converges."""
         found = plane.copy()
-        at = np.arange(len(plane))
+        active = np.arange(len(plane))
         for _ in range(MAX_STEPS):
             following = plane - self._newton_step(plane, self.distort(plane) - distorted)
             length = np.hypot(following[:, 0], following[:, 1])
             following *= (limit / np.maximum(length, limit))[:, None]
-            found[at] = following
-            on = np.abs(following - plane).max(axis=-1) > 1e-15 * limit
-            if not on.any():
+            found[active] = following
+            moves = np.abs(following - plane).max(axis=-1) > 1e-15 * limit
+            if not moves.any():
                 break
-            at, plane, distorted = at[on], following[on], distorted[on]
+            active, plane, distorted = active[moves], following[moves], distorted[moves]
         return found
 
     def _newton_step(

@@ -35,7 +35,7 @@ from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
 from omnisim.cameras.radial_tangential import RadialTangential
 from omnisim.errors import OpticsError
 
-FURTHEST = 1000.0
+MAX_RADIUS = 1000.0
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
     @cached_property
     def radius_limit(self) -> float:
         """Radius of the domain on the plane before distortion."""
-        fold = 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else FURTHEST
-        return RadialTangential(*self.distortion).radius_limit(min(fold, FURTHEST))
+        fold = 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else MAX_RADIUS
+        return RadialTangential(*self.distortion).radius_limit(min(fold, MAX_RADIUS))
 
     def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         plane = super()._plane_from_pixels(pixels)

@@ -13,21 +13,21 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays
 
-FURTHEST = 1e6  # on the normalised plane, where nothing else ends it: a direction at its limit
+MAX_RADIUS = 1e6  # on the normalised plane, where nothing else ends it: a direction at its limit
 
 
 def cosine_limit(alpha: float) -> float:
-    """Where z on the unit sphere ends: −w, with w = α/(1 − α) for α ≤ 0.5, else (1 − α)/α."""
+    """Lower limit of z on the unit sphere: −w, with w = α/(1 − α) for α ≤ 0.5, else (1 − α)/α."""
     return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha
 
 
 def plane_limit(alpha: float) -> float:
     """Largest radius on the normalised plane: 1/√(2α − 1) where the picture would fold over."""
-    return min(FURTHEST, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else FURTHEST
+    return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
 
 
 def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
-    """Unit vectors of points (..., 2); those outside the limit are drawn in to it."""
+    """Unit vectors of points (..., 2); those outside the limit are moved onto it."""
     radius = np.hypot(plane[..., 0], plane[..., 1])
     limit = plane_limit(alpha)
     valid = radius <= limit

@@ -19,7 +19,7 @@ from omnisim.calibration import (
 from omnisim.calibration.file_frame import is_catadioptric
 from omnisim.calibration.registry import format_named
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
-from omnisim.cameras.domain import domain
+from omnisim.cameras.field_of_view import field_of_view
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.errors import CalibrationError, OmnisimError
@@ -155,7 +155,7 @@ def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     width, height = parameters.pop("width_px"), parameters.pop("height_px")
     rows.append(("picture", f"{width} × {height} px"))
     rows += [_parameter_row(key, value) for key, value in parameters.items()]
-    seen = domain(camera)
+    seen = field_of_view(camera)
     axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
     across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
     rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))

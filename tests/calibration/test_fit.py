@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.calibration.fit import FITTED_MODELS, fit_camera, mirrored_frame
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera, PerspectiveCamera, pixel_grid
-from omnisim.cameras.domain import largest_theta_rad, optical_axis
+from omnisim.cameras.field_of_view import largest_theta_rad, optical_axis
 from omnisim.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
 

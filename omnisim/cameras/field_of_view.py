@@ -1,6 +1,6 @@
-"""What a camera's picture shows: which share of its pixels, how far from the axis, how wide.
+"""Field of view of a picture: angles, share of valid pixels, edge of the valid domain.
 
-Everything is found by asking the camera for rays, so that it holds for every model alike.
+All of it follows from the camera's rays alone, so that it holds for every model.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from omnisim.cameras.camera import CentralCamera
 
 SAMPLES = 129  # along a line out of the middle
 HALVINGS = 60  # from a sample's distance to the last bit of a pixel
-MOST_PIXELS = 1 << 19  # are counted: a share to some hundredths of a per cent, at once
+MAX_PIXELS = 1 << 19  # are counted: a share to some hundredths of a per cent, at once
 
 
 @dataclass(frozen=True)
-class Domain:
-    """What a picture shows of the world around its camera.
+class FieldOfView:
+    """Field of view of a picture.
 
-    Angles of view are those that a ray sweeps from one edge of what is shown to the other, through
-    the axis; they may be more than half a turn.
+    Angles of view are those that a ray sweeps through the axis, from one edge of the valid pixels
+    to the other; they may be more than 180°.
 
     Attributes:
-        covered: share of the pixels that see something.
-        axis: (3,) what the angles are measured from: +z of the optical frame, −z for a mirror.
-        theta_max_rad: largest angle from the axis that the picture shows.
-        theta_limit_rad: the same for a picture without edges: where the model ends, by its θ_max,
-            its fold or its nature; π where it does not.
+        covered: share of the valid pixels.
+        axis: (3,) origin of the angles: +z of the optical frame, −z for a mirror.
+        theta_max_rad: largest angle from the axis in the picture.
+        theta_limit_rad: largest angle from the axis in a picture without edges: by θ_max, a fold
+            or the model's nature; π without a limit.
         horizontal_rad, vertical_rad: angles of view along the row and the column of the axis.
         diagonal_rad: the larger one from corner to corner.
     """
@@ -44,11 +44,11 @@ class Domain:
     diagonal_rad: float
 
 
-def domain(camera: CentralCamera) -> Domain:
-    """Find out what a camera's picture shows."""
+def field_of_view(camera: CentralCamera) -> FieldOfView:
+    """Field of view of a camera's picture."""
     axis = optical_axis(camera)
     left, right, up, down, *corners = _sweeps(camera)
-    return Domain(
+    return FieldOfView(
         covered_share(camera),
         (0.0, 0.0, axis),
         largest_theta_rad(camera),
@@ -60,18 +60,13 @@ def domain(camera: CentralCamera) -> Domain:
 
 
 def optical_axis(camera: CentralCamera) -> float:
-    """Sign of the optical frame's z that the picture's angles are measured from: −1 for mirrors."""
-    return -1.0 if camera.ray_from_pixel(middle_px(camera)).directions[2] < 0.0 else 1.0
-
-
-def middle_px(camera: CentralCamera) -> NDArray[np.float64]:
-    """The pixel (2,) of the axis, in the picture or out of it."""
-    return np.asarray(camera.principal_point_px, dtype=np.float64)
+    """Sign of the optical frame's z at the principal point: −1 for mirrors."""
+    return -1.0 if camera.ray_from_pixel(camera.principal_point_px).directions[2] < 0.0 else 1.0
 
 
 def covered_share(camera: CentralCamera) -> float:
-    """Share of the picture's pixels that see something; of a large one, of every n-th pixel."""
-    skip = math.ceil(math.sqrt(camera.width_px * camera.height_px / MOST_PIXELS))
+    """Share of the valid pixels in a picture; every n-th is counted of a large one."""
+    skip = math.ceil(math.sqrt(camera.width_px * camera.height_px / MAX_PIXELS))
     columns = np.arange(0, camera.width_px, skip, dtype=np.float64)
     rows = np.arange(0, camera.height_px, skip, dtype=np.float64)
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
@@ -79,7 +74,7 @@ def covered_share(camera: CentralCamera) -> float:
 
 
 def largest_theta_rad(camera: CentralCamera) -> float:
-    """Largest angle from the axis that the picture shows; 0 where it shows nothing."""
+    """Largest angle from the axis in the picture; 0 without a valid pixel."""
     pixels = np.concatenate((edge_pixels(camera, 720), corner_pixels(camera)))
     rays = camera.ray_from_pixel(pixels)
     return float(angles_from_axis(rays.directions[rays.valid], optical_axis(camera)).max(initial=0))
@@ -90,18 +85,20 @@ def angles_from_axis(directions: NDArray[np.float64], axis: float) -> NDArray[np
     return np.arctan2(np.hypot(directions[..., 0], directions[..., 1]), axis * directions[..., 2])
 
 
-def edge_pixels(camera: CentralCamera, count: int, turned: float = 0.0) -> NDArray[np.float64]:
-    """Positions (n, 2) at the edge of what the picture shows: to the last bit where the domain
-    ends in it, else on the picture's own border, half a pixel outside the outermost pixels.
+def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> NDArray[np.float64]:
+    """Positions (n, 2) on the edge of the valid pixels.
+
+    To the last bit where the domain ends in the picture, else on the picture's own border, half a
+    pixel outside the outermost pixels.
 
     Args:
         camera: the camera.
-        count: lines out of the middle, evenly all around; one that meets nothing has no position.
-        turned: by this share of the angle between two lines.
+        count: lines out of the middle, evenly all around; one without a valid pixel is left out.
+        phase: share of the angle between two lines to rotate them by.
     """
-    angles = (np.arange(count) + turned) * (2.0 * math.pi / count)
+    angles = (np.arange(count) + phase) * (2.0 * math.pi / count)
     outwards = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    start = np.clip(middle_px(camera), -0.5, _last(camera))
+    start = _start(camera)
     # the nearest border that each line meets
     with np.errstate(divide="ignore", invalid="ignore"):  # 0/0: along a border, from it
         to_border = np.where(outwards > 0.0, _last(camera) - start, -0.5 - start) / outwards
@@ -112,7 +109,7 @@ def edge_pixels(camera: CentralCamera, count: int, turned: float = 0.0) -> NDArr
 def _last_seen(
     camera: CentralCamera, start: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The last valid positions (m, 2) on lines from `start` (2,) to `ends` (n, 2)."""
+    """Last valid positions (m, 2) on lines from `start` (2,) to `ends` (n, 2)."""
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
     valid = camera.ray_from_pixel(start + share * (ends - start)).valid
     meets = valid.any(axis=0)
@@ -128,19 +125,24 @@ def _last_seen(
     return positions
 
 
+def _start(camera: CentralCamera) -> NDArray[np.float64]:
+    """Principal point (2,), or the nearest point of the picture."""
+    return np.clip(np.asarray(camera.principal_point_px, dtype=np.float64), -0.5, _last(camera))
+
+
 def _last(camera: CentralCamera) -> NDArray[np.float64]:
     return np.array([camera.width_px - 0.5, camera.height_px - 0.5])
 
 
 def corner_pixels(camera: CentralCamera) -> NDArray[np.float64]:
-    """The corners (4, 2) of the picture, half a pixel outside its corner pixels."""
+    """Corners (4, 2) of the picture, half a pixel outside its corner pixels."""
     u, v = _last(camera)
     return np.array([[-0.5, -0.5], [u, -0.5], [-0.5, v], [u, v]])
 
 
 def _sweeps(camera: CentralCamera) -> list[float]:
     """Angles that a ray sweeps from the axis to the left, right, up, down, and to the corners."""
-    start = np.clip(middle_px(camera), -0.5, _last(camera))
+    start = _start(camera)
     (u, v), (last_u, last_v) = start, _last(camera)
     ends = np.array([[-0.5, v], [last_u, v], [u, -0.5], [u, last_v], *corner_pixels(camera)])
     swept = []
@@ -158,10 +160,10 @@ def _sweeps(camera: CentralCamera) -> list[float]:
 
 
 def _model_limit_rad(camera: CentralCamera, axis: float) -> float:
-    """The largest angle from the axis at which the model shows some direction."""
+    """Largest angle from the axis at which the model sees some direction."""
     azimuth = np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False)
 
-    def shows(theta: float) -> bool:
+    def is_seen(theta: float) -> bool:
         across = math.sin(theta)
         rays = np.stack(
             (across * np.cos(azimuth), across * np.sin(azimuth),
@@ -171,11 +173,11 @@ def _model_limit_rad(camera: CentralCamera, axis: float) -> float:
         return bool(camera.pixel_from_ray(rays).valid.any())
 
     thetas = np.linspace(0.0, math.pi, SAMPLES)
-    seen = [theta for theta in thetas if shows(float(theta))]
+    seen = [theta for theta in thetas if is_seen(float(theta))]
     if not seen or seen[-1] == math.pi:
         return math.pi if seen else 0.0
     low, high = float(seen[-1]), float(seen[-1]) + math.pi / (SAMPLES - 1)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if shows(middle) else (low, middle)
+        low, high = (middle, high) if is_seen(middle) else (low, middle)
     return low

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera, PerspectiveCamera
-from omnisim.cameras.domain import domain, edge_pixels
+from omnisim.cameras.field_of_view import edge_pixels, field_of_view
 from omnisim.mirrors import HyperbolicMirror
 from tests.camera_examples import CAMERA_EXAMPLES
 
 
 def test_mirror():
     mirror = HyperbolicMirror(theta_max_rad=math.radians(105.0))
-    found = domain(HyperbolicCamera.framed_on_rim(mirror, 360, 360))
+    found = field_of_view(HyperbolicCamera.framed_on_rim(mirror, 360, 360))
     assert found.axis == (0.0, 0.0, -1.0)
     assert found.covered == pytest.approx(math.pi / 4.0, abs=2e-3)
     assert math.degrees(found.theta_max_rad) == pytest.approx(105.0, abs=1e-9)
@@ -22,7 +22,7 @@ def test_mirror():
 
 
 def test_perspective():
-    found = domain(PerspectiveCamera.with_field_of_view(400, 300, math.radians(90.0)))
+    found = field_of_view(PerspectiveCamera.with_field_of_view(400, 300, math.radians(90.0)))
     assert found.covered == 1.0
     assert math.degrees(found.horizontal_rad) == pytest.approx(90.0, abs=1e-9)
     assert found.vertical_rad == pytest.approx(2.0 * math.atan(0.75), abs=1e-9)
@@ -32,11 +32,11 @@ def test_perspective():
 
 
 def test_more_than_half_a_turn():
-    found = domain(CAMERA_EXAMPLES["equidistant-full-sphere"])
+    found = field_of_view(CAMERA_EXAMPLES["equidistant-full-sphere"])
     assert math.degrees(found.horizontal_rad) == pytest.approx(360.0, abs=1e-6)
-    assert math.degrees(domain(CAMERA_EXAMPLES["cylindrical"]).horizontal_rad) == pytest.approx(
-        360.0, abs=1e-6
-    )
+    assert math.degrees(
+        field_of_view(CAMERA_EXAMPLES["cylindrical"]).horizontal_rad
+    ) == pytest.approx(360.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_more_than_half_a_turn():
 )
 def test_where_the_model_ends(name):
     camera = CAMERA_EXAMPLES[name]
-    assert domain(camera).theta_limit_rad == pytest.approx(camera.theta_edge_rad, abs=1e-9)
+    assert field_of_view(camera).theta_limit_rad == pytest.approx(camera.theta_edge_rad, abs=1e-9)
 
 
 def test_edge_is_valid_and_what_lies_beyond_is_not():
@@ -66,6 +66,6 @@ def test_an_axis_at_the_border_or_beside_the_picture(centre):
     camera = PerspectiveCamera(400, 300, 200.0, centre)
     corner = np.array([399.5, 299.5]) - centre
     furthest = max(np.hypot(*corner), np.hypot(corner[0], centre[1] + 0.5))
-    found = domain(camera)
+    found = field_of_view(camera)
     assert found.covered == 1.0
     assert math.tan(found.theta_max_rad) == pytest.approx(furthest / 200.0, abs=1e-9)
