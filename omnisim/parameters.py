@@ -12,7 +12,7 @@ dataclasses that check themselves when they are made:
             if not self.range_min_m < self.range_max_m:
                 raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
 
-    LaserScanner(range_max_m=-1)  # OpticsError: scanner.range_max_m: expected a number > 0, got -1
+    LaserScanner(range_max_m=0)  # OpticsError: scanner.range_max_m: expected a number ≥ 1e-09, got 0
     parse_table(read, table_of(LaserScanner), SensorFileError, "my.toml")  # my.toml: range_max_m: …
 
 A subclass inherits the name that messages begin with, and extends `_check` by `super()._check()`.
@@ -23,27 +23,21 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pydantic
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from omnisim.errors import OmnisimError, OpticsError, did_you_mean
 
 SMALLEST, LARGEST = 1e-9, 1e9  # products and quotients of a few stay within float32, as on the GPU
 
-
-def _is_not_tiny(value: float) -> float:
-    if value < SMALLEST:
-        raise ValueError(f"expected a number ≥ {SMALLEST:g}")
-    return value
-
-
 Number = Annotated[float, Field(strict=True)]  # no "11", no true; whole numbers are fine
+IntOrFloat = pydantic.StrictInt | pydantic.StrictFloat  # a number as it was written
 NotNegative = Annotated[Number, Field(ge=0.0, le=LARGEST)]
-Positive = Annotated[Number, Field(gt=0.0, le=LARGEST), AfterValidator(_is_not_tiny)]
+Positive = Annotated[Number, Field(ge=SMALLEST, le=LARGEST)]
 Signed = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
 
@@ -119,15 +113,16 @@ def _make_table(kind: type[Parameters]) -> type[Table]:
     return pydantic.create_model(kind.__name__, __base__=Table, **fields)
 
 
-def keyword_or(word: str, expected: str, fits: Callable[[Any], bool]) -> pydantic.BeforeValidator:
-    """Accepts one keyword, or a value that fits; the message names both."""
+def described(expected: str) -> pydantic.WrapValidator:
+    """One message for all faults of a union, such as `Literal["auto"] | Number`."""
 
-    def check(value: Any) -> Any:
-        if (isinstance(value, str) and value == word) or fits(value):
-            return value
-        raise ValueError(f"expected {expected} or {word!r}")
+    def check(value: Any, parse: pydantic.ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return parse(value)
+        except pydantic.ValidationError:
+            raise ValueError(f"expected {expected}") from None
 
-    return pydantic.BeforeValidator(check)
+    return pydantic.WrapValidator(check)
 
 
 def parse_table(

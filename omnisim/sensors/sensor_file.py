@@ -9,8 +9,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeGuard
+from typing import Annotated, Any, Literal
 
+import pydantic
 from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
@@ -23,7 +24,7 @@ from omnisim.mirrors.hyperbolic import (
     PAPER_METERS_PER_UNIT,
 )
 from omnisim.mirrors.tessellation import sectors_and_rings
-from omnisim.parameters import Number, Table, keyword_or, parse_table
+from omnisim.parameters import Number, Table, described, parse_table
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.degradation_file import parse_degradation
 from omnisim.sensors.quality import (
@@ -41,32 +42,16 @@ DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
-def _is_finite(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and value is not True and math.isfinite(value)
-
-
-def _is_size(value: object) -> bool:
-    return type(value) is int and 1 <= value <= MAX_PICTURE_PX
-
-
-def _is_positive(value: object) -> bool:
-    return _is_finite(value) and value > 0
-
-
-def _is_point(value: object) -> bool:
-    return isinstance(value, list | tuple) and len(value) == 2 and all(map(_is_finite, value))
-
-
-PolygonCount = Annotated[
-    Literal["exact"] | int, keyword_or("exact", "a whole number", lambda v: type(v) is int)
-]
-FaceSize = Annotated[Literal["auto"] | int, keyword_or("auto", f"1 to {MAX_PICTURE_PX}", _is_size)]
-FocalLength = Annotated[Literal["fit"] | float, keyword_or("fit", "a number > 0", _is_positive)]
-PrincipalPoint = Annotated[
-    Literal["centre"] | tuple[float, float], keyword_or("centre", "[u, v] in pixels", _is_point)
-]
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
 Positive = Annotated[Number, Field(gt=0.0)]
+PolygonCount = Annotated[
+    Literal["exact"] | pydantic.StrictInt, described("a whole number or 'exact'")
+]
+FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_PICTURE_PX} or 'auto'")]
+FocalLength = Annotated[Literal["fit"] | Positive, described("a number > 0 or 'fit'")]
+PrincipalPoint = Annotated[
+    Literal["centre"] | tuple[Number, Number], described("[u, v] in pixels or 'centre'")
+]
 
 
 class MountingTable(Table):

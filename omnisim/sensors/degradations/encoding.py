@@ -17,18 +17,14 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.parameters import keyword_or
+from omnisim.parameters import IntOrFloat, described
 from omnisim.sensors.degradations.effect import Effect
 from omnisim.sensors.degradations.picture_geometry import LinearPicture
 from omnisim.srgb import srgb_from_linear
 
-
-def _is_gamma(value: object) -> bool:
-    return isinstance(value, int | float) and value is not True and 0.1 <= value <= 10.0
-
-
 Gamma = Annotated[
-    Literal["srgb"] | int | float, keyword_or("srgb", "a number from 0.1 to 10", _is_gamma)
+    Literal["srgb"] | Annotated[IntOrFloat, Field(ge=0.1, le=10.0)],
+    described("a number from 0.1 to 10 or 'srgb'"),
 ]
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.parameters import NotNegative, Positive, keyword_or
+from omnisim.parameters import NotNegative, Positive, described
 from omnisim.sensors.degradations.effect import Effect
 
 MAX_ERROR_PX = 0.05  # of a moving edge's position in a row
@@ -37,12 +37,9 @@ MAX_SUB_FRAMES = 64
 MAX_S = 3600.0
 
 
-def _is_count(value: object) -> bool:
-    return type(value) is int and 1 <= value <= 4096
-
-
 SubFrames = Annotated[
-    Literal["auto"] | int, keyword_or("auto", "a whole number from 1 to 4096", _is_count)
+    Literal["auto"] | Annotated[int, Field(strict=True, ge=1, le=4096)],
+    described("a whole number from 1 to 4096 or 'auto'"),
 ]
 
 

@@ -16,25 +16,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.gpu.degradation.degradation_pass import Step
-from omnisim.parameters import SMALLEST, Positive, keyword_or
+from omnisim.parameters import SMALLEST, IntOrFloat, Positive, described
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied
 
 Factor = Annotated[Positive, Field(le=100.0)]
-
-
-def _are_factors(value: object) -> bool:
-    return (
-        isinstance(value, list | tuple)
-        and len(value) == 3
-        and all(type(part) in (int, float) and SMALLEST <= part <= 100.0 for part in value)
-    )
-
-
+Gain = Annotated[IntOrFloat, Field(ge=SMALLEST, le=100.0)]
 Gains = Annotated[
-    Literal["grey"] | tuple[int | float, int | float, int | float],
-    keyword_or("grey", "three numbers above 0, at most 100,", _are_factors),
+    Literal["grey"] | tuple[Gain, Gain, Gain],
+    described("three numbers above 0, at most 100, or 'grey'"),
 ]
 
 

@@ -116,10 +116,10 @@ def test_fingerprint_and_size_know_of_it():
             "[degradation.noise]\ndark_current_e_per_s = 5",
             r"dark_current_e_per_s = 5: needs degradation\.shutter\.exposure_s",
         ),
-        ("[degradation.shutter]\nexposure_s = 0", "exposure_s: expected a number > 0.*, got 0"),
+        ("[degradation.shutter]\nexposure_s = 0", "exposure_s: expected a number ≥ 1e-09, got 0"),
         (
             "[degradation.shutter]\nexposure_s = -0.1",
-            r"exposure_s: expected a number > 0.*, got -0\.1",
+            r"exposure_s: expected a number ≥ 1e-09, got -0\.1",
         ),
         (
             "[degradation.shutter]\nexposure_s = '5 ms'",
