@@ -17,7 +17,7 @@ from omnisim.cli.console import err, out, pluralize
 from omnisim.cli.inputs import load_labelled_scene, parse_polygons, read_preset
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
-from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -33,8 +33,7 @@ def run(request: DriveRequest) -> None:
     """Record a run, or resume an unfinished one, and print a summary."""
     channels = () if request.also is None else parse_channels(request.also)
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
-    vehicle = with_cameras(
-        Vehicle.load(request.robot),
+    vehicle = Vehicle.load(request.robot).with_cameras(
         size_px=request.size_px,
         polygons="same" if request.polygons is None else parse_polygons(request.polygons),
         degradation=read_preset(request.preset),

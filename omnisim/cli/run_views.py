@@ -31,15 +31,15 @@ def plot(request: PlotRequest) -> None:
     truth = read_trajectory(folder / GROUND_TRUTH)
     reckoned = read_odometry(folder / ODOMETRY).dead_reckoned().positions_m[:, :2]
     for name, count in ((GROUND_TRUTH, len(truth)), (ODOMETRY, len(reckoned))):
-        if count != run.manifest["steps"]:
+        if count != run.manifest.steps:
             raise RunError(
-                f"{folder / name}: has {count} steps, the run has {run.manifest['steps']}: "
+                f"{folder / name}: has {count} steps, the run has {run.manifest.steps}: "
                 "delete it, and drive again to have it back"
             )
     done = run.steps_done()
     pictures = {}
-    if run.manifest["cameras"]:
-        camera = run.manifest["cameras"][0]
+    if run.manifest.cameras:
+        camera = run.manifest.cameras[0]
         shown = [step for step in steps_to_show(len(truth)) if step < done]
         pictures = {step: _picture(run.file(camera, step, ".png")) for step in shown}
     title = _title(
@@ -57,7 +57,7 @@ def video(request: VideoRequest) -> None:
         raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")
     run = RunFolder.read(folder)
     check_video_target(output)
-    names = run.manifest["cameras"]
+    names = run.manifest.cameras
     if not names:
         raise RunError(f"{folder}: this run has no camera")
     name = names[0] if request.camera is None else request.camera
@@ -77,27 +77,26 @@ def video(request: VideoRequest) -> None:
 
 
 def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
-    robot, scene, path = (run.manifest[key]["name"] for key in ("robot", "scene", "path"))
     length_m = truth.path_length_m
     there = "" if done == len(truth) else f" ({done} are there)"
     share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
     return (
-        f"{robot} in {scene}, {path}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}; "
+        f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}; "
         f"odometry ends {error_m:.2f} m off{share}"
     )
 
 
 def _scene(run: RunFolder, scene: str | None) -> Scene | None:
     """Load the run's scene; None with a note where it is missing."""
-    recorded = run.manifest["scene"]
+    recorded = run.manifest.scene
     try:
-        found = load_scene(scene or recorded["file"], recorded["up_axis"])
+        found = load_scene(scene or recorded.file, recorded.up_axis)
     except SceneError as reason:
         if scene is not None:
             raise
         print_note(f"drawn without a map: {reason}; pass --scene FILE")
         return None
-    if scene_contents(found) != recorded["contents"]:
+    if scene_contents(found) != recorded.contents:
         print_note(f"{found.name}: is not as it was in the run")
     return found
 

@@ -13,7 +13,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
 from omnisim.sensors.degradations import Degradation, preset
 from omnisim.simulation import Vehicle
-from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.run_data import RunData, read_run
 
@@ -72,7 +72,7 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
         scene, paths=(*scene.paths, ScenePath("learning", TRAINING_WAYPOINTS))
     )
     p2at = _with_camera_only(Vehicle.load("p2at"))
-    scout = with_cameras(_with_camera_only(Vehicle.load("superscout")), None, "same", real_camera())
+    scout = _with_camera_only(Vehicle.load("superscout")).with_cameras(degradation=real_camera())
     return Recordings(
         _record(folder / "learning", with_path, p2at, "learning", device, progress),
         _record(folder / "simulated", scene, p2at, "lap", device, progress),

@@ -1,19 +1,24 @@
-"""Ground truth in the folder of a run: its files at each step, and those of the whole run."""
+"""Ground truth in the folder of a run: files of each step, and of the whole run."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from omnisim.errors import RunError
 from omnisim.frame import Frame
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.coco import coco_image, merged, write_json
 from omnisim.ground_truth.exr import write_exr
-from omnisim.simulation.run_folder import BOXES_SUFFIX, CHANNELS_SUFFIX, RunFolder, is_written
-
-# Of the whole run: labels.json, and <camera>/coco.json
-LABELS, BOXES = "labels.json", "coco.json"
+from omnisim.simulation.run_folder import (
+    BOXES,
+    BOXES_SUFFIX,
+    CHANNELS_SUFFIX,
+    LABELS,
+    RunFolder,
+    is_written,
+)
 
 
 def write_step(run: RunFolder, camera: str, step: int, frame: Frame) -> None:
@@ -26,19 +31,19 @@ def write_step(run: RunFolder, camera: str, step: int, frame: Frame) -> None:
     if frame.channels and not is_written(target):
         write_exr(target, frame.channels, None, frame.metadata)
     target = run.file(camera, step, BOXES_SUFFIX)
-    if "instance" in frame.channels and not is_written(target):
+    instances, labels = frame.channels.get("instance"), frame.labels
+    if instances is not None and labels is not None and not is_written(target):
         picture = run.file(camera, step, ".png").name
-        content = coco_image(frame.channels["instance"], frame.labels, picture, step)
-        write_json(target, content)
+        write_json(target, coco_image(instances, labels, picture, step))
 
 
 def write_labels(run: RunFolder, labels: Labels) -> None:
-    """Write what the numbers of classes and instances mean, where the run has them.
+    """Write the table of class and instance IDs, where the run has them.
 
     Raises:
         OutputError: it cannot be written.
     """
-    if {"semantic", "instance"} & set(run.manifest["channels"]) and not run.has(LABELS):
+    if {"semantic", "instance"} & set(run.manifest.channels) and not run.has(LABELS):
         write_json(run.path / LABELS, labels.to_json())
 
 
@@ -49,17 +54,18 @@ def write_boxes(run: RunFolder, labels: Labels) -> None:
         RunError: boxes of a step are damaged.
         OutputError: it cannot be written.
     """
-    if "instance" not in run.manifest["channels"]:
+    if "instance" not in run.manifest.channels:
         return
-    for camera in run.manifest["cameras"]:
+    for camera in run.manifest.cameras:
         if not run.has(f"{camera}/{BOXES}"):
-            steps = range(run.manifest["steps"])
+            steps = range(run.manifest.steps)
             parts = [_read(run.file(camera, step, BOXES_SUFFIX)) for step in steps]
             write_json(run.path / camera / BOXES, merged(parts, labels))
 
 
-def _read(path: Path) -> dict:
+def _read(path: Path) -> dict[str, Any]:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return content
     except (OSError, ValueError):
         raise RunError(f"{path}: cannot be read: remove it, and drive again") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,16 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import camera_from_parameters
-from omnisim.errors import OmnisimError, RunError, did_you_mean
+from omnisim.errors import RunError, did_you_mean
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
-from omnisim.poses import check_pose
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Landmark
-from omnisim.sensors.valid_mask import valid_mask
+from omnisim.simulation.calibration_file import CALIBRATION, read_mount
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
 
 
@@ -48,9 +45,7 @@ class RunData:
     @property
     def name(self) -> str:
         """Robot, scene and path, for titles."""
-        manifest = self.folder.manifest
-        robot, scene, path = (manifest[key]["name"] for key in ("robot", "scene", "path"))
-        return f"{robot} in {scene}, {path}"
+        return self.folder.manifest.title
 
     @property
     def landmarks(self) -> tuple[Landmark, ...]:
@@ -87,7 +82,7 @@ class RunData:
 
         Steps after the first that misses a file are not looked at, though they may have theirs.
         """
-        total = self.folder.manifest["steps"]
+        total = self.folder.manifest.steps
         if self.steps == total:
             return None
         missing = self.folder.missing_file(self.steps)
@@ -119,8 +114,8 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     """
     run = RunFolder.read(folder)
     name = _camera_name(run, camera)
-    told = run.manifest["scene"]
-    found = load_scene(scene or told["file"], told["up_axis"])
+    recorded = run.manifest.scene
+    found = load_scene(scene or recorded.file, recorded.up_axis)
     if not found.landmarks:
         raise RunError(
             f"{folder}: its scene {found.name} has no [[landmarks]]: want a scene with some"
@@ -131,17 +126,17 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     odometry = read_odometry(folder / ODOMETRY)
     truth = read_trajectory(folder / GROUND_TRUTH) if run.has(GROUND_TRUTH) else None
     for file, count in ((ODOMETRY, len(odometry.times_s)), (GROUND_TRUTH, truth and len(truth))):
-        if count is not None and count != run.manifest["steps"]:
+        if count is not None and count != run.manifest.steps:
             raise RunError(
-                f"{folder / file}: has {count} steps, the run has {run.manifest['steps']}: "
+                f"{folder / file}: has {count} steps, the run has {run.manifest.steps}: "
                 "delete it, and drive again to have it back"
             )
-    mount = _read_mount(folder / name / "calibration.json")
+    mount = read_mount(folder / name / CALIBRATION)
     return RunData(run, name, mount, found, odometry, truth, steps)
 
 
 def _camera_name(run: RunFolder, wanted: str | None) -> str:
-    names = run.manifest["cameras"]
+    names = run.manifest.cameras
     if not names:
         raise RunError(f"{run.path}: this run has no camera")
     if wanted is None:
@@ -150,18 +145,3 @@ def _camera_name(run: RunFolder, wanted: str | None) -> str:
         hint = did_you_mean(wanted, names, "it has")
         raise RunError(f"{run.path}: camera {wanted!r}: not there; {hint}")
     return wanted
-
-
-def _read_mount(path: Path) -> CameraMount:
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        camera = camera_from_parameters(told["camera"])
-        base_from_optical = check_pose(told["base_from_optical"])
-        polygons = told["polygons"] if isinstance(told["polygons"], int) else None
-        return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))
-    except OSError as reason:
-        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
-    except OmnisimError as reason:
-        raise RunError(f"{path}: {reason}") from None
-    except (KeyError, TypeError, ValueError):
-        raise RunError(f"{path}: is damaged: not a camera's calibration") from None

@@ -1,4 +1,4 @@
-"""The folder of a run: what is in it, whether it may be gone on with, and what is still missing.
+"""Folder of a run: its files, which of them are missing, and whether the run may go on.
 
     manifest.json               what made the run: versions, contents, settings, seeds
     ground_truth.tum            poses of the base (TUM: s, metres, quaternion xyzw)
@@ -25,121 +25,63 @@ import fcntl
 import json
 import os
 import re
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
-
-from pydantic import ConfigDict, Field
+from typing import Any
 
 from omnisim.atomic_file import atomic_write
 from omnisim.errors import RunError
-from omnisim.parameters import Table, parse_table
-from omnisim.robot.sensor_mounts import SensorName
+from omnisim.simulation.manifest import (
+    Manifest,
+    first_difference,
+    parse_manifest,
+    read_manifest,
+)
 
 MANIFEST = "manifest.json"
-MANIFEST_FORMAT = 1
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
-PLOT = "plot.png"  # where the run's plot goes when nobody says
+LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
+PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
 CHANNELS_SUFFIX, BOXES_SUFFIX = ".channels.exr", ".coco.json"
-OURS = re.compile(
+_OWN_FILE = re.compile(
     r"\d{6,}\.(png|csv|channels\.exr|coco\.json)|coco\.json|sensor\.toml|calibration\.json"
     r"|\.omnisim-.*\.partial"
 )
 _TO_THE_NEXT = ("flow", "occluded")
-# For the record: other versions of these, or from elsewhere, may go on with a run.
-FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
 
 
-class _Open(Table):
-    """What others rely on; there is more in it."""
-
-    model_config = ConfigDict(extra="allow", strict=True)
-
-
-class _SceneTable(_Open):
-    name: str
-    file: str
-    up_axis: str | None
-    contents: str
-
-
-class _NameTable(_Open):
-    name: str
-
-
-class _Manifest(_Open):
-    format: Literal[MANIFEST_FORMAT]
-    scene: _SceneTable
-    robot: _NameTable
-    path: _NameTable
-    steps: int = Field(ge=1)
-    cameras: list[SensorName]
-    scanners: list[SensorName]
-    channels: tuple[str, ...] = Field(default=(), strict=False)
-
-
+@dataclass(frozen=True)
 class RunFolder:
-    """The folder of one run. Who has opened it to write has to close it: others wait.
+    """Folder of one run.
 
     Attributes:
         path: the folder.
         manifest: what made the run.
     """
 
-    def __init__(self, path: Path, manifest: dict[str, Any]):
-        self.path, self.manifest = path, manifest
-        self._lock: int | None = None
-
-    def close(self) -> None:
-        """Let others write; a second time does nothing."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
-
-    @classmethod
-    def open(cls, path: Path, manifest: dict[str, Any], force: bool = False) -> RunFolder:
-        """Begin a run, or go on with the one that is there.
-
-        Args:
-            path: the folder; it is made where it is missing, in a folder that is there.
-            manifest: what is going to make the run.
-            force: throw another run away that is there.
-
-        Raises:
-            RunError: another run is there, or files that are none of ours, another drive is
-                writing to it, or it cannot be written to.
-            OutputError: the manifest cannot be written.
-        """
-        folder = cls(path, manifest)
-        try:
-            folder._begin(force)
-        except OSError as reason:
-            folder.close()
-            where = reason.filename or path
-            raise RunError(f"{where}: cannot be written to: {reason.strerror}") from None
-        except BaseException:
-            folder.close()
-            raise
-        return folder
+    path: Path
+    manifest: Manifest
 
     @classmethod
     def read(cls, path: Path) -> RunFolder:
-        """The run that is in a folder.
+        """Read the run in a folder.
 
         Raises:
             RunError: there is none.
         """
+        expected = "expected the folder of a run, as drive makes it"
         if not path.is_dir():
-            raise RunError(f"{path}: no such folder: want the folder of a run, as drive makes it")
-        manifest = _read_manifest(path / MANIFEST)
-        if manifest is None:
-            raise RunError(
-                f"{path}: has no {MANIFEST}: want the folder of a run, as drive makes it"
-            )
-        return cls(path, manifest)
+            raise RunError(f"{path}: no such folder: {expected}")
+        content = read_manifest(path / MANIFEST)
+        if content is None:
+            raise RunError(f"{path}: has no {MANIFEST}: {expected}")
+        return cls(path, parse_manifest(content, f"{path / MANIFEST}: is damaged"))
 
     def file(self, sensor: str, step: int, suffix: str) -> Path:
-        """Where a sensor's file of a step is, or is going to be."""
+        """Path of a sensor's file of a step, present or not."""
         return self.path / sensor / f"{step:06d}{suffix}"
 
     def has(self, name: str) -> bool:
@@ -156,28 +98,27 @@ class RunFolder:
             partial.write_text(text, encoding="utf-8", newline="\n")
 
     def steps_done(self) -> int:
-        """How many steps from the first one on have all their files."""
-        done = 0
-        while done < self.manifest["steps"] and self.is_done(done):
-            done += 1
-        return done
+        """Count the steps, from the first one on, that have all their files."""
+        steps = range(self.manifest.steps)
+        return next((step for step in steps if not self.is_done(step)), len(steps))
 
     def is_done(self, step: int) -> bool:
         """Whether a step has all its files."""
         return self.missing_file(step) is None
 
     def missing_file(self, step: int) -> Path | None:
-        """The first of a step's files that is missing or empty, or None: all are there."""
-        files = [self.file(name, step, ".csv") for name in self.manifest["scanners"]]
-        for name in self.manifest["cameras"]:
+        """Find the first of a step's files that is missing or empty; None: all are there."""
+        files = [self.file(name, step, ".csv") for name in self.manifest.scanners]
+        for name in self.manifest.cameras:
             files += self.camera_files(name, step)
         return next((file for file in files if not is_written(file)), None)
 
     def channels_at(self, step: int) -> tuple[str, ...]:
-        """The channels of ground truth of a step: from the last one, nothing flows anywhere."""
-        names = self.manifest.get("channels", ())
-        is_last = step == self.manifest["steps"] - 1
-        return tuple(name for name in names if not (is_last and name in _TO_THE_NEXT))
+        """Channels of ground truth of a step: the last one has no flow."""
+        is_last = step == self.manifest.steps - 1
+        return tuple(
+            name for name in self.manifest.channels if not (is_last and name in _TO_THE_NEXT)
+        )
 
     def camera_files(self, camera: str, step: int) -> list[Path]:
         """All files of a camera at a step."""
@@ -187,70 +128,101 @@ class RunFolder:
         suffixes += [BOXES_SUFFIX] if "instance" in channels else []
         return [self.file(camera, step, suffix) for suffix in suffixes]
 
-    def _begin(self, force: bool) -> None:
-        if self.path.exists() and not self.path.is_dir():
-            raise RunError(f"{self.path}: is a file: want a folder")
-        if not self.path.parent.is_dir():
-            raise RunError(
-                f"{self.path}: the folder {self.path.parent} does not exist: create it first"
-            )
-        if self.path.is_symlink() and not self.path.exists():
-            raise RunError(f"{self.path}: is a link that leads nowhere: want a folder")
-        self.path.mkdir(exist_ok=True)
-        self._lock = _locked(self.path)
-        there = _read_manifest(self.path / MANIFEST)
-        if there is None:
-            if any(not file.match(PARTIAL) for file in self.path.iterdir()):
-                raise RunError(
-                    f"{self.path}: is not empty and has no {MANIFEST}: want a new folder, an empty "
-                    "one, or that of a run"
-                )
-        elif force:
-            self._clear(there)
-        elif difference := _first_difference(there, self.manifest):
-            raise RunError(
-                f"{self.path / MANIFEST}: {difference}: another run is in this folder; "
-                "choose another, or throw that one away with --force"
-            )
-        for leftover in self.path.rglob(PARTIAL):  # of a run that was killed
-            leftover.unlink()
-        if there is None or force:
-            self.write_text(MANIFEST, json.dumps(self.manifest, indent=2) + "\n")
-        for kind in ("cameras", "scanners"):
-            for name in self.manifest[kind]:
-                (self.path / name).mkdir(exist_ok=True)
 
-    def _clear(self, manifest: dict[str, Any]) -> None:
-        """Remove what a run has put here, and nothing else; its manifest stays until another's."""
-        folders = [self.path / name for kind in ("cameras", "scanners") for name in manifest[kind]]
-        for folder in folders:
-            if folder.is_symlink():
-                raise RunError(f"{folder}: is a link: --force removes no files elsewhere")
-        for folder in filter(Path.is_dir, folders):
-            for file in folder.iterdir():
-                if OURS.fullmatch(file.name):
-                    file.unlink()
-            if not any(folder.iterdir()):
-                folder.rmdir()
-        for name in (GROUND_TRUTH, ODOMETRY, PLOT, "labels.json"):
-            (self.path / name).unlink(missing_ok=True)
+@contextmanager
+def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterator[RunFolder]:
+    """Begin a run, or go on with the one that is there; other drives are locked out meanwhile.
 
-
-def _locked(folder: Path) -> int:
-    """A handle that keeps other drives out of a folder until it is closed, or its process ends.
+    Args:
+        path: the folder; it is made where it is missing, in a folder that is there.
+        content: manifest of the run.
+        force: throw another run away that is there.
 
     Raises:
-        RunError: another drive has it.
+        RunError: another run is there, or files that are none of ours, another drive is writing to
+            it, or it cannot be written to.
+        OutputError: the manifest cannot be written.
     """
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    run = RunFolder(path, parse_manifest(content, str(path / MANIFEST)))
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(_locked(path))
+            _begin(run, content, force)
+        except OSError as reason:
+            where = reason.filename or path
+            raise RunError(f"{where}: cannot be written to: {reason.strerror}") from None
+        yield run
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Make a folder where it is missing, and lock other drives out of it.
+
+    Raises:
+        RunError: another drive has the lock, or the folder cannot be made.
+    """
+    if path.exists() and not path.is_dir():
+        raise RunError(f"{path}: expected a folder, got a file")
+    if not path.parent.is_dir():
+        raise RunError(f"{path}: the folder {path.parent} does not exist: create it first")
+    if path.is_symlink() and not path.exists():
+        raise RunError(f"{path}: expected a folder, got a link that leads nowhere")
+    path.mkdir(exist_ok=True)
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        with suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise RunError(
+                    f"{path}: another drive is writing to it: wait for its end"
+                ) from None
+        yield
+    finally:
         os.close(handle)
-        raise RunError(f"{folder}: another drive is writing to it: wait for its end") from None
-    except OSError:  # a file system without locks
-        pass
-    return handle
+
+
+def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
+    """Write the manifest where there is none, and clear leftovers; refuse another run's folder."""
+    path = run.path
+    old = read_manifest(path / MANIFEST)
+    if old is None:
+        if any(not file.match(PARTIAL) for file in path.iterdir()):
+            raise RunError(
+                f"{path}: is not empty and has no {MANIFEST}: expected a new folder, an empty one, "
+                "or that of a run"
+            )
+    else:
+        there = parse_manifest(old, f"{path / MANIFEST}: is damaged")
+        if force:
+            _clear(RunFolder(path, there))
+        elif difference := first_difference(old, content):
+            raise RunError(
+                f"{path / MANIFEST}: {difference}: another run is in this folder; choose another, "
+                "or throw that one away with --force"
+            )
+    for leftover in path.rglob(PARTIAL):  # of a run that was killed
+        leftover.unlink()
+    if old is None or force:
+        run.write_text(MANIFEST, json.dumps(content, indent=2) + "\n")
+    for name in run.manifest.sensors:
+        (path / name).mkdir(exist_ok=True)
+
+
+def _clear(run: RunFolder) -> None:
+    """Remove a run's own files, and nothing else; its manifest stays until another's."""
+    folders = [run.path / name for name in run.manifest.sensors]
+    for folder in folders:
+        if folder.is_symlink():
+            raise RunError(f"{folder}: is a link: --force removes no files elsewhere")
+    for folder in filter(Path.is_dir, folders):
+        for file in folder.iterdir():
+            if _OWN_FILE.fullmatch(file.name):
+                file.unlink()
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    for name in (GROUND_TRUTH, ODOMETRY, PLOT, LABELS):
+        (run.path / name).unlink(missing_ok=True)
 
 
 def is_written(path: Path) -> bool:
@@ -259,44 +231,3 @@ def is_written(path: Path) -> bool:
         return path.stat().st_size > 0
     except FileNotFoundError:
         return False
-
-
-def _read_manifest(path: Path) -> dict[str, Any] | None:
-    """The manifest, or None: there is none.
-
-    Raises:
-        RunError: it is damaged.
-    """
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except OSError as reason:
-        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
-    except (ValueError, RecursionError):
-        raise RunError(f"{path}: is damaged: not JSON") from None
-    if not isinstance(manifest, dict) or "steps" not in manifest:
-        raise RunError(f"{path}: is damaged: not the manifest of a run")
-    try:
-        parse_table(manifest, _Manifest, RunError, f"{path}: is damaged")
-    except RunError as faults:
-        raise RunError(str(faults).partition("\n")[0]) from None
-    return manifest
-
-
-def _first_difference(there: dict[str, Any], wanted: dict[str, Any], at: str = "") -> str:
-    """The first key with two values, in words; empty where there is none.
-
-    A table that is not there is an empty one: the key that differs is told, not all of the table.
-    """
-    for key in dict.fromkeys((*wanted, *there)):
-        if f"{at}{key}" in FOR_THE_RECORD:
-            continue
-        old, new = there.get(key), wanted.get(key)
-        if isinstance(old, dict | None) and isinstance(new, dict | None):
-            difference = _first_difference(old or {}, new or {}, f"{at}{key}.")
-            if difference:
-                return difference
-        elif old != new:
-            return f"{at}{key} was {old!r}, is {new!r}"
-    return ""

@@ -23,9 +23,8 @@ from omnisim.perception.color_training import (
     train_colors,
 )
 from omnisim.scene.model import Landmark
-from omnisim.simulation.run_channels import LABELS
 from omnisim.simulation.run_data import RunData
-from omnisim.simulation.run_folder import CHANNELS_SUFFIX
+from omnisim.simulation.run_folder import CHANNELS_SUFFIX, LABELS
 
 # Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's colour:
 # white lines, walls and paper are everywhere.
@@ -57,7 +56,7 @@ class RunLabels:
 
     def __init__(self, run: RunData, colors: Sequence[str]):
         path = run.folder.path
-        if "instance" not in run.folder.manifest.get("channels", []):
+        if "instance" not in run.folder.manifest.channels:
             raise RunError(
                 f"{path}: has no labels to learn from: drive it again into a new folder with "
                 "--also instance"

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from omnisim.robot.sensor_mounts import (
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.sensors import LaserScanner, OmniCamera
+from omnisim.sensors.degradations import Degradation
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +153,39 @@ class Vehicle:
             RobotFileError: there is none.
         """
         return _named(self.scanners, name, f"robot {self.name!r}: scanner")
+
+    def with_cameras(
+        self,
+        *,
+        size_px: int | None = None,
+        polygons: int | Literal["same"] | None = "same",
+        degradation: Degradation | None = None,
+        quality: str | None = None,
+    ) -> Vehicle:
+        """The vehicle with other pictures; by default they stay as they are.
+
+        Args:
+            size_px: pixels of the shorter side.
+            polygons: of the mirror's mesh; None: exact.
+            degradation: of all cameras.
+            quality: "fast", "default" or "fine".
+
+        Raises:
+            OpticsError: an impossible size, polygon count or quality.
+        """
+        cameras = []
+        for camera in self.cameras:
+            sensor = camera.sensor
+            if degradation is not None:
+                sensor = sensor.with_degradation(degradation)
+            if size_px is not None:
+                sensor = sensor.resized(size_px)
+            if quality is not None:
+                sensor = sensor.with_quality(quality)
+            if polygons != "same":
+                sensor = sensor.with_polygons(polygons)
+            cameras.append(dataclasses.replace(camera, sensor=sensor))
+        return dataclasses.replace(self, cameras=tuple(cameras))
 
     def body_seen_by(self, mounted: MountedCamera | MountedScanner) -> Scene | None:
         """The body without what a sensor hides, or None: nothing is left."""

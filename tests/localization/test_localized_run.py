@@ -163,16 +163,25 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("localize", "RUN", "-o", "OUT", "--model", "RUN"), "is a folder: want the .npz file"),
+        (("localize", "RUN", "-o", "OUT", "--model", "RUN"), "got the folder"),
         (("localize", "RUN", "-o", "OUT", "--model", "OUT.npz"), "No such file"),
         (("localize", "OUT", "-o", "OUT2"), "no such folder"),
         (("landmarks", "train", "RUN", "-o", "OUT.txt"), "expected a name that ends in .npz"),
-        (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "-1"), "--missed -1"),
+        (
+            ("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "-1"),
+            "--missed: expected a number from 1e-09",
+        ),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--camera", "omni"), "'omnicam'?"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "1e300"), "to 1e+09"),
         (("landmarks", "detect", "RUN", "--model", "MODEL", "-o", "MODEL"), "ends in .csv"),
-        (("landmarks", "detect", "PNG", "--model", "MODEL", "--camera", "omnicam"), "for a run"),
-        (("landmarks", "detect", "RUN", "--model", "MODEL", "--sensor", "PNG"), "for a picture"),
+        (
+            ("landmarks", "detect", "PNG", "--model", "MODEL", "--camera", "omnicam"),
+            "--camera: expected a run",
+        ),
+        (
+            ("landmarks", "detect", "RUN", "--model", "MODEL", "--sensor", "PNG"),
+            "--sensor: expected a picture",
+        ),
     ],
 )
 def test_bad_input_is_one_line(run, model, tmp_path, words, told):

@@ -19,7 +19,7 @@ from omnisim.image_files import read_image
 from omnisim.robot import read_odometry, read_trajectory
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera
-from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.run_folder import RunFolder
 from omnisim.simulation.sensor_toml import sensor_toml
@@ -38,7 +38,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def vehicle():
-    return with_cameras(Vehicle.load("p2at"), 48, "same")
+    return Vehicle.load("p2at").with_cameras(size_px=48)
 
 
 def _record(drive, folder, force=False):
@@ -163,9 +163,9 @@ def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path
     others = {
         "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
         r"path\.poses was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
-        r"robot\.contents was": Drive(scene, with_cameras(vehicle, 64, "same"), ROUTE, seed=7),
+        r"robot\.contents was": Drive(scene, vehicle.with_cameras(size_px=64), ROUTE, seed=7),
         r"quality\.omnicam\.supersampling was 3, is 2": Drive(
-            scene, with_cameras(vehicle, None, "same", quality="fast"), ROUTE, seed=7
+            scene, vehicle.with_cameras(quality="fast"), ROUTE, seed=7
         ),
         "unlit was False, is True": Drive(scene, vehicle, ROUTE, seed=7, unlit=True),
     }
@@ -209,12 +209,12 @@ def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, wo
 @pytest.mark.parametrize(
     ("keys", "value", "words"),
     [
-        (["scene"], "soccer", r"scene = 'soccer': want a table"),
-        (["scene", "file"], None, "scene.file = None: want a valid string"),
-        (["steps"], -1, "steps = -1: want greater than"),
-        (["steps"], True, "steps = True: want a valid integer"),
-        (["cameras"], [".."], r"cameras.0 = '..': want letters"),
-        (["format"], 2, "format = 2: want 1"),
+        (["scene"], "soccer", r"scene: expected a table.*, got 'soccer'"),
+        (["scene", "file"], None, "scene.file: expected a valid string, got None"),
+        (["steps"], -1, "steps: expected a number ≥ 1, got -1"),
+        (["steps"], True, "steps: expected a valid integer, got True"),
+        (["cameras"], [".."], r"cameras.0: expected letters.*, got '..'"),
+        (["format"], 2, "format: expected 1, got 2"),
     ],
 )
 def test_a_manifest_that_somebody_has_edited(whole, tmp_path, keys, value, words):
@@ -234,13 +234,13 @@ def test_a_manifest_that_somebody_has_edited(whole, tmp_path, keys, value, words
 
 def test_places_that_are_none(scene, vehicle, tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(RunError, match="is a file: want a folder"):
+    with pytest.raises(RunError, match="expected a folder, got a file"):
         next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "file"))
     with pytest.raises(RunError, match="create it first"):
         next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "no" / "run"))
-    with pytest.raises(RunError, match="want the folder of a run"):
+    with pytest.raises(RunError, match="expected the folder of a run"):
         RunFolder.read(tmp_path)
-    with pytest.raises(RunError, match="seed -1: want a whole number"):
+    with pytest.raises(RunError, match="seed: expected a whole number"):
         Drive(scene, vehicle, ROUTE, seed=-1).plan()
 
 
@@ -349,7 +349,7 @@ def test_force_leaves_no_other_run_s_pictures(scene, vehicle, whole, tmp_path):
 
 
 def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
-    drive = Drive(scene, with_cameras(vehicle, 100_000, "same"), ROUTE)
+    drive = Drive(scene, vehicle.with_cameras(size_px=100_000), ROUTE)
     with pytest.raises(GraphicsError, match="300000 × 300000 px"):
         next(drive.plan().record(tmp_path / "run"))
     assert not (tmp_path / "run").exists()

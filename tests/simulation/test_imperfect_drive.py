@@ -12,7 +12,7 @@ from omnisim.robot import Trajectory
 from omnisim.robot.interpolation import pose_at
 from omnisim.scene import load_scene
 from omnisim.sensors.degradations import Shutter, preset
-from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -30,8 +30,8 @@ def vehicle():
     # slow enough to lag from step to step
     exposure = dataclasses.replace(degradation.exposure, time_constant_s=3.0)
     degradation = dataclasses.replace(degradation, exposure=exposure)
-    loaded = with_cameras(Vehicle.load("p2at"), None, "same", degradation)
-    return dataclasses.replace(with_cameras(loaded, 48, "same"), scanners=())
+    loaded = Vehicle.load("p2at").with_cameras(degradation=degradation)
+    return dataclasses.replace(loaded.with_cameras(size_px=48), scanners=())
 
 
 @pytest.fixture(scope="module")
@@ -93,26 +93,28 @@ def test_another_seed_is_other_noise(whole, scene, vehicle, tmp_path):
 
 
 def test_another_preset_is_another_run(whole, scene, vehicle):
-    other = with_cameras(vehicle, None, "same", preset("webcam"))
+    other = vehicle.with_cameras(degradation=preset("webcam"))
     with pytest.raises(RunError, match=r"another run is in this folder") as info:
         next(Drive(scene, other, ROUTE, seed=7).plan().record(whole))
     # by the key that differs, not by a fingerprint
     assert "manifest.json: degradation.omnicam.defocus.centre_defocus_px was" in str(info.value)
 
 
-def test_a_picture_that_tells_no_exposure_is_named(whole, scene, vehicle, tmp_path):
+def test_a_picture_without_exposure_is_named(whole, scene, vehicle, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(whole, folder)
     (folder / "omnicam" / "000003.png").write_bytes(b"no picture")
     (folder / "omnicam" / "000004.png").unlink()
-    with pytest.raises(RunError, match=r"000003\.png: does not tell its exposure"):
+    with pytest.raises(RunError, match=r"000003\.png: has no exposure"):
         list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))
 
 
 def test_an_exposure_longer_than_a_step_is_refused(scene, vehicle):
     long = dataclasses.replace(preset("webcam"), shutter=Shutter(exposure_s=5.0))
-    drive = Drive(scene, with_cameras(vehicle, None, "same", long), ROUTE)
-    with pytest.raises(RunError, match=r"camera 'omnicam': .*exposure_s = 5: want at most .* to"):
+    drive = Drive(scene, vehicle.with_cameras(degradation=long), ROUTE)
+    with pytest.raises(
+        RunError, match=r"camera 'omnicam': .*exposure_s: expected at most .* to .*, got 5"
+    ):
         drive.plan()
 
 

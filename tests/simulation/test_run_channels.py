@@ -10,7 +10,7 @@ from omnisim.errors import RunError
 from omnisim.ground_truth import CHANNELS
 from omnisim.image_files import read_channels
 from omnisim.scene import load_scene
-from omnisim.simulation.drive import Drive, with_cameras
+from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -20,7 +20,7 @@ STEPS = 4
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    vehicle = with_cameras(Vehicle.load("p2at"), 36, "same")
+    vehicle = Vehicle.load("p2at").with_cameras(size_px=36)
     path = tmp_path_factory.mktemp("paths") / "corner.csv"
     path.write_text("x_m,y_m\n-1.0,0.5\n0.2,0.5\n0.2,1.5\n")
     route = Route(str(path), step_m=10.0, step_deg=90.0)

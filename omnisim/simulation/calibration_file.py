@@ -1,0 +1,45 @@
+"""Calibration of a camera in the folder of a run: its parameters and its mount on the base."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from omnisim.cameras import camera_from_parameters
+from omnisim.errors import OmnisimError, RunError
+from omnisim.perception.panorama import CameraMount
+from omnisim.poses import check_pose
+from omnisim.sensors import OmniCamera
+from omnisim.sensors.valid_mask import valid_mask
+
+CALIBRATION = "calibration.json"
+
+
+def calibration_json(sensor: OmniCamera) -> str:
+    """Text of the calibration file of a mounted sensor."""
+    content = {
+        "camera": sensor.model.parameters(),
+        "polygons": sensor.polygons or "exact",
+        "base_from_optical": sensor.base_from_optical.tolist(),
+    }
+    return json.dumps(content, indent=2) + "\n"
+
+
+def read_mount(path: Path) -> CameraMount:
+    """Read the camera of a calibration file.
+
+    Raises:
+        RunError: it cannot be read, or is damaged.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        camera = camera_from_parameters(content["camera"])
+        base_from_optical = check_pose(content["base_from_optical"])
+        polygons = content["polygons"] if isinstance(content["polygons"], int) else None
+        return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except OmnisimError as reason:
+        raise RunError(f"{path}: {reason}") from None
+    except (KeyError, TypeError, ValueError):
+        raise RunError(f"{path}: is damaged: not a camera's calibration") from None

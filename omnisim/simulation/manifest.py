@@ -1,0 +1,106 @@
+"""Manifest of a run: what made it, and what of it may differ when the run goes on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from omnisim.errors import RunError
+from omnisim.parameters import Table, parse_table
+from omnisim.robot.sensor_mounts import SensorName
+
+MANIFEST_FORMAT = 1
+# For the record: other versions of these, or from elsewhere, may go on with a run.
+FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
+
+
+class _OpenTable(Table):
+    """Table with further keys, kept as they are."""
+
+    model_config = ConfigDict(extra="allow", strict=True, str_strip_whitespace=False)
+
+
+class _Scene(_OpenTable):
+    name: str
+    file: str
+    up_axis: str | None
+    contents: str
+
+
+class _Named(_OpenTable):
+    name: str
+
+
+class Manifest(_OpenTable):
+    """Keys of a manifest that readers rely on."""
+
+    format: Literal[1]
+    scene: _Scene
+    robot: _Named
+    path: _Named
+    steps: int = Field(ge=1)
+    cameras: list[SensorName]
+    scanners: list[SensorName]
+    channels: tuple[str, ...] = Field(default=(), strict=False)
+
+    @property
+    def sensors(self) -> list[str]:
+        """Names of all sensors."""
+        return [*self.cameras, *self.scanners]
+
+    @property
+    def title(self) -> str:
+        """Robot, scene and path."""
+        return f"{self.robot.name} in {self.scene.name}, {self.path.name}"
+
+
+def parse_manifest(content: dict[str, Any], source: str) -> Manifest:
+    """Check a manifest.
+
+    Raises:
+        RunError: naming the first key that is wrong, in one line.
+    """
+    try:
+        return parse_table(content, Manifest, RunError, source)
+    except RunError as faults:
+        raise RunError(str(faults).partition("\n")[0]) from None
+
+
+def read_manifest(path: Path) -> dict[str, Any] | None:
+    """Content of a manifest file, or None: there is no such file.
+
+    Raises:
+        RunError: it is damaged.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except (ValueError, RecursionError):
+        raise RunError(f"{path}: is damaged: not JSON") from None
+    if not isinstance(content, dict) or "steps" not in content:
+        raise RunError(f"{path}: is damaged: not the manifest of a run")
+    return content
+
+
+def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> str:
+    """Describe the first key whose values differ; empty where none does.
+
+    A missing table counts as an empty one, so that the key in it is named and not the table.
+    """
+    for key in dict.fromkeys((*new, *old)):
+        if f"{at}{key}" in FOR_THE_RECORD:
+            continue
+        before, after = old.get(key), new.get(key)
+        if isinstance(before, dict | None) and isinstance(after, dict | None):
+            difference = first_difference(before or {}, after or {}, f"{at}{key}.")
+            if difference:
+                return difference
+        elif before != after:
+            return f"{at}{key} was {before!r}, is {after!r}"
+    return ""
