@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnisim.errors import OutputError
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.exr import write_exr
-from omnisim.ground_truth.files import write_beside, write_boxes, write_previews
+from omnisim.ground_truth.files import write_boxes, write_previews, write_sidecars
 from omnisim.image_files import is_float_format, write_image
 
 
@@ -64,7 +64,7 @@ class Frame:
         if not is_float_format(path):
             write_image(path, self.rgb, self.metadata)
             if self.channels:
-                write_beside(path, self.channels, self.labels, self.metadata)
+                write_sidecars(path, self.channels, self.labels, self.metadata)
         elif self.linear is None:
             raise OutputError(
                 f"{path}: EXR holds linear colours: expected a frame rendered with linear=True"

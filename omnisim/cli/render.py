@@ -23,7 +23,7 @@ from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import unfolded_cube
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
-from omnisim.ground_truth.files import is_name_beside
+from omnisim.ground_truth.files import is_sidecar_name
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
@@ -110,7 +110,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
     )
     channels = () if request.also is None else parse_channels(request.also)
     for option, path in extra.items():
-        if channels and path is not None and is_name_beside(request.output, path):
+        if channels and path is not None and is_sidecar_name(request.output, path):
             raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
         raise OutputError(f"--rays: expected an .exr file, got {request.rays}")

@@ -1,4 +1,4 @@
-"""Channels beside an 8-bit picture: a file each, in usual formats.
+"""Sidecar files of an 8-bit picture: one file per channel, in standard formats.
 
     frame.range.png             16 bits, millimetres; 0: nothing is hit, 65535: beyond 65.534 m
     frame.z.exr, frame.position.exr            as in the EXR of all channels
@@ -36,7 +36,7 @@ RANGE_STEPS_PER_M = 1000
 _LARGEST = 2**16 - 1
 
 
-def write_beside(
+def write_sidecars(
     picture: Path,
     channels: Mapping[str, NDArray[Any]],
     labels: Labels | None,
@@ -55,7 +55,7 @@ def write_beside(
     content = dict(metadata) | {"channels": described}
     if labels is not None:
         content["labels"] = labels.to_json()
-    write_json(beside(picture, "channels.json"), content)
+    write_json(sidecar_path(picture, "channels.json"), content)
 
 
 def write_boxes(picture: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
@@ -66,7 +66,7 @@ def write_boxes(picture: Path, channels: Mapping[str, NDArray[Any]], labels: Lab
     """
     if labels is not None and "instance" in channels:
         content = coco_image(channels["instance"], labels, picture.name)
-        write_json(beside(picture, "coco.json"), content)
+        write_json(sidecar_path(picture, "coco.json"), content)
 
 
 def write_previews(
@@ -79,17 +79,17 @@ def write_previews(
     """
     files = []
     for name, values in channels.items():
-        files.append(beside(picture, f"{name}.preview.png"))
+        files.append(sidecar_path(picture, f"{name}.preview.png"))
         write_image(files[-1], preview(name, values, labels))
     return files
 
 
-def beside(picture: Path, ending: str) -> Path:
-    """`frame.png` and `range.png` make `frame.range.png`."""
+def sidecar_path(picture: Path, ending: str) -> Path:
+    """Path of a sidecar: `frame.png` and `range.png` make `frame.range.png`."""
     return picture.with_name(f"{picture.stem}.{ending}")
 
 
-def is_name_beside(picture: Path, path: Path) -> bool:
+def is_sidecar_name(picture: Path, path: Path) -> bool:
     """Tell whether the channels of a picture may write a file of this name."""
     if path.resolve().parent != picture.resolve().parent:
         return False
@@ -129,7 +129,7 @@ def _write(
     metadata: Mapping[str, Any],
 ) -> tuple[list[str], dict[str, Any]]:
     """Write one channel; return its files' names, and the scale of their numbers."""
-    path = beside(picture, f"{name}.png")
+    path = sidecar_path(picture, f"{name}.png")
     scale: dict[str, int] = {}
     if name in _NUMBERS:
         encode, scale = _NUMBERS[name]

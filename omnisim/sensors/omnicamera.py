@@ -162,7 +162,7 @@ class OmniCamera:
         )
 
     @property
-    def captured_camera(self) -> CentralCamera:
+    def supersampled_model(self) -> CentralCamera:
         """Model of the supersampled picture that is averaged to this one's."""
         return self.model.scaled(self.supersampling)
 

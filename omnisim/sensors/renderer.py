@@ -53,7 +53,7 @@ class CameraPasses:
         self._stage, self._sensor = stage, sensor
         self._hidden, self._unlit = hidden, unlit
         self._ground_truth: GroundTruth | None = None
-        camera, is_ideal = sensor.captured_camera, sensor.degradation.is_ideal
+        camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
         check_picture_size(stage.context, camera.width_px, camera.height_px)
         density = sensor.texels_per_pixel / sensor.supersampling
         plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)

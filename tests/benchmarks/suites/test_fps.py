@@ -74,4 +74,4 @@ def test_patrol_goes_along_the_path_and_turns_where_there_is_none():
 
 def test_viewport_has_a_sample_for_each_pixel():
     window = viewport()
-    assert (window.captured_camera.width_px, window.captured_camera.height_px) == (640, 480)
+    assert (window.supersampled_model.width_px, window.supersampled_model.height_px) == (640, 480)

@@ -99,6 +99,6 @@ def test_cores_do_not_overlap():
 def test_the_papers_camera_draws_few_texels_for_a_pixel(polygons):
     sensor = OmniCamera(polygons=polygons).with_quality("fast")
     density = sensor.texels_per_pixel / sensor.supersampling
-    plan = sensor_tiles(sensor, sensor.captured_camera, density, subdivide=True)
+    plan = sensor_tiles(sensor, sensor.supersampled_model, density, subdivide=True)
     rim_px = 0.5 * sensor.model.width_px
     assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MOST_TEXELS
