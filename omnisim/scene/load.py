@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.file_axes import world_from_file
-from omnisim.scene.gltf import read_gltf
-from omnisim.scene.imported_scene import ImportedScene
+from omnisim.scene.gltf.reader import read_gltf
+from omnisim.scene.imported import LARGEST_COORDINATE, ImportedScene
 from omnisim.scene.labels import label_rules
 from omnisim.scene.lighting import expose
-from omnisim.scene.mesh_data import LARGEST_COORDINATE
 from omnisim.scene.model import (
     MAX_LIGHTS,
     ColorBand,

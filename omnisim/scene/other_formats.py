@@ -21,8 +21,7 @@ from PIL import Image
 
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
-from omnisim.scene.imported_scene import ImportedScene
-from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
+from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from omnisim.errors import SceneError, did_you_mean
+from omnisim.errors import did_you_mean
 from omnisim.parameters import Number, Table
-from omnisim.toml_file import read_toml
 
 Level = Annotated[Number, Field(ge=0.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
@@ -19,6 +17,19 @@ Point = tuple[Number, Number, Number]
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
 LARGEST_CLASS = 60_000  # of the 16 bits that files have, some are left for what nobody labels
 LinearRgb = tuple[Level, Level, Level]
+
+
+def _distinct(key: str) -> AfterValidator:
+    """Refuses tables with the same value of a key."""
+
+    def check(tables: tuple[Table, ...]) -> tuple[Table, ...]:
+        values = [value for table in tables if (value := getattr(table, key)) is not None]
+        for value in values:
+            if values.count(value) > 1:
+                raise ValueError(f"{key} = {value!r}: expected each {key} once")
+        return tables
+
+    return AfterValidator(check)
 
 
 class StartTable(Table):
@@ -56,7 +67,7 @@ class LandmarkTable(Table):
         for lower, upper in itertools.pairwise(self.bands):
             if not lower.top_m < upper.top_m:
                 raise ValueError(
-                    f"top_m = {upper.top_m:g}: want more than {lower.top_m:g} below it"
+                    f"top_m: expected more than {lower.top_m:g} below it, got {upper.top_m:g}"
                 )
         return self
 
@@ -78,19 +89,7 @@ class LabelTable(Table):
     id: Annotated[int, Field(ge=1, le=LARGEST_CLASS, strict=True)] | None = None
 
 
-def _labels_once(tables: tuple[LabelTable, ...]) -> tuple[LabelTable, ...]:
-    names = [table.name for table in tables]
-    numbers = [table.id for table in tables if table.id is not None]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"name = {name!r}: want each name once")
-    for number in numbers:
-        if numbers.count(number) > 1:
-            raise ValueError(f"id = {number}: want each id once")
-    return tables
-
-
-LabelTables = Annotated[tuple[LabelTable, ...], AfterValidator(_labels_once)]
+LabelTables = Annotated[tuple[LabelTable, ...], _distinct("name"), _distinct("id")]
 
 
 class LabelFile(Table):
@@ -120,22 +119,11 @@ class SceneFile(Table):
     meters_per_unit: Positive | None = None
     background: LinearRgb | None = None
     start: StartTable | None = None
-    starts: tuple[NamedStartTable, ...] = ()
-    paths: tuple[ScenePathTable, ...] = ()
+    starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
+    paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
-    landmarks: tuple[LandmarkTable, ...] = ()
+    landmarks: Annotated[tuple[LandmarkTable, ...], _distinct("name")] = ()
     labels: LabelTables = ()
-
-    @field_validator("starts", "paths", "landmarks")
-    @classmethod
-    def _names_once(
-        cls, tables: tuple[NamedStartTable | ScenePathTable | LandmarkTable, ...]
-    ) -> tuple[NamedStartTable | ScenePathTable | LandmarkTable, ...]:
-        names = [table.name for table in tables]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"name = {name!r}: want each name once")
-        return tables
 
     @field_validator("landmarks")
     @classmethod
@@ -151,12 +139,3 @@ class SceneFile(Table):
                     hint = did_you_mean(band.color, palette, "[palette] has")
                     raise ValueError(f"{landmark.name}: color = {band.color!r}: unknown; {hint}")
         return landmarks
-
-
-def read_scene_file(path: Path) -> SceneFile:
-    """Read and check a scene's TOML.
-
-    Raises:
-        SceneError: naming file, key, value and what was wanted.
-    """
-    return read_toml(path, SceneFile, SceneError)

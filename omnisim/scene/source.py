@@ -6,7 +6,8 @@ from pathlib import Path
 
 from omnisim.errors import SceneError, did_you_mean
 from omnisim.resources import SCENES
-from omnisim.scene.scene_file import SceneFile, read_scene_file
+from omnisim.scene.scene_file import SceneFile
+from omnisim.toml_file import read_toml
 
 
 def builtin_scenes() -> list[str]:
@@ -41,7 +42,7 @@ def _resolve(path: Path, name: str) -> tuple[Path, SceneFile]:
         raise SceneError(f"{path}: is not a regular file")
     if path.suffix.lower() != ".toml":
         return path, SceneFile(file=path.name)
-    settings = read_scene_file(path)
+    settings = read_toml(path, SceneFile, SceneError)
     mesh_file = path.parent / settings.file
     if not mesh_file.is_file():
         raise SceneError(f"{path}: file = {settings.file!r}: no such file beside it")

@@ -120,7 +120,7 @@ def test_soccers_landmarks_have_a_class_for_each_colour():
         ('[[labels]]\nname = "a"\nnode = ["x"]\n', "did you mean 'nodes'?"),
         (
             '[[labels]]\nname = "a"\nnodes = ["x"]\n[[labels]]\nname = "a"\nnodes = ["y"]\n',
-            "name = 'a': want each name once",
+            "name = 'a': expected each name once",
         ),
         ("", "labels: missing"),
     ],

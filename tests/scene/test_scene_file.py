@@ -88,7 +88,7 @@ def test_a_scene_without_starts_and_landmarks_has_none(folder):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"door"', '"dock"', r"scene\.toml: starts: name = 'dock': want each name once$"),
+        ('"door"', '"dock"', r"scene\.toml: starts: name = 'dock': expected each name once$"),
         ('"door"', "7", r"starts\.1\.name: expected a valid string, got 7$"),
         ('"door"', '""', r"starts\.1\.name: expected at least 1 character, got ''$"),
         ("yaw_deg", "yaw", r"starts\.0\.yaw: unknown key; did you mean 'yaw_deg'\?$"),

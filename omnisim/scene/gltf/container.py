@@ -14,9 +14,6 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 def read_container(data: bytes) -> tuple[JsonObject, memoryview]:
     """Top-level JSON object, and the binary chunk of a GLB file (empty without one).
 
-    Raises:
-        SceneError: neither glTF 2.0 nor GLB version 2, or cut short.
-
     Source: glTF 2.0, section 4.4.
     """
     chunk = memoryview(b"")

@@ -19,9 +19,6 @@ def read_lights(
 ) -> tuple[Light, ...]:
     """Lights of the scene's nodes, in the world frame.
 
-    Raises:
-        SceneError: damaged.
-
     Source: KHR_lights_punctual; a light points along the −z of its node.
     """
     extension = root.extension(_EXTENSION)

@@ -30,11 +30,7 @@ class Materials:
     def __init__(
         self, root: JsonObject, accessors: Accessors, textures: TextureStore, assets: AssetResolver
     ):
-        """Open all images; those that are not there are then in `assets.missing`.
-
-        Raises:
-            SceneError: a damaged bufferView.
-        """
+        """Open all images; those that are not there are then in `assets.missing`."""
         self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
         self._store, self._assets = textures, assets

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
+from omnisim.poses import rotation_from_quaternion
 from omnisim.scene.gltf.json_object import JsonObject
 
 
@@ -13,9 +14,6 @@ def file_from_nodes(root: JsonObject, nodes: list[JsonObject]) -> dict[int, NDAr
     """Global transforms (4, 4) of the nodes of the file's scene, in the order of drawing.
 
     Without any scene, all root nodes are shown.
-
-    Raises:
-        SceneError: the nodes are no forest, or damaged.
     """
     scenes = root.objects("scenes")
     if scenes:
@@ -44,25 +42,14 @@ def _parent_from_node(node: JsonObject) -> NDArray[np.float64]:
         shift = np.eye(4)
         shift[:3, 3] = translation
         result = result @ shift
-    if (quaternion := node.numbers("rotation", 4)) is not None:
-        result = result @ _rotation(np.array(quaternion))
+    quaternion = node.numbers("rotation", 4)
+    if quaternion is not None and np.linalg.norm(quaternion) > 1e-7:
+        rotation = np.eye(4)
+        rotation[:3, :3] = rotation_from_quaternion(quaternion)
+        result = result @ rotation
     if (scale := node.numbers("scale", 3)) is not None:
         result = result @ np.diag((*scale, 1.0))
     return result
-
-
-def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation (4, 4) of a quaternion (x, y, z, w) of any length; identity where that is 0."""
-    matrix = np.eye(4)
-    norm = quaternion @ quaternion
-    if norm > 1e-15:
-        x, y, z, w = quaternion * np.sqrt(2.0 / norm)
-        matrix[:3, :3] = (
-            (1.0 - y * y - z * z, x * y - z * w, x * z + y * w),
-            (x * y + z * w, 1.0 - x * x - z * z, y * z - x * w),
-            (x * z - y * w, y * z + x * w, 1.0 - x * x - y * y),
-        )
-    return matrix
 
 
 def _orthonormalize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,8 +18,7 @@ from omnisim.scene.gltf.materials import Materials
 from omnisim.scene.gltf.nodes import file_from_nodes
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
 from omnisim.scene.gltf.skins import joint_matrices, skin_vertices
-from omnisim.scene.imported_scene import ImportedScene
-from omnisim.scene.mesh_data import colors_rgba, make_mesh, translate
+from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
 

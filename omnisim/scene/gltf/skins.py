@@ -18,9 +18,6 @@ def skin_vertices(
     Args:
         primitive: with JOINTS_0 and WEIGHTS_0.
         matrices: (joints, 4, 4), by `joint_matrices`.
-
-    Raises:
-        SceneError: damaged attributes, or a joint that is not there.
     """
     positions, weights = primitive.required("POSITION", 3), primitive.required("WEIGHTS_0", 4)
     joints = primitive.required("JOINTS_0", 4)
@@ -47,9 +44,6 @@ def joint_matrices(
         skin: its JSON.
         accessors: of the file.
         nodes: file_from_node (4, 4) of the scene's nodes.
-
-    Raises:
-        SceneError: a joint that is not in the scene, or another count of inverse bind matrices.
 
     Source: glTF 2.0, section 3.7.3.3: the joint's global transform times its inverse bind matrix;
     the node of the mesh does not count.

@@ -1,15 +1,34 @@
-"""Checks that every mesh passes before it becomes part of a scene."""
+"""Contents of mesh files, checked, before they are placed in the world."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.model import Mesh
+from omnisim.scene.model import Instance, Light, Material, Mesh
 
 # Beyond, products of coordinates overflow a float32.
 LARGEST_COORDINATE = 1e15
+
+
+class ImportedScene(NamedTuple):
+    """Contents of a mesh file.
+
+    Attributes:
+        meshes, materials: as in the scene.
+        instances: `world_from_mesh` is still file_from_mesh, in the file's axes and unit.
+        notices: one line for each feature that is not drawn.
+        lights: in the world frame.
+    """
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    instances: tuple[Instance, ...]
+    notices: list[str]
+    lights: tuple[Light, ...] = ()
 
 
 def make_mesh(
@@ -43,7 +62,7 @@ def make_mesh(
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
     if corners.min() < 0 or corners.max() >= len(points):
         worst = corners.min() if corners.min() < 0 else corners.max()
-        raise SceneError(f"mesh {name!r}: a triangle names vertex {worst} of {len(points)}")
+        raise SceneError(f"mesh {name!r}: expected vertices below {len(points)}, got {worst}")
     bad = ~(np.abs(points) < LARGEST_COORDINATE).all(axis=1)  # also true for NaN
     if bad.any():
         raise SceneError(
