@@ -1,4 +1,4 @@
-"""Errors where something does not fit on the GPU."""
+"""Allocations on the GPU."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from omnisim.errors import GraphicsError
 
 
 @contextmanager
-def fits_on_gpu(what: str, remedy: str) -> Iterator[None]:
-    """Allocate in a `with` block; a failure names what was allocated, and what helps.
+def gpu_allocation(what: str, remedy: str) -> Iterator[None]:
+    """Name a failing allocation of a `with` block, and a remedy.
 
     Raises:
         GraphicsError: OpenGL refused.

@@ -13,7 +13,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.capture.picture_pass import picture_pass
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.degradation.degradation_pass import DegradationPass, UniformValue
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cube_pass import CubePass
 
 
@@ -79,7 +79,7 @@ class Pipeline:
         self.context, self._cube = context, cube
         self.size_px = (width // supersampling, height // supersampling)
         self._picture_pass = picture_pass(samples, cube.plan, supersampling)
-        with fits_on_gpu(
+        with gpu_allocation(
             f"a capture of {width} × {height} px",
             "make the picture or camera.supersampling smaller",
         ):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 
 # A larger table would take more memory than all the rest. Samples of larger pictures are drawn
@@ -41,7 +41,7 @@ def picture_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> Pictu
         GraphicsError: no memory for it.
     """
     width, height = samples.size_px
-    with fits_on_gpu(
+    with gpu_allocation(
         f"a capture of {width} × {height} px", "make the picture or camera.supersampling smaller"
     ):
         if fits_table(width * height):

@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 
 METER_BLOCK_PX = 16  # pixels to a side of the block that one fragment of the light meter adds up
@@ -127,7 +127,7 @@ class _Target:
     """Float32 picture to write to and to read from."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        with fits_on_gpu(
+        with gpu_allocation(
             f"a degraded picture of {size[0]} × {size[1]} px", "make the picture smaller"
         ):
             self.texture = context.texture(size, 4, dtype="f4")

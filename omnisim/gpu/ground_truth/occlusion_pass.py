@@ -11,7 +11,7 @@ from omnisim.gpu.capture.pixel_map import RAYS_UNIT
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers, flush
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
 
@@ -38,7 +38,7 @@ class OcclusionPass:
         self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
         self._vertex_array = valid_pixels_array(context, program, pixels.valid)
         width, height = pixels.size_px
-        with fits_on_gpu(f"flow of {width} × {height} px", "make the picture smaller"):
+        with gpu_allocation(f"flow of {width} × {height} px", "make the picture smaller"):
             occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
             self._target = context.framebuffer([occluded])
         # once: nothing is ever drawn where there is no ray

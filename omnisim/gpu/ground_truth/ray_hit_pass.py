@@ -14,7 +14,7 @@ from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
 
@@ -75,7 +75,7 @@ class RayHitPass:
         visibility.buffers.check_readable("to look up what its pixels show")
         width, height = pixels.size_px
         self._what = f"ground truth of {width} × {height} px"
-        with fits_on_gpu(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the picture smaller"):
             self._rays = pixels.rays
             self.points = pixels.context.texture(pixels.size_px, 4, dtype="f4")
             self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
@@ -126,7 +126,7 @@ class RayHitPass:
         uniform(program, "u_rays").value = RAYS_UNIT
         attachments: list[moderngl.Texture | moderngl.Renderbuffer]
         attachments = [self.points, self.primitives]
-        with fits_on_gpu(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the picture smaller"):
             if normals:
                 attachments.append(context.renderbuffer(size, 4, dtype="f4"))
             if albedos:
