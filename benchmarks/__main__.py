@@ -118,7 +118,7 @@ def _passes(name: str, options: Options, folder: Path) -> bool:
         report = suite.run(options)
         print(f"{name}, on {machine_line(report['machine'])}")
         print("\n".join(suite.lines(report)), end="\n\n", flush=True)
-        write_report(folder, suite, report)
+        write_report(folder, report, suite.figure(report))
     except OmnisimError as reason:
         print(f"error: {name}: {reason}", file=sys.stderr)
         return False

@@ -19,7 +19,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any, get_args
 
 import moderngl
@@ -28,6 +27,7 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from omnisim.errors import OutputError
 from omnisim.gpu.context import graphics_info
+from omnisim.plots.plot_file import Figure, write_plot
 from omnisim.reports.machine import describe_machine
 from omnisim.reports.measure import Measure, Sense
 from omnisim.reports.report import write_json
@@ -114,7 +114,7 @@ def bound_lines(report: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def write_report(folder: Path, suite: ModuleType, report: Mapping[str, Any]) -> None:
+def write_report(folder: Path, report: Mapping[str, Any], figure: Figure) -> None:
     """Write `<suite>.json` and `<suite>.png` into a folder; each appears only when it is whole.
 
     Raises:
@@ -124,7 +124,7 @@ def write_report(folder: Path, suite: ModuleType, report: Mapping[str, Any]) -> 
     check(report)
     path = folder / f"{report['suite']}.json"
     write_json(path, report)
-    suite.plot(report, path.with_suffix(".png"))
+    write_plot(path.with_suffix(".png"), figure)
 
 
 def read_report(path: Path) -> dict[str, Any]:

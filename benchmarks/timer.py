@@ -16,7 +16,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Estimate:
+class MedianInterval:
     """Median over rounds, and its confidence interval.
 
     Attributes:
@@ -63,21 +63,21 @@ class Timings:
             **{f"p{percent}_ms": self.percentile_ms(variant, percent) for percent in (50, 95, 99)},
         }
 
-    def frames_per_second(self, variant: str) -> Estimate:
+    def frames_per_second(self, variant: str) -> MedianInterval:
         """Runs per second, one after the other."""
-        return _estimate(1.0 / self.seconds[variant])
+        return _median_interval(1.0 / self.seconds[variant])
 
-    def ratio(self, variant: str, to: str) -> Estimate:
+    def ratio(self, variant: str, to: str) -> MedianInterval:
         """Ratio of the times of `variant` and `to`, paired by rounds."""
-        return _estimate(self.seconds[variant] / self.seconds[to])
+        return _median_interval(self.seconds[variant] / self.seconds[to])
 
-    def processor_ratio(self, variant: str, to: str) -> Estimate:
+    def processor_ratio(self, variant: str, to: str) -> MedianInterval:
         """Ratio of the processor times of `variant` and `to`, paired by rounds."""
-        return _estimate(self.processor_seconds[variant] / self.processor_seconds[to])
+        return _median_interval(self.processor_seconds[variant] / self.processor_seconds[to])
 
-    def cost_ms(self, variant: str, without: str) -> Estimate:
+    def cost_ms(self, variant: str, without: str) -> MedianInterval:
         """Milliseconds that `variant` takes longer than `without`, paired by rounds."""
-        return _estimate(1e3 * (self.seconds[variant] - self.seconds[without]))
+        return _median_interval(1e3 * (self.seconds[variant] - self.seconds[without]))
 
 
 def without_progress(steps: Iterable[int], what: str, total: int) -> Iterator[int]:
@@ -113,10 +113,10 @@ def time_interleaved(
     return Timings(seconds, processor_seconds)
 
 
-def _estimate(values: NDArray[np.float64]) -> Estimate:
+def _median_interval(values: NDArray[np.float64]) -> MedianInterval:
     values = np.sort(values)
     outer = _outer(len(values))
-    return Estimate(float(np.median(values)), float(values[outer]), float(values[-1 - outer]))
+    return MedianInterval(float(np.median(values)), float(values[outer]), float(values[-1 - outer]))
 
 
 def _outer(count: int) -> int:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,6 @@ from benchmarks.start_up import CACHED, start_up_rows
 from benchmarks.suites.drive_figure import drive_figure
 from benchmarks.timer import Timings, time_interleaved
 from omnisim.gpu.context import open_context
-from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
 from omnisim.scene import Scene
 from omnisim.sensors import Renderer, Stage
@@ -43,7 +41,7 @@ FRAMES = {"fast": 500, "default": 100}
 SETTLED = 50  # frames until all that is made once is made
 STARTS = 5
 MOST_UNEVEN = 1.3  # p99 to p50
-# Python asks the system for an arena of 1 MiB at a time: less cannot be told from none.
+# Python asks the system for an arena of 1 MiB at a time: less cannot be text from none.
 MOST_GROWTH_MIB = 1.0
 MOST_START_S = 1.5
 SLOW = 1.3  # times the median
@@ -52,6 +50,8 @@ _FILL_SIDE_PX = 512
 _LOOP = 20_000
 _MIB = 2.0**20
 FRAME, ALL_THREADS, ONE_THREAD = "frame", "all threads", "one thread"
+
+figure = drive_figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +101,9 @@ def run(
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report: frames, memory and start-up."""
     rows = report["rows"]
-    told = [f"{'':24} {'frames':>6} {'p50':>8} {'p95':>8} {'p99':>8} {'p99/p50':>8}"]
+    text = [f"{'':24} {'frames':>6} {'p50':>8} {'p95':>8} {'p99':>8} {'p99/p50':>8}"]
     for row in _of_kind(rows, "frames"):
-        told.append(
+        text.append(
             f"{row['setting']:24} {row['rounds']:6} {row['p50_ms']:6.1f}ms {row['p95_ms']:6.1f}ms"
             f" {row['p99_ms']:6.1f}ms {row['p99_to_p50']:8.2f}"
         )
@@ -113,35 +113,26 @@ def lines(report: dict[str, Any]) -> list[str]:
             ("all_threads", "constant, all threads"),
             ("one_thread", "constant, one thread"),
         ):
-            told.append(f"  {what:56} {row[f'{name}_p99_to_p50']:8.2f}")
-        told.append(
+            text.append(f"  {what:56} {row[f'{name}_p99_to_p50']:8.2f}")
+        text.append(
             f"  {row['slow']} slower than {SLOW} × p50: {row['slow_by_view']} by the view,"
             f" {row['slow_with_machine']} while the machine was slow,"
             f" {row['slow_with_collector']} with the collector"
             f" ({row['collections']} collections, {row['collector_ms']:.1f} ms in all)"
         )
     for row in _of_kind(rows, "memory"):
-        told.append(
+        text.append(
             f"memory, {row['setting']}: {row['settled_mib']:.1f} MiB after {row['settled_frames']}"
             f" frames, {row['end_mib']:.1f} MiB after {row['frames']}: {row['growth_mib']:+.2f} MiB"
         )
     for row in _of_kind(rows, "start-up"):
-        told.append(
+        text.append(
             f"start-up, {row['what']}: {row['seconds']:.2f} s"
             f" ({row['processor_seconds']:.2f} s of the processor)"
         )
     for row in _of_kind(rows, "start-up phase"):
-        told.append(f"  {row['what']:20} {row['seconds']:6.3f} s")
-    return told + bound_lines(report)
-
-
-def plot(report: dict[str, Any], path: Path) -> None:
-    """Frame times over the drive, what was constant below.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_plot(path, drive_figure(report))
+        text.append(f"  {row['what']:20} {row['seconds']:6.3f} s")
+    return text + bound_lines(report)
 
 
 def _of_kind(rows: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:

@@ -11,7 +11,6 @@ import dataclasses
 import itertools
 from collections.abc import Callable
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,11 +21,10 @@ from benchmarks.patrol import ROBOT, VIEWPORT_PX, patrol, viewport
 from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
-from benchmarks.suites.fps_plot import fps_figure
+from benchmarks.suites.fps_figure import fps_figure
 from benchmarks.timer import Timings, time_interleaved
 from omnisim.mirrors import tessellate
 from omnisim.mirrors.mesh_error import mesh_error
-from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
@@ -35,7 +33,7 @@ from omnisim.validation.fixture import mirror_camera
 
 POLYGONS = (16, 64, 256, 1024, 4096)
 EXACT = "exact"
-PAPERS_POLYGONS = 1024  # what the paper ends up with: the one whose cost is told
+PAPERS_POLYGONS = 1024  # what the paper ends up with: the one whose cost is text
 NO_SENSOR, SCANNER = "no sensor", "lms200"
 SIZES_PX = (360, 1024)
 LEAST = 0.97
@@ -46,6 +44,8 @@ TIMES_MORE = 2
 TIMES_FEWER = {(360, "fast"): 1, (360, "default"): 2}
 TIMES_FEWER_ELSE = 10
 Take = Callable[[NDArray[np.float64]], object]
+
+figure = fps_figure
 
 
 def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any]:
@@ -87,8 +87,8 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
                 ]
                 if size_px == sizes_px[0]:
                     share = timings.ratio(str(POLYGONS[0]), str(POLYGONS[-1])).median
-                    told = f"FPS({POLYGONS[-1]})/FPS({POLYGONS[0]}), {name}, {size_px}² {setting}"
-                    bounds.append(Measure(told, share, bound=LEAST, at_least=True))
+                    text = f"FPS({POLYGONS[-1]})/FPS({POLYGONS[0]}), {name}, {size_px}² {setting}"
+                    bounds.append(Measure(text, share, bound=LEAST, at_least=True))
                     remarks.append(_remark(name, setting, timings))
             with stage.current():
                 report = make_report(
@@ -103,25 +103,16 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
 
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report: a table for each map, the bounds, and the cost of the camera."""
-    told = []
+    text = []
     for scene, size_px, setting in dict.fromkeys(map(_group, report["rows"])):
         rows = [row for row in report["rows"] if _group(row) == (scene, size_px, setting)]
-        told.append(f"{scene}, {size_px}² {setting}, {rows[0]['rounds']} rounds")
-        told.append(
+        text.append(f"{scene}, {size_px}² {setting}, {rows[0]['rounds']} rounds")
+        text.append(
             f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'costs (95 %)':32}"
             f"{f'FPS/FPS({POLYGONS[0]}) (95 %)':23}{'processor':>9}{'mesh off by':>13}"
         )
-        told += [f"  {_title(row):16} {_told(row)}" for row in rows]
-    return [*told, *bound_lines(report), *report["remarks"]]
-
-
-def plot(report: dict[str, Any], path: Path) -> None:
-    """Fig. 10: frames per second against polygons, a panel for each map.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_plot(path, fps_figure(report))
+        text += [f"  {_title(row):16} {_told(row)}" for row in rows]
+    return [*text, *bound_lines(report), *report["remarks"]]
 
 
 def _timings(
@@ -211,25 +202,25 @@ def _row(timings: Timings, variant: str) -> dict[str, Any]:
 def _told(row: dict[str, Any]) -> str:
     times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
     cost = f"{row['cost_ms']:.1f} ms ({row['cost_ms_low']:.1f} – {row['cost_ms_high']:.1f})"
-    told = f"{row['fps']:7.2f}   {times}   {cost:32}"
+    text = f"{row['fps']:7.2f}   {times}   {cost:32}"
     if row["share"] is None:
-        return told.rstrip()
+        return text.rstrip()
     share = f"{row['share']:.3f} ({row['share_low']:.3f} – {row['share_high']:.3f})"
-    return f"{told}{share:23}{row['processor_share']:9.3f}{row['mesh_error_px']:10.2f} px"
+    return f"{text}{share:23}{row['processor_share']:9.3f}{row['mesh_error_px']:10.2f} px"
 
 
 def _remark(scene: str, setting: str, timings: Timings) -> str:
     """Comparison with the paper's "comparable with an LMS200"."""
     camera = timings.cost_ms(str(PAPERS_POLYGONS), NO_SENSOR)
     scanner = timings.cost_ms(SCANNER, NO_SENSOR)
-    told = (
+    text = (
         f"{scene}, {setting}: beside the view the camera costs {camera.median:.1f} ms, "
         f"the LMS200 {scanner.median:.1f} ms"
     )
     if scanner.low <= 0.0:
-        return f"{told}, which is less than this run can tell; the paper found them alike."
+        return f"{text}, which is less than this run can tell; the paper found them alike."
     times = camera.median / scanner.median
-    return f"{told}: {times:.1f} times as much; the paper found them alike."
+    return f"{text}: {times:.1f} times as much; the paper found them alike."
 
 
 def _group(row: dict[str, Any]) -> tuple[str, int, str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -28,7 +27,7 @@ from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.plots import style
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.plot_file import Figure
 from omnisim.reports.measure import Measure
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
@@ -90,25 +89,21 @@ def run(options: Options) -> dict[str, Any]:
 
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report, cheapest first."""
-    told = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)        processor"]
+    text = [f"{'lens':18} {'p50':>8} {'p95':>8} {'p99':>8}   × cheapest (95 %)        processor"]
     for row in report["rows"]:
         times = " ".join(f"{row[f'p{p}_ms']:6.1f}ms" for p in (50, 95, 99))
-        told.append(
+        text.append(
             f"{row['lens']:18} {times}   "
             f"{row['ratio']:.3f} ({row['ratio_low']:.3f} – {row['ratio_high']:.3f})"
             f"   {row['processor_ratio']:.3f}"
         )
-    return told + bound_lines(report)
+    return text + bound_lines(report)
 
 
-def plot(report: dict[str, Any], path: Path) -> None:
-    """Draw ratios to the cheapest with their intervals and the bound.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+def figure(report: dict[str, Any]) -> Figure:
+    """Ratios to the cheapest with their intervals, and the bound."""
     rows = report["rows"]
-    figure, axes = style.plot(
+    drawn, axes = style.plot(
         f"A frame through each lens, {report['picture_px']}², same faces", "times the cheapest", ""
     )
     for at, row in enumerate(rows):
@@ -118,7 +113,7 @@ def plot(report: dict[str, Any], path: Path) -> None:
     axes.set_yticks(range(len(rows)), [row["lens"] for row in rows])
     axes.invert_yaxis()
     axes.legend(frameon=False)
-    write_plot(path, figure)
+    return drawn
 
 
 def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -38,13 +37,14 @@ from benchmarks.suites.limit_figure import limit_figure
 from benchmarks.suites.limit_frames import LimitedFrame
 from benchmarks.timer import Timings, time_interleaved
 from omnisim.gpu.context import open_context
-from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
 from omnisim.sensors import OmniCamera, Stage
 
 HELD = "fast"  # the setting whose bounds count
 MOST_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
 MOST_SAMPLES = 3.7  # shaded for each pixel of the mirror
+
+figure = limit_figure
 
 
 def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
@@ -85,18 +85,18 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
 
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report: the machine's rates, then the frames by parts beside their limits."""
-    told = [f"{'what the machine can do':44} a second"]
+    text = [f"{'what the machine can do':44} a second"]
     probes = [row for row in report["rows"] if row["kind"] == "probe"]
-    told += [f"{row['name']:44} {_rate(row['per_second'])} {row['unit']}" for row in probes]
-    told.append("")
-    told.append(
+    text += [f"{row['name']:44} {_rate(row['per_second'])} {row['unit']}" for row in probes]
+    text.append("")
+    text.append(
         f"{'a frame, ms':24} {'whole':>7} {'faces':>7} {'(small)':>7}"
         f" {'capture':>8} {'read':>6} {'Python':>7} {'limit':>7}"
         "   share of the limit: whole (95 %), processor, faces, capture, read"
     )
     frames = [row for row in report["rows"] if row["kind"] == "frame"]
     for row in frames:
-        told.append(
+        text.append(
             f"{row['scene'] + ', ' + row['setting']:24} {row['p50_ms']:7.1f}"
             f" {row['virtual_cameras_ms']:7.1f} {row['small_faces_ms']:7.1f}"
             f" {row['capture_ms']:8.1f} {row['readback_ms']:6.2f} {row['around_ms']:7.2f}"
@@ -106,28 +106,19 @@ def lines(report: dict[str, Any]) -> list[str]:
             f" {row['virtual_cameras_share_of_limit']:.2f}, {row['capture_share_of_limit']:.2f},"
             f" {row['readback_share_of_limit']:.2f}"
         )
-    told.append("")
-    told.append(
+    text.append("")
+    text.append(
         f"{'what is drawn':24} {'texels':>9} {'samples':>9} {'a mirror pixel':>14}"
         f" {'submitted':>10} {'inside':>8} {'seen':>7} {'draws':>6} {'calls':>6} {'ms':>5}"
     )
     for row in frames:
         inside = "?" if row["triangles_inside"] is None else str(row["triangles_inside"])
-        told.append(
+        text.append(
             f"{row['scene'] + ', ' + row['setting']:24} {row['texels']:9} {row['samples']:9}"
             f" {row['samples_a_mirror_px']:14.2f} {row['triangles']:10} {inside:>8}"
             f" {row['triangles_seen']:7} {row['draws']:6} {row['calls']:6} {row['calls_ms']:5.1f}"
         )
-    return told + bound_lines(report)
-
-
-def plot(report: dict[str, Any], path: Path) -> None:
-    """Draw a frame's time by parts, the limit beside it.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_plot(path, limit_figure(report))
+    return text + bound_lines(report)
 
 
 def _rate(per_second: float) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,9 +25,8 @@ from benchmarks.peers.quality import TRUTH, measured_db, references
 from benchmarks.report import bound_lines, make_report
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
-from benchmarks.suites.peers_plot import peers_figure
+from benchmarks.suites.peers_figure import peers_figure
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.plots.plot_file import write_plot
 from omnisim.reports.measure import Measure
 from omnisim.sensors import Stage
 
@@ -49,6 +47,8 @@ UNLIT_DEFAULT = "omnisim, default, unlit"
 # Who makes no picture is as good as who asks for as much: one ray a pixel.
 AS_GOOD_AS = {field.EMBREE: field.EMBREE_COLOR}
 Quality = dict[str, dict[int, float]]  # dB by racer, then by number of the pose
+
+figure = peers_figure
 
 
 def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dict[str, Any]:
@@ -94,28 +94,19 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
 
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report: a table for each scene, and the bounds."""
-    told = []
+    text = []
     for scene in dict.fromkeys(row["scene"] for row in report["rows"]):
-        told.append(
+        text.append(
             f"{scene}, {report['picture_px']}², {report['poses']} poses; times ours that is as good"
         )
-        told.append(
+        text.append(
             f"  {'':20} {'p50':>9} {'p95':>9} {'p99':>9}   {'× ours (95 %)':22} {'cpu':>6} "
             f"{'PSNR':>6} {'worst':>6} {'texels':>9} {'triangles':>9}  as good"
         )
         for row in report["rows"]:
             if row["scene"] == scene:
-                told.append(f"  {row['racer']:20} {_told(row)}")
-    return told + bound_lines(report)
-
-
-def plot(report: dict[str, Any], path: Path) -> None:
-    """Time against PSNR, a panel for each scene.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_plot(path, peers_figure(report))
+                text.append(f"  {row['racer']:20} {_told(row)}")
+    return text + bound_lines(report)
 
 
 def _timings(
@@ -233,8 +224,8 @@ def _bounds(
     }
     if margins:
         nearest = min(margins, key=lambda name: margins[name])
-        told = f"{scene}: PSNR of {field.DEFAULT} over that of {nearest}, its nearest, in dB"
-        found.append(Measure(told, margins[nearest], bound=0.0, at_least=True))
+        text = f"{scene}: PSNR of {field.DEFAULT} over that of {nearest}, its nearest, in dB"
+        found.append(Measure(text, margins[nearest], bound=0.0, at_least=True))
     return found
 
 

@@ -12,7 +12,6 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,10 +28,9 @@ from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.report import bound_lines, make_report
 from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.settings import at_setting
-from benchmarks.suites.scaling_plot import scaling_figure
+from benchmarks.suites.scaling_figure import scaling_figure
 from benchmarks.timer import Timings, time_interleaved
 from benchmarks.town import build_town
-from omnisim.plots.plot_file import write_plot
 from omnisim.poses import pose
 from omnisim.reports.measure import Measure
 from omnisim.scene import load_scene
@@ -52,6 +50,8 @@ STREET = tuple(
     pose((2.0 + 1.8 * step, 0.4 * (step - 2), 1.2), yaw_deg=17.0 * step) for step in range(POSES)
 )
 Take = Callable[[NDArray[np.float64]], object]
+
+figure = scaling_figure
 
 
 def run(
@@ -96,7 +96,7 @@ def run(
 
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report, a line for each row."""
-    told = [f"{report['setting']}, {SIZE_PX}² where nothing else is said; {report['scene']}"]
+    text = [f"{report['setting']}, {SIZE_PX}² where nothing else is said; {report['scene']}"]
     for row in report["rows"]:
         times = " ".join(f"{row[f'p{p}_ms']:8.1f}ms" for p in (50, 95, 99))
         line = f"{_what(row):>17} {times} {row['fps']:8.2f} FPS {row['rounds']:4} rounds"
@@ -109,19 +109,10 @@ def lines(report: dict[str, Any]) -> list[str]:
                 f"   Embree {row['embree_p50_ms']:.1f} ms: {row['embree_ratio']:.2f} × "
                 f"({row['embree_ratio_low']:.2f} – {row['embree_ratio_high']:.2f}) {row['as_good']}"
             )
-        told.append(line)
+        text.append(line)
     if not report["has_embree"]:
-        told.append("embreex is not installed: no comparison, and nothing is asked for")
-    return told + bound_lines(report)
-
-
-def plot(report: dict[str, Any], path: Path) -> None:
-    """Three curves: against triangles, against pixels, against cameras.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_plot(path, scaling_figure(report))
+        text.append("embreex is not installed: no comparison, and nothing is asked for")
+    return text + bound_lines(report)
 
 
 def _of_town(triangles: int, options: Options) -> dict[str, Any]:

@@ -26,7 +26,7 @@ def test_ratio_is_that_of_pairs_whatever_the_machine_does_meanwhile():
     assert ratio.median == pytest.approx(1.3, rel=0.01)
     assert ratio.high - ratio.low < 0.03
     assert timings.cheapest() == "a"
-    assert timings.ratio("a", "a") == timer.Estimate(1.0, 1.0, 1.0)
+    assert timings.ratio("a", "a") == timer.MedianInterval(1.0, 1.0, 1.0)
 
 
 def test_interval_holds_the_true_median_as_often_as_it_says():

@@ -5,6 +5,7 @@ import pytest
 from benchmarks.options import Options
 from benchmarks.report import check
 from benchmarks.suites import lenses
+from omnisim.plots.plot_file import write_plot
 from tests.camera_examples import CAMERA_EXAMPLES
 
 
@@ -19,5 +20,5 @@ def test_every_model_is_timed_and_the_worst_is_held(tmp_path, monkeypatch):
     ratios = [row["ratio"] for row in report["rows"]]
     assert report["bounds"][0]["value"] == max(ratios)
     assert len(lenses.lines(report)) == 1 + len(ratios) + 1
-    lenses.plot(report, tmp_path / "lenses.png")
+    write_plot(tmp_path / "lenses.png", lenses.figure(report))
     assert (tmp_path / "lenses.png").stat().st_size > 0

@@ -6,6 +6,7 @@ from benchmarks.options import Options
 from benchmarks.report import check
 from benchmarks.settings import SETTINGS
 from benchmarks.suites import limit
+from omnisim.plots.plot_file import write_plot
 from tests.conftest import open_context_or_skip
 
 
@@ -27,7 +28,7 @@ def test_frames_and_probes_are_there(report, tmp_path):
     assert report["machine"]["renderer"]
     shown = "\n".join(limit.lines(report))
     assert all(f"{row['scene']}, {row['setting']}" in shown for row in frames)
-    limit.plot(report, tmp_path / "limit.png")
+    write_plot(tmp_path / "limit.png", limit.figure(report))
     assert (tmp_path / "limit.png").stat().st_size > 0
 
 

@@ -34,18 +34,18 @@ def peers_figure(report: dict[str, Any]) -> Figure:
         axes.set_ylim(min(levels) - ROOM_DB, max(levels) + ROOM_DB)
         _draw(axes, rows)
     axes_of[0].set_ylabel("PSNR in dB against 64 samples a pixel")
-    told = (
+    text = (
         "bars: the worst pose; line: ours by texels a pixel; "
         "hollow: another picture, without lights or by pyrender's own"
     )
-    figure.supxlabel(told, fontsize=8, color=style.GREY)
+    figure.supxlabel(text, fontsize=8, color=style.GREY)
     return figure
 
 
 def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
     ladder = [row for row in rows if row["racer"] in field.LADDER]
-    told = [(row["p50_ms"], row["psnr_db"]) for row in ladder]
-    axes.plot(*zip(*told, strict=True), ".-", color=OURS, linewidth=0.8, alpha=0.6)
+    text = [(row["p50_ms"], row["psnr_db"]) for row in ladder]
+    axes.plot(*zip(*text, strict=True), ".-", color=OURS, linewidth=0.8, alpha=0.6)
     pictures = sorted(
         (row for row in rows if row["psnr_db"] is not None and row["racer"] not in field.BETWEEN),
         key=lambda row: row["psnr_db"],
