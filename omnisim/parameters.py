@@ -12,8 +12,8 @@ dataclasses that check themselves when they are made:
             if not self.range_min_m < self.range_max_m:
                 raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
 
-    LaserScanner(range_max_m=0)  # OpticsError: scanner.range_max_m: expected a number ≥ 1e-09, got 0
-    parse_table(read, table_of(LaserScanner), SensorFileError, "my.toml")  # my.toml: range_max_m: …
+    LaserScanner(range_min_m=-1)  # OpticsError: scanner.range_min_m: expected a number ≥ 0, got -1
+    parse_table(read, table_of(LaserScanner), SensorFileError, "my.toml")  # my.toml: range_min_m: …
 
 A subclass inherits the name that messages begin with, and extends `_check` by `super()._check()`.
 Numbers are stored as floats and lists as tuples.

@@ -44,7 +44,7 @@ def test_exr_holds_linear_floats_past_white(tmp_path):
     assert metadata == METADATA
 
 
-def test_nothing_but_the_picture_is_left(tmp_path):
+def test_no_partial_file_is_left(tmp_path):
     write_image(tmp_path / "a.png", PICTURE)
     write_image(tmp_path / "a.png", PICTURE[::-1])
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
@@ -106,7 +106,7 @@ def test_wrong_pixels_for_the_format(tmp_path):
         frame.save(tmp_path / "a.exr")
 
 
-def test_other_peoples_pictures_have_no_metadata_of_ours(tmp_path):
+def test_foreign_pictures_have_no_metadata(tmp_path):
     from PIL import Image
 
     Image.fromarray(PICTURE).save(tmp_path / "a.png")
@@ -134,10 +134,10 @@ def test_name_at_the_limit_of_the_file_system(tmp_path):
         write_image(tmp_path / ("a" * 252 + ".png"), PICTURE)
 
 
-def test_a_description_nested_without_end_is_no_metadata(tmp_path):
-    said = PngInfo()
-    said.add_text("Description", '{"camera":' * 5000)
-    Image.new("RGB", (2, 2)).save(tmp_path / "a.png", pnginfo=said)
+def test_deeply_nested_description_is_no_metadata(tmp_path):
+    description = PngInfo()
+    description.add_text("Description", '{"camera":' * 5000)
+    Image.new("RGB", (2, 2)).save(tmp_path / "a.png", pnginfo=description)
     pixels, metadata = read_image(tmp_path / "a.png")
     assert pixels.shape == (2, 2, 3)
     assert metadata is None
@@ -174,7 +174,7 @@ def test_channels_come_back_by_name(tmp_path):
         ("a.exr", {"label": np.full((24, 32), "x")}, "channel label: expected numbers, got <U1"),
     ],
 )
-def test_channels_that_make_no_file_are_named(tmp_path, name, change, what):
+def test_invalid_channels_are_refused(tmp_path, name, change, what):
     with pytest.raises(OutputError, match=what):
         write_channels(tmp_path / name, {**_channels(), **change})
     assert list(tmp_path.iterdir()) == []
@@ -182,7 +182,7 @@ def test_channels_that_make_no_file_are_named(tmp_path, name, change, what):
         write_channels(tmp_path / "b.exr", {})
 
 
-def test_channels_of_another_file_are_not_read(tmp_path):
+def test_other_files_are_no_channels(tmp_path):
     path = tmp_path / "a.exr"
     with pytest.raises(OutputError, match="cannot be read"):
         read_channels(path)
@@ -192,7 +192,7 @@ def test_channels_of_another_file_are_not_read(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".exr"])
-def test_no_time_of_day_is_inside(tmp_path, suffix):
+def test_equal_pictures_are_equal_bytes(tmp_path, suffix):
     """Equal pictures make equal files: OpenEXR's writer would note when it wrote."""
     kind = np.float32 if suffix == ".exr" else np.uint8
     write_image(tmp_path / f"a{suffix}", np.ones((2, 2, 3), kind))

@@ -6,7 +6,7 @@ from omnisim.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
 
 
-def test_names_come_once_and_in_one_order():
+def test_names_are_unique_and_ordered():
     assert parse_channels("valid, Range,range") == ("range", "valid")
     assert parse_channels("all") == tuple(CHANNELS) == check_channels(reversed(CHANNELS))
     assert parse_channels("range, all") == tuple(CHANNELS)
@@ -26,21 +26,21 @@ def test_flow_has_its_occlusion():
         (" , ", "expected names with commas: range,z"),
     ],
 )
-def test_what_is_no_channel_is_refused_with_the_nearest(text, words):
+def test_unknown_channels_are_refused_with_the_nearest(text, words):
     with pytest.raises(OutputError) as refused:
         parse_channels(text)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-def test_one_text_is_no_list_of_names():
+def test_string_is_not_a_list_of_names():
     with pytest.raises(
         OutputError, match=r"channels 'range': expected a list of names, such as \['ra"
     ):
         check_channels("range")
 
 
-def test_no_two_layers_of_a_file_have_one_name():
+def test_layer_names_are_unique():
     layers = [layer for channel in CHANNELS.values() for layer in channel.layers]
     assert len(set(layers)) == len(layers)
     assert not {"R", "G", "B"} & set(layers)

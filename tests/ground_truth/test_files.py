@@ -57,7 +57,7 @@ def _frame(channels):
     return Frame(rgba, linear, {"scene": "test"}, channels, LABELS)
 
 
-def test_one_exr_holds_everything(tmp_path):
+def test_exr_holds_all_channels(tmp_path):
     channels = _channels()
     assert channels.keys() == CHANNELS.keys()
     _frame(channels).save(tmp_path / "frame.exr")
@@ -75,7 +75,7 @@ def test_one_exr_holds_everything(tmp_path):
     assert json.loads((tmp_path / "frame.coco.json").read_text())["images"][0]["width"] == 9
 
 
-def test_files_beside_a_picture_say_what_their_numbers_mean(tmp_path):
+def test_files_beside_a_picture_are_described(tmp_path):
     channels = _channels()
     _frame(channels).save(tmp_path / "a.png")
     document = json.loads((tmp_path / "a.channels.json").read_text())
@@ -109,7 +109,7 @@ def test_files_beside_a_picture_say_what_their_numbers_mean(tmp_path):
     np.testing.assert_array_equal(valid[..., 0] > 0, channels["valid"] > 0)
 
 
-def test_flow_is_read_by_the_rules_of_middlebury_and_kitti(tmp_path):
+def test_flow_files_follow_middlebury_and_kitti(tmp_path):
     channels = _channels()
     flow = channels["flow"]
     known = np.isfinite(flow).all(axis=-1)
@@ -128,7 +128,7 @@ def test_flow_is_read_by_the_rules_of_middlebury_and_kitti(tmp_path):
     np.testing.assert_allclose(decoded[fits], flow[fits], atol=0.5 / 64 + 1e-4)
 
 
-def test_boxes_and_masks_are_those_of_the_visible_pixels():
+def test_boxes_and_masks_match_visible_pixels():
     instances = _channels()["instance"]
     instances[:, 4:] = 0
     instances[2:, 0] = 3
@@ -158,7 +158,7 @@ def test_boxes_and_masks_are_those_of_the_visible_pixels():
 
 
 @pytest.mark.parametrize("name", CHANNELS)
-def test_previews_show_nothing_as_black_and_the_rest_not(name):
+def test_previews_are_black_without_a_hit_only(name):
     channels = _channels()
     colors = preview(name, channels[name], LABELS)
     assert colors.shape == (7, 9, 3)

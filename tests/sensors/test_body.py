@@ -40,7 +40,7 @@ def ranges(scene, world_from_base, **options):
 
 
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
-def test_a_body_is_seen_as_if_it_stood_there(offset_m):
+def test_body_renders_as_the_same_static_geometry(offset_m):
     """All poses with one renderer: what it draws is that of the pose, not of the one before."""
     world_from_scene = pose(offset_m)
     scene = moved(surroundings(), world_from_scene)
@@ -63,7 +63,7 @@ def test_a_body_is_seen_as_if_it_stood_there(offset_m):
                 assert 0.05 < changed.mean() < 0.7
 
 
-def test_the_body_goes_where_the_vehicle_goes():
+def test_body_moves_with_the_vehicle():
     """Nothing but the body is near: its picture is the same wherever the vehicle is."""
     nothing = without(scene_of([room(), box("far", 0)], [Material()]), "object 0")
     nothing = moved(nothing, pose((1e5, 0.0, 0.0)))
@@ -85,7 +85,7 @@ def test_the_body_goes_where_the_vehicle_goes():
 
 
 @pytest.mark.parametrize("hidden", [{"hull"}, {"tail", "tube"}, {"cage", "hull", "box"}])
-def test_hidden_instances_vanish_for_that_sensor_alone(hidden):
+def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     scene, base = surroundings(), POSES["tilted"]
     rest = without(body(), *hidden)
     with Stage(scene, body()) as stage:
@@ -107,7 +107,7 @@ def level_pane(name, z_m, material=0):
 
 
 @pytest.mark.parametrize("is_body_nearer", [True, False])
-def test_glass_of_scene_and_body_blend_from_far_to_near(is_body_nearer):
+def test_glass_of_scene_and_body_blends_back_to_front(is_body_nearer):
     def glass(red, green, alpha):
         return Material("", (red, green, 0.0, alpha), alpha_mode=AlphaMode.BLEND)
 
@@ -127,7 +127,7 @@ def test_glass_of_scene_and_body_blend_from_far_to_near(is_body_nearer):
     np.testing.assert_allclose(color, expected, atol=2e-3)
 
 
-def test_light_and_background_are_the_scenes():
+def test_lights_and_background_come_from_the_scene():
     scene = dataclasses.replace(
         scene_of([box("far", 0)], lighting=Lighting((0.5, 0.5, 0.5), ())), background=(0, 0, 1)
     )
@@ -140,7 +140,7 @@ def test_light_and_background_are_the_scenes():
     np.testing.assert_allclose(linear[45, 2], (0, 0, 1), atol=1e-3)
 
 
-def test_pictures_and_scans_name_the_body():
+def test_metadata_names_the_body():
     base = pose((0.5, 0.0, 0.0))
     with Stage(scene_of([room()]), body()) as stage:
         scan = LaserRenderer(stage, SCANNER).scan(base, world_from_base=base)
@@ -152,7 +152,7 @@ def test_pictures_and_scans_name_the_body():
         assert "body" not in renderer.render(base).metadata
 
 
-def test_the_p2at_sees_itself_in_the_middle_and_nowhere_else():
+def test_p2at_is_visible_in_the_middle_only():
     """Its README: camera, deck, and the laser scanner out to 57 degrees from straight down."""
     camera, _ = mounted_on_p2at(240)
     camera = camera.with_polygons(None)
@@ -175,7 +175,7 @@ def test_the_p2at_sees_itself_in_the_middle_and_nowhere_else():
             assert 100 < columns.min() < columns.max() < 140
 
 
-def test_the_p2ats_scanner_does_not_hit_the_robot():
+def test_p2at_scanner_does_not_hit_the_robot():
     _, base_from_scanner = mounted_on_p2at(64)
     scene = load_scene("courtyard")
     hidden = {"lms200"}

@@ -51,7 +51,7 @@ def world_directions(scan):
 
 @pytest.mark.parametrize("field_of_view_deg", [180.0, 360.0])
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
-def test_ranges_in_a_room_are_those_of_arithmetic(field_of_view_deg, offset_m):
+def test_ranges_in_a_box_are_analytic(field_of_view_deg, offset_m):
     scanner = dataclasses.replace(EXACT, field_of_view_deg=field_of_view_deg)
     world_from_room = pose(offset_m)
     with LaserRenderer(scene_of([room()], poses=[world_from_room]), scanner) as renderer:
@@ -63,7 +63,7 @@ def test_ranges_in_a_room_are_those_of_arithmetic(field_of_view_deg, offset_m):
             np.testing.assert_allclose(scan.ranges_m, expected, rtol=0.0, atol=ROUNDING_M)
 
 
-def test_beams_start_on_the_right():
+def test_first_beam_is_the_rightmost():
     scan = scan_of(scene_of([wall(2.0)], poses=[pose((0, 0, 0), yaw_deg=90.0)]))
     assert np.all(np.isposinf(scan.ranges_m[:AHEAD]))  # nothing on the right
     np.testing.assert_allclose(scan.ranges_m[-1], 2.0, atol=ROUNDING_M)
@@ -79,7 +79,7 @@ def test_both_sides_of_a_surface_reflect(yaw_deg):
     assert scan.ranges_m[AHEAD] == pytest.approx(2.0, abs=ROUNDING_M)
 
 
-def test_a_beam_goes_through_holes():
+def test_beams_pass_through_holes():
     pixels = np.full((2, 2, 4), 255, dtype=np.uint8)
     pixels[:, 0, 3] = 0  # the left half, which is y > 0, is a hole
     fence = Material(texture=Texture(pixels), alpha_mode=AlphaMode.MASK)
@@ -100,7 +100,7 @@ def test_a_beam_goes_through_holes():
         (0.7, AlphaMode.BLEND, True),
     ],
 )
-def test_what_stops_a_beam(alpha, mode, stops):
+def test_alpha_modes_that_stop_a_beam(alpha, mode, stops):
     in_the_material = Material(base_color=(1.0, 1.0, 1.0, alpha), alpha_mode=mode)
     in_the_vertices = np.ones((4, 4), dtype=np.float32)
     in_the_vertices[:, 3] = alpha
@@ -113,7 +113,7 @@ def test_what_stops_a_beam(alpha, mode, stops):
         assert scan.ranges_m[AHEAD] == pytest.approx(expected, abs=ROUNDING_M)
 
 
-def test_nothing_slips_between_triangles():
+def test_beams_hit_shared_edges():
     trimesh = pytest.importorskip("trimesh")
     ball = trimesh.creation.icosphere(subdivisions=5, radius=2.0)
     mesh = Mesh("ball", ball.vertices.astype("f4"), ball.faces.astype("u4"), 0)
@@ -158,13 +158,13 @@ def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
         RangePass(context, buffers, np.zeros(1))
 
 
-def test_one_beam_is_a_scanner_too():
+def test_scanner_of_one_beam():
     scanner = dataclasses.replace(EXACT, field_of_view_deg=0.5, resolution_deg=1.0)
     scan = scan_of(scene_of([room()]), scanner)
     assert scan.ranges_m == pytest.approx([3.0], abs=1e-4)
 
 
-def test_a_real_scanners_scan_is_noisy_rounded_and_repeatable():
+def test_noisy_scan_is_rounded_and_repeatable():
     scene, at = scene_of([room()]), pose((0.5, 0.2, 0.0))
     true_m = scan_of(scene, EXACT, at).ranges_m
     with LaserRenderer(scene) as renderer:
@@ -175,7 +175,7 @@ def test_a_real_scanners_scan_is_noisy_rounded_and_repeatable():
     assert scans[1].metadata["scan_number"] == 1
 
 
-def test_the_file_says_all(tmp_path):
+def test_scan_file_round_trip(tmp_path):
     scene = scene_of([wall(2.0), wall(0.05, half_m=0.01)])
     scanner = LaserScanner.lms200(1.0, seed=9)
     scan = scan_of(scene, scanner, pose((0.0, 0.0, 0.005), yaw_deg=10.0))
@@ -201,7 +201,7 @@ def test_the_file_says_all(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["scan.csv"]
 
 
-def test_wrong_use_is_refused():
+def test_invalid_arguments_are_refused():
     renderer = LaserRenderer(scene_of([room()]))
     with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
         renderer.scan(2.0 * np.eye(4))
@@ -270,7 +270,7 @@ def is_at_silhouette(caster, scan, beams):
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_ranges_are_those_of_ray_casting(name, request):
+def test_ranges_match_ray_casting(name, request):
     scene = load_scene(request.getfixturevalue(name) if name == "warehouse" else name)
     scene = opaque_part(scene)
     caster = RayCaster(scene)
@@ -288,7 +288,7 @@ def test_ranges_are_those_of_ray_casting(name, request):
     assert close_beams >= 0.995 * beams
 
 
-def test_the_comparison_sees_a_scan_from_elsewhere():
+def test_comparison_detects_another_pose():
     scene = opaque_part(load_scene("courtyard"))
     caster = RayCaster(scene)
     scan = scan_of(scene, EXACT, pose(scene.start.position_m, yaw_deg=15.0))

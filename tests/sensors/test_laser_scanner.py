@@ -31,14 +31,14 @@ def test_beams_run_from_right_to_left(scanner, beams, first_deg, last_deg):
     )
 
 
-def test_the_modes_of_an_lms200():
+def test_lms200_modes():
     near, far = LaserScanner.lms200(), LaserScanner.lms200(mode="cm", seed=3)
     assert near == LaserScanner()
     assert (near.range_max_m, near.step_m) == (8.19, 0.001)
     assert (far.range_max_m, far.step_m, far.seed) == (81.9, 0.01, 3)
 
 
-def test_usarsims_variant():
+def test_usarsim_scanner():
     scanner = LaserScanner.usarsim(max_range_m=20.0, noise=0.001)
     assert (scanner.range_max_m, scanner.sigma_per_m, scanner.sigma_m) == (20.0, 0.001, 0.0)
     assert scanner.device_error_m == 0.0
@@ -73,7 +73,7 @@ def test_impossible_scanners_are_refused(key, value):
         LaserScanner(**{key: value})
 
 
-def test_what_an_lms200_cannot_be_set_to_is_refused():
+def test_invalid_lms200_settings_are_refused():
     with pytest.raises(OpticsError, match=r"resolution_deg: expected 1, 0\.5 or 0\.25, got 0\.3"):
         LaserScanner.lms200(0.3)
     with pytest.raises(OpticsError, match=r"scanner\.mode: expected mm or cm, got 'km'"):
@@ -82,7 +82,7 @@ def test_what_an_lms200_cannot_be_set_to_is_refused():
         LaserScanner().measure(np.ones(361), -1)
 
 
-def test_noise_has_the_stated_mean_and_spread():
+def test_noise_has_the_specified_mean_and_deviation():
     scanner = LaserScanner(seed=5)
     true_m = np.linspace(1.0, 8.0, scanner.beams)
     scans = 300
@@ -108,7 +108,7 @@ def test_relative_noise_grows_with_the_range():
         assert abs(np.std(ranges) / (0.001 * true_m) - 1.0) < 5.0 / np.sqrt(2.0 * count)
 
 
-def test_the_constant_error_belongs_to_the_device():
+def test_systematic_error_is_constant_per_device():
     errors = np.array([LaserScanner(seed=seed).device_error_m for seed in range(1000)])
     bound = LaserScanner().systematic_error_m
     assert np.abs(errors).max() <= bound
@@ -117,7 +117,7 @@ def test_the_constant_error_belongs_to_the_device():
     assert LaserScanner(seed=7).device_error_m == errors[7]
 
 
-def test_any_scan_can_be_made_again_alone():
+def test_scans_are_reproducible_one_by_one():
     scanner = LaserScanner(seed=11)
     true_m = np.full(scanner.beams, 4.0)
     drive = [scanner.measure(true_m, number) for number in range(8)]
@@ -144,7 +144,7 @@ def test_limits_and_rounding():
     assert exact[4] == 1.23449
 
 
-def test_surfaces_within_reach_are_those_that_noise_can_bring_into_range():
+def test_reach_covers_noise():
     scanner = LaserScanner()
     assert scanner.range_max_m + 10.0 * scanner.sigma_m < scanner.reach_m < 8.3
     assert LaserScanner(range_max_m=np.inf).reach_m == np.inf

@@ -32,7 +32,7 @@ supersampling = 1
 """
 
 
-def test_a_lens_of_a_sensor_file(tmp_path):
+def test_lens_from_a_sensor_file(tmp_path):
     (tmp_path / "lens.toml").write_text(TEXT)
     sensor = OmniCamera.from_file(tmp_path / "lens.toml")
     assert sensor.model == LENS
@@ -77,7 +77,7 @@ def test_a_lens_has_no_mesh():
 
 
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
-def test_twice_as_large_is_the_same_view(camera):
+def test_scaled_model_has_the_same_rays(camera):
     """Of every model: what all lengths in pixels are is up to the model."""
     large = camera.scaled(2.0)
     assert (large.width_px, large.height_px) == (2 * camera.width_px, 2 * camera.height_px)
@@ -89,7 +89,7 @@ def test_twice_as_large_is_the_same_view(camera):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_lens_shows_the_room():
+def test_lens_renders_the_room():
     pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=25.0)
     sensor = OmniCamera(LENS, polygons=None)
     with Renderer(scene_of([room()]), sensor) as renderer:
@@ -104,7 +104,7 @@ def test_a_lens_shows_the_room():
 
 
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
-def test_sensor_text_of_any_camera_is_that_camera(camera, tmp_path):
+def test_sensor_toml_round_trip_of_every_model(camera, tmp_path):
     sensor = OmniCamera(camera, polygons=None)
     (tmp_path / "s.toml").write_text(sensor_toml(sensor))
     again = OmniCamera.from_file(tmp_path / "s.toml")

@@ -16,7 +16,7 @@ def _numbers(sensor):
     return sensor.supersampling, sensor.texels_per_pixel
 
 
-def test_names_are_what_files_take_and_the_default_is_one():
+def test_quality_names_match_the_table():
     assert get_args(QualityName) == tuple(QUALITIES)
     assert _numbers(OmniCamera()) == QUALITIES[DEFAULT_QUALITY]
 
@@ -30,7 +30,7 @@ def test_a_name_sets_both_numbers_and_nothing_else(name):
     assert _numbers(OmniCamera.from_table({"camera": {"quality": name}})) == QUALITIES[name]
 
 
-def test_each_is_finer_than_the_one_before():
+def test_qualities_are_ordered():
     numbers = np.array([QUALITIES[name] for name in ("fast", "default", "fine")])
     assert (np.diff(numbers, axis=0) > 0.0).all()
 
@@ -53,7 +53,7 @@ def test_each_is_finer_than_the_one_before():
         ),
     ],
 )
-def test_keys_of_their_own_overrule_the_name(table, numbers):
+def test_explicit_keys_override_the_quality(table, numbers):
     if "lens" in table:
         table["lens"] |= {"focal_length_px": 20.0, "theta_max_deg": 80.0}
         table["lens"] |= {"principal_point_px": [31.5, 31.5]}
@@ -77,7 +77,7 @@ def test_unknown_name_in_python_has_a_hint():
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_finer_is_nearer_to_the_finest():
+def test_error_decreases_with_quality():
     """Beside 8 × 8 looks a pixel, at faces so fine that they show all of it."""
     scene = load_scene("rings")
     sensors = {name: OmniCamera(polygons=None).with_quality(name) for name in QUALITIES}

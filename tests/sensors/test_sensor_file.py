@@ -30,7 +30,7 @@ def test_empty_file_is_the_default(tmp_path):
     assert OmniCamera.from_file(path).model == OmniCamera().model
 
 
-def test_every_group_is_heard(tmp_path):
+def test_every_group_is_read(tmp_path):
     path = tmp_path / "sensor.toml"
     path.write_text(
         "[mirror]\nk = 5.0\nc = 1.0\nmeters_per_unit = 0.1\nrim_radius_m = 0.03\n"
@@ -52,7 +52,7 @@ def test_every_group_is_heard(tmp_path):
     np.testing.assert_allclose(sensor.base_from_rig[:3, 0], (0.0, 1.0, 0.0), atol=1e-15)
 
 
-def test_viewpoint_is_where_it_was_asked_for():
+def test_base_pose_puts_the_viewpoint_at_the_point():
     """Whatever the mounting: the base pose puts the effective viewpoint at the given point."""
     sensor = OmniCamera.from_table(
         {"mirror": {"mounting": {"position_m": [0.3, 0.1, 0.8], "pitch_deg": 5.0}}}
@@ -142,7 +142,7 @@ def test_every_fault_names_file_key_and_value(tmp_path, text, words):
     assert "\n" not in str(info.value)
 
 
-def test_two_faults_are_two_lines(tmp_path):
+def test_each_fault_is_one_line(tmp_path):
     path = tmp_path / "sensor.toml"
     path.write_text("[mirror]\nk = 1\nc = 0\n")
     with pytest.raises(SensorFileError) as info:

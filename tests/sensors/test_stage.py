@@ -24,7 +24,7 @@ from tests.vehicles import (
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
-def test_sensors_on_one_stage_see_what_they_see_alone():
+def test_shared_stage_renders_as_separate_ones():
     """Cameras of different size and light, scanners, by turns; another stage beside them."""
     scene = surroundings()
     small = OmniCamera(polygons=64).resized(90)
@@ -65,7 +65,7 @@ needs_statm = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="
 
 
 @needs_statm
-def test_memory_stays_flat_on_a_drive():
+def test_memory_is_constant_over_a_drive():
     """300 frames and scans with a real body. The bound is a quarter of what 300 pictures take: to
     keep one in four, or anything of their size, would break it. Measured: 0.03 MB of 2.4."""
     frames = 300
@@ -88,7 +88,7 @@ def test_memory_stays_flat_on_a_drive():
 
 
 @needs_statm
-def test_a_closed_renderer_leaves_nothing_on_the_stage():
+def test_closed_renderer_frees_its_memory():
     """The bound is a quarter of the atlases, not all that a renderer has: to keep one in four would
     break it. Measured: 12 MB of 71, from there on less with each, as freed memory is used again."""
     times = 40
@@ -136,7 +136,7 @@ def test_closing_in_any_order():
     scanner.close()
 
 
-def test_a_renderer_that_cannot_be_leaves_its_stage_as_it_was():
+def test_failed_renderer_leaves_the_stage_unchanged():
     with Stage(surroundings()) as stage:
         first = Renderer(stage, CAMERA)
         before = first.render(pose()).rgba
@@ -145,7 +145,7 @@ def test_a_renderer_that_cannot_be_leaves_its_stage_as_it_was():
         np.testing.assert_array_equal(first.render(pose()).rgba, before)
 
 
-def test_wrong_use_is_refused():
+def test_invalid_arguments_are_refused():
     scene = scene_of([room()])
     with pytest.raises(SceneError, match="'hul': no part of the body: it has box, cage, hull"):
         Renderer(scene, body=body(), hidden={"hul"})

@@ -34,7 +34,7 @@ def test_ideal_is_the_default(tmp_path):
     assert "degradation" not in sensor_toml(OmniCamera())
 
 
-def test_presets_are_those_that_are_promised():
+def test_preset_names():
     assert preset_names() == ["bad-day", "dragonfly2", "ideal", "webcam"]
     assert preset("ideal") == Degradation()
     assert set(preset("bad-day").parts) == set(EFFECTS) - {"encoding"}
@@ -53,7 +53,7 @@ def test_tables_override_a_preset_key_by_key(tmp_path):
     assert got.bayer == webcam.bayer
 
 
-def test_a_preset_of_ones_own_lies_beside_the_sensor_file(tmp_path):
+def test_preset_file_beside_the_sensor_file(tmp_path):
     (tmp_path / "mine.toml").write_text("[bayer]\npattern = 'GBRG'\n")
     assert _read(tmp_path, "[degradation]\npreset = 'mine.toml'").bayer == Bayer("GBRG")
     assert preset("mine.toml", tmp_path) == Degradation(bayer=Bayer("GBRG"))
@@ -72,7 +72,7 @@ def test_sensor_file_round_trip(tmp_path, name):
     assert sensor_toml(OmniCamera.from_file(tmp_path / "sensor.toml")) == text
 
 
-def test_fingerprint_and_size_know_of_it():
+def test_fingerprint_and_size_depend_on_degradation():
     one = OmniCamera().with_degradation(preset("webcam"))
     prints = {fingerprint(OmniCamera()), fingerprint(one)}
     noise = dataclasses.replace(one.degradation.noise, read_noise_e=4.5)
@@ -195,7 +195,7 @@ def test_a_preset_file_with_a_wrong_unit_is_named(tmp_path):
         _read(tmp_path, "[degradation]\npreset = 'mine.toml'")
 
 
-def test_python_is_checked_like_a_file():
+def test_constructors_check_like_files():
     with pytest.raises(
         OpticsError, match=r"degradation\.noise\.read_noise_e: expected.*, got -1\.0"
     ):
@@ -216,7 +216,7 @@ def test_every_key_is_documented_with_its_unit(name):
     assert documented == [field.name for field in dataclasses.fields(kind)]
 
 
-def test_preset_files_say_what_is_assumed():
+def test_preset_files_state_their_assumptions():
     for name in preset_names():
         text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
         assert name == "ideal" or "assumption" in text

@@ -132,7 +132,7 @@ def test_sub_frames_add_up_by_rows(context):
     np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=4 * ULP)
 
 
-def test_the_next_frame_begins_anew(context):
+def test_next_frame_starts_from_zero(context):
     height, width = GEOMETRY.height_px, GEOMETRY.width_px
     chain = DegradationPass(context, (width, height), (), ())
     weights = Shutter(exposure_s=0.01).row_weights(2, height)

@@ -24,7 +24,7 @@ def _noisy(context, noise, picture, frame=0, key=KEY):
     return on_gpu(context, [picture], sensor=steps, uniforms={"u_frame": frame})[..., :3]
 
 
-def test_photon_transfer_curve_is_a_line_of_the_stated_gain(context):
+def test_photon_transfer_curve_has_the_specified_gain(context):
     """Variance against mean, in steps of the converter: slope 1/gain, and read noise at no light.
 
     Each of 14 flat fields has 49 152 independent values, so its variance is known to 0.64 %
@@ -56,7 +56,7 @@ def test_photon_transfer_curve_is_a_line_of_the_stated_gain(context):
     assert np.all(np.abs(mean_e - expected_e) < 4.5 * deviations)
 
 
-def test_bright_light_saturates_and_dark_current_is_taken_off(context):
+def test_bright_light_saturates_and_dark_current_is_subtracted(context):
     noise = Noise(
         full_well_e=1000.0,
         read_noise_e=0.0,
@@ -90,7 +90,7 @@ def test_small_means_are_poisson_exactly(mean):
 
 
 @pytest.mark.parametrize("mean", [32.0, 100.0])
-def test_large_means_are_poisson_to_the_stated_error(mean):
+def test_large_means_are_poisson_within_the_bound(mean):
     count = 300_000
     hashes = _hashes(count)
     drawn = np.sort(poisson(np.full(count, mean, np.float32), hashes[0], hashes[1]))
@@ -136,7 +136,7 @@ def test_noise_has_no_pattern(context):
     assert power.max() < np.log(0.5 * 256.0**2) - np.log(1e-4)
 
 
-def test_keys_and_frames_are_other_noise(context):
+def test_noise_differs_by_key_and_frame(context):
     noise, picture = Noise(), flat_picture([0.4], 64, 64)
     same = _noisy(context, noise, picture, 3), _noisy(context, noise, picture, 3)
     np.testing.assert_array_equal(*same)

@@ -50,14 +50,14 @@ def test_defocus_grows_towards_the_rim(context):
     assert np.count_nonzero(drawn[:, 52:, 0]) > 20
 
 
-def test_blur_takes_nothing_from_outside_of_the_mask(context):
+def test_blur_ignores_invalid_pixels(context):
     picture = random_picture()
     picture[picture[..., 3] > 0.5, :3] = 0.7
     drawn = on_gpu(context, [picture], optics=Defocus(6.0, 6.0).steps(GEOMETRY))
     np.testing.assert_allclose(drawn[picture[..., 3] > 0.5, :3], 0.7, rtol=1e-5)
 
 
-def test_red_and_blue_are_where_their_scales_put_them(context):
+def test_red_and_blue_are_scaled(context):
     """A point at radius r goes to r · scale, found by its centre of mass."""
     picture = _dark()
     picture[32, 52, :3] = 1.0  # 20.5 px right of the axis
@@ -86,14 +86,14 @@ def test_demosaicking_shifts_no_colour(context, pattern, demosaic):
     np.testing.assert_allclose(drawn[inner], picture[inner], atol=1e-6)
 
 
-def test_mosaic_has_the_colours_that_its_name_says():
+def test_mosaic_pattern_matches_its_name():
     geometry = PictureGeometry(4, 4, (1.5, 1.5))
     for pattern in ("RGGB", "BGGR", "GRBG", "GBRG"):
         corner = Bayer(pattern).colours(geometry)[:2, :2].ravel()
         assert "".join("RGB"[colour] for colour in corner) == pattern
 
 
-def test_white_stays_white_by_grey_gains(context):
+def test_grey_gains_restore_white(context):
     balance = WhiteBalance((0.5, 1.0, 0.7))
     picture = _dark()
     picture[..., :3] = np.array(balance.response, dtype=np.float32) * 0.6
@@ -102,7 +102,7 @@ def test_white_stays_white_by_grey_gains(context):
     assert WhiteBalance((0.5, 1.0, 0.7), (1.0, 1.0, 1.0)).factors == (1.0, 1.0, 1.0)
 
 
-def test_dirt_is_of_its_seed_and_stays_at_any_size():
+def test_dirt_depends_on_its_seed_and_scales():
     dirt = Dirt(dust_count=80, scratch_count=4, scratch_length_px=60.0)
     one, same = dirt.map(SQUARE), dirt.map(SQUARE)
     np.testing.assert_array_equal(one, same)
@@ -115,7 +115,7 @@ def test_dirt_is_of_its_seed_and_stays_at_any_size():
     assert not Dirt(dust_count=0).map(SQUARE).any()
 
 
-def test_dust_covers_what_its_numbers_say():
+def test_dust_covers_the_expected_area():
     """Area of one speck: π r² e^(2σ²), but for its lumps; opacity 0.7 of the largest on average."""
     geometry = PictureGeometry(1200, 1200, (599.5, 599.5))
     dirt = Dirt(dust_count=1000, dust_radius_px=4.0, dust_opacity=0.1)
@@ -145,7 +145,7 @@ def test_jpeg_loses_more_at_low_quality_and_keeps_the_mask():
 
 
 @pytest.mark.parametrize("pattern", ["RGGB", "BGGR", "GRBG", "GBRG"])
-def test_bilinear_demosaicking_is_opencv_s(context, pattern):
+def test_bilinear_demosaicking_matches_opencv(context, pattern):
     """OpenCV names a pattern by its second row's second and third pixel."""
     cv2 = pytest.importorskip("cv2")
     code = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}[pattern]
