@@ -8,8 +8,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
-from omnisim.gpu.scene.scene_buffers import DrawItem, SceneBuffers, is_blended
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
 from omnisim.gpu.uniforms import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
@@ -65,7 +66,7 @@ class ObjectDrawer:
         self._used = [surfaces[variant] for variant in set(variants)]
         shaders = {one: _SurfaceShader(self._buffers, surfaces[one]) for one in set(variants)}
         self._shaders = [shaders[variant] for variant in variants]
-        self._is_blended = [is_blended(draw.material) for draw in self.draws]
+        self._is_blended = [draw.is_blended for draw in self.draws]
         self.opaque = np.flatnonzero(~np.array(self._is_blended))
         self.blended = np.flatnonzero(self._is_blended)
         self.counts = np.array([draw.count // 3 for draw in self.draws])

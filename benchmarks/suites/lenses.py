@@ -26,6 +26,7 @@ from omnisim.gpu.pipeline import Pipeline, ScenePoses
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
+from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.plots import style
 from omnisim.plots.plot_file import Figure
 from omnisim.reports.measure import Measure
@@ -122,10 +123,11 @@ def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
     # the faces of a picture of the whole sphere: every lens finds all its directions there
     whole = EquidistantCamera(fine, fine, 0.5 * fine / math.pi, _middle(fine))
     cube = CubePass(
-        context, buffers, SurfacePrograms(buffers, scene.lighting),
+        buffers,
+        SurfacePrograms(buffers, scene.lighting),
         plan_tiles(whole, whole.rig_from_optical, face_size_px=FACE_SIZE_PX),
-        near_m=0.05, far_m=np.inf, samples=1, unlit=False, background=scene.background,
-    )  # fmt: skip
+        VirtualCameras(near_m=0.05, far_m=np.inf, background=scene.background),
+    )
     pipelines = {}
     for camera in CAMERA_EXAMPLES.values():
         if camera.model_name not in pipelines:

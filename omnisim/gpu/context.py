@@ -1,4 +1,4 @@
-"""Opening OpenGL without a display, through EGL, and saying what to do where that fails."""
+"""OpenGL contexts without a display, through EGL."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ INSTALL_HINT = (
 )
 _NO_DRIVER = "there is no OpenGL driver"
 _NO_SUCH_DEVICE = "there is no such device"
-_MOST_DEVICES = 64  # more than a machine has; ends a driver's endless list
+_MAX_DEVICES = 64  # more than a machine has; ends a driver's endless list
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 
 
 class GraphicsInfo(NamedTuple):
-    """What draws, and its limits."""
+    """OpenGL implementation, and its limits."""
 
     vendor: str
     renderer: str
@@ -61,20 +61,20 @@ def _check_libraries() -> None:
 
 
 def _open(device: int | None) -> moderngl.Context:
-    options = {} if device is None else {"device_index": device}
+    settings: dict[str, object] = {"libegl": _LIBRARIES[0], "libgl": _LIBRARIES[1]}
+    if device is not None:
+        settings["device_index"] = device
     try:
         context = moderngl.create_context(
             standalone=True,
-            backend="egl",
-            libegl=_LIBRARIES[0],
-            libgl=_LIBRARIES[1],
             require=REQUIRED_VERSION,
-            **options,
+            backend="egl",  # type: ignore[arg-type]  # moderngl's stub takes dicts only
+            **settings,  # type: ignore[arg-type]  # likewise
         )
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
-    context.gc_mode = "context_gc"  # what nobody holds any more is freed by `context.gc()`
+    context.gc_mode = "context_gc"  # `context.gc()` frees unreferenced objects
     return context
 
 
@@ -91,14 +91,14 @@ def graphics_info(context: moderngl.Context) -> GraphicsInfo:
 
 
 def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
-    """EGL's devices by number: what each offers, or why it cannot be used.
+    """List EGL's devices by number, with their OpenGL or the reason why it cannot be used.
 
     Raises:
         GraphicsError: EGL or OpenGL itself is not installed.
     """
     _check_libraries()
     devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
-    for number in range(_MOST_DEVICES):
+    for number in range(_MAX_DEVICES):
         try:
             context = _open(number)
         except GraphicsError as reason:
@@ -112,7 +112,7 @@ def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
 
 
 def _reason(message: str, device: int | None) -> str:
-    """Our words for glcontext's: it says "found N devices", and EGL's error numbers."""
+    """Explain glcontext's message, which has "found N devices" and EGL's error numbers."""
     if "found 0 devices" in message:
         return f"{_NO_DRIVER}: {INSTALL_HINT}"
     if "requested device index" in message:

@@ -1,4 +1,4 @@
-"""Shader files: includes, variants, and compiler messages that point at the file."""
+"""Shader files: includes, defines, and compiler messages that point at the file."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from omnisim.resources import SHADERS
 _INCLUDE = re.compile(r"^\s*#include\s+(\S+)\s*$")
 # The second number of #line is meant for the file, but Mesa forgets it inside expressions. So
 # the file is written into the line number instead: line 12 of file 3 is line 300012.
-_LINES_A_FILE = 100_000
+_LINES_PER_FILE = 100_000
 # Mesa and most drivers write "0:300012(3): error"; NVIDIA writes "0(300012) : error".
-_PLACE = re.compile(r"\b\d+(?::(\d+)\(\d+\)|\((\d+)\))")
+_LOCATION = re.compile(r"\b\d+(?::(\d+)\(\d+\)|\((\d+)\))")
 
 
 def build_program(
@@ -31,7 +31,7 @@ def build_program(
         context: where.
         vertex, fragment: files, relative to the folder.
         defines: names to #define in both.
-        includes: what `#include NAME`, without quotes, stands for.
+        includes: files that `#include NAME`, without quotes, stands for.
 
     Raises:
         GraphicsError: a file is missing or does not compile; names file and line.
@@ -61,7 +61,7 @@ def build_compute_shader(
 
 
 def included_files(name: str) -> frozenset[str]:
-    """A file of the shader folder and all that it includes by name.
+    """Names of a file of the shader folder and of all that it includes.
 
     Raises:
         GraphicsError: one of them is missing.
@@ -74,9 +74,9 @@ def included_files(name: str) -> frozenset[str]:
 def _expand(
     name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
 ) -> str:
-    """The text of a file with its includes in place; `files` collects their names."""
+    """Expand the includes of a file; `files` collects their names."""
     files.append(name)
-    before_first = _LINES_A_FILE * len(files)
+    before_first = _LINES_PER_FILE * len(files)
     try:
         lines = (SHADERS / name).read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -90,7 +90,7 @@ def _expand(
         elif include := _INCLUDE.match(line):
             target = include[1]
             target = target.strip('"') if target.startswith('"') else includes[target]
-            expanded.append(f"#line {_LINES_A_FILE * (len(files) + 1) + 1}")
+            expanded.append(f"#line {_LINES_PER_FILE * (len(files) + 1) + 1}")
             expanded.append(_expand(target, files, defines, includes))
             expanded.append(f"#line {before_first + index + 1}")
         else:
@@ -99,8 +99,8 @@ def _expand(
 
 
 def _with_file_names(message: str, files: Sequence[str]) -> str:
-    def place(match: re.Match[str]) -> str:
-        number, line = divmod(int(match[1] or match[2]), _LINES_A_FILE)
+    def locate(match: re.Match[str]) -> str:
+        number, line = divmod(int(match[1] or match[2]), _LINES_PER_FILE)
         return f"{files[number - 1]}:{line}" if 1 <= number <= len(files) else match[0]
 
-    return "shader: " + _PLACE.sub(place, message).strip()
+    return "shader: " + _LOCATION.sub(locate, message).strip()

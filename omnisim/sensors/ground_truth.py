@@ -14,6 +14,7 @@ from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.gpu.ground_truth.ray_hit_pass import Hits, RayHitPass
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.pipeline import ScenePoses
+from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import OpticalFlow
@@ -48,13 +49,10 @@ class GroundTruth:
         self.labels = find_labels(stage.scene, stage.moving)
         self._pixels = PixelMap(stage.context, sensor.model, sensor.polygons)
         visibility = VisibilityPass(
-            stage.context,
             stage.buffers,
             sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL),
-            near_m=sensor.near_m,
-            far_m=sensor.far_m,
-            hidden=hidden,
-            albedo=albedo,
+            VirtualCameras(sensor.near_m, sensor.far_m, hidden=frozenset(hidden)),
+            albedo,
         )
         self._ray_hits = RayHitPass(visibility, self._pixels)
         object_names = list(stage.moving)

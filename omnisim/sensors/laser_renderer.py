@@ -48,9 +48,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
         self._angles_rad = np.radians(self.scanner.angles_deg)
 
         def make_passes(stage: Stage) -> RangePass:
-            return RangePass(
-                stage.context, stage.buffers, self._angles_rad, self.scanner.reach_m, hidden
-            )
+            return RangePass(stage.buffers, self._angles_rad, self.scanner.reach_m, hidden)
 
         super().__init__(scene, body, hidden, device, make_passes)
 

@@ -15,6 +15,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.pipeline import Pipeline, Readback, ScenePoses, check_picture_size
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.ground_truth import check_channels
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
@@ -87,18 +88,15 @@ class CameraPasses:
 
     def _cube_pass(self, plan: TilePlan) -> CubePass:
         stage, sensor = self._stage, self._sensor
-        return CubePass(
-            stage.context,
-            stage.buffers,
-            stage.surfaces,
-            plan,
-            near_m=sensor.near_m,
-            far_m=sensor.far_m,
-            samples=sensor.samples,
-            unlit=self._unlit,
-            background=stage.scene.background,
-            hidden=self._hidden,
+        cameras = VirtualCameras(
+            sensor.near_m,
+            sensor.far_m,
+            sensor.samples,
+            self._unlit,
+            stage.scene.background,
+            frozenset(self._hidden),
         )
+        return CubePass(stage.buffers, stage.surface_programs, plan, cameras)
 
 
 class Renderer(SensorRenderer[CameraPasses]):

@@ -57,7 +57,7 @@ class Stage(Closing):
 
     Attributes:
         scene, body, dynamic_objects: as given.
-        context, buffers, surfaces: for the passes.
+        context, buffers, surface_programs: for the passes.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
@@ -81,7 +81,7 @@ class Stage(Closing):
         try:
             with self.context:
                 self.buffers = SceneBuffers(self.context, scene, tuple(self.moving.values()))
-                self.surfaces = SurfacePrograms(self.buffers, scene.lighting)
+                self.surface_programs = SurfacePrograms(self.buffers, scene.lighting)
         except BaseException:
             self.close()
             raise

@@ -12,6 +12,7 @@ from omnisim.gpu.pipeline import Pipeline, ScenePoses
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
+from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.srgb import srgb_from_linear
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
@@ -25,9 +26,11 @@ def _render(context, camera):
     buffers = SceneBuffers(context, scene)
     plan = plan_tiles(camera, camera.rig_from_optical, subdivide=True)
     cube = CubePass(
-        context, buffers, SurfacePrograms(buffers, scene.lighting), plan,
-        near_m=0.05, far_m=np.inf, samples=1, unlit=True, background=(0.0, 0.0, 0.0),
-    )  # fmt: skip
+        buffers,
+        SurfacePrograms(buffers, scene.lighting),
+        plan,
+        VirtualCameras(near_m=0.05, far_m=np.inf, unlit=True),
+    )
     return Pipeline(cube, PixelMap(context, camera)).render(ScenePoses(POSE)).rgba
 
 

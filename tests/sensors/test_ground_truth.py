@@ -201,7 +201,9 @@ def test_culling_changes_no_channel(monkeypatch):
     also = tuple(CHANNELS)
     found = []
     for worth in (0, 10**9):  # triangles from which on it is worth a test what is hidden
-        monkeypatch.setattr("omnisim.gpu.culling.cluster_culling.WORTH_A_TURN", (worth,) * 2)
+        monkeypatch.setattr(
+            "omnisim.gpu.culling.cluster_culling.MIN_TRIANGLES_PER_PASS", (worth,) * 2
+        )
         with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
             found.append(renderer.render(POSE, also=also, next_base=pose()).channels)
     for name in also:

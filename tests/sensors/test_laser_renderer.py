@@ -131,7 +131,7 @@ def test_many_triangles_take_several_rows_of_work_groups(monkeypatch):
     scene = load_scene("rings")
     at = pose(scene.start.position_m, 20.0, 30.0, 40.0)
     expected = scan_of(scene, EXACT, at)
-    monkeypatch.setattr("omnisim.gpu.scene.range_pass._MOST_GROUPS", 7)
+    monkeypatch.setattr("omnisim.gpu.scene.range_pass._MAX_GROUPS", 7)
     np.testing.assert_array_equal(scan_of(scene, EXACT, at).ranges_m, expected.ranges_m)
 
 
@@ -153,9 +153,9 @@ def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
 
     small = SimpleNamespace(info={"GL_MAX_SHADER_STORAGE_BLOCK_SIZE": 100})
     buffers = SceneBuffers(context, scene_of([room()]))
-    monkeypatch.setattr(buffers, "_context", small)
+    monkeypatch.setattr(buffers, "context", small)
     with pytest.raises(GraphicsError, match="320 bytes: to scan them this GPU allows 100"):
-        RangePass(context, buffers, np.zeros(1))
+        RangePass(buffers, np.zeros(1))
 
 
 def test_scanner_of_one_beam():

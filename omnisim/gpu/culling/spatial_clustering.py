@@ -1,10 +1,10 @@
-"""An order in which near boxes follow each other, and where to cut it: compact pieces of anything.
+"""Spatial clustering: an order in which near boxes follow each other, split into compact runs.
 
-Boxes are put along a Morton curve. Its cells, each half of a larger one, are gone through from the
+Boxes are put along a Morton curve. Its cells, each half of a larger one, are visited from the
 smallest to the whole: halves stay together where one box around them is hardly larger than one
 around each.
 Source: cells of the curve as a tree, Lauterbach et al. 2009, "Fast BVH construction on GPUs"; the
-measure of what a box costs, Goldsmith & Salmon 1987, "Automatic creation of object hierarchies".
+surface area heuristic, Goldsmith & Salmon 1987, "Automatic creation of object hierarchies".
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-BITS = 12  # of a Morton code, along each axis
-# What spreads the bits of a number, so that two others fit between them: how far a half of it is
-# moved, and which bits count afterwards.
-_SPREADING = (
+MORTON_BITS = 12  # along each axis
+# Steps that spread the bits of a number, so that two others fit between them: shift and mask.
+_SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
     (16, 0x1F0000FF0000FF),
     (8, 0x100F00F00F00F00F),
@@ -24,59 +23,61 @@ _SPREADING = (
 )
 
 
-def spatial_order(
-    ends: NDArray[np.float32],
-    kinds: NDArray[np.integer],
-    least: int,
-    most: int,
-    worth_a_cut: float,
+def spatial_clusters(
+    bounds: NDArray[np.float32],
+    keys: NDArray[np.integer],
+    min_size: int,
+    max_size: int,
+    split_factor: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Order in which near boxes follow each other, kind by kind, and where to cut it into pieces.
+    """Order boxes so that near ones follow each other, key by key, and split the order.
 
     Args:
-        ends: (6, n), the boxes' low corners times −1, then their high ones: the largest of several
-            is the box around them.
-        kinds: (n,) from 0; those of one piece are the same.
-        least: so few boxes of one small cell are not cut further.
-        most: boxes of a piece.
-        worth_a_cut: what the best cuts have to make so many times smaller, surface times content,
-            is cut. Fewer pieces are less to look at, more of them show less of what is hidden.
+        bounds: (6, n), the boxes' least corners times −1, then their largest: the maximum of
+            several is the box around them.
+        keys: (n,) from 0; those of one cluster are equal.
+        min_size: as few boxes of one small cell are not split.
+        max_size: boxes of a cluster.
+        split_factor: a cell is split where the best split makes surface area times content as many
+            times smaller. Fewer clusters cost less to test, more of them cull more tightly.
 
     Returns:
-        The order (n,), and the first of each piece, counted in that order.
+        The order (n,), and the first of each cluster, counted in that order.
     """
-    total = ends.shape[1]
-    bits = min(BITS, (64 - int(kinds.max()).bit_length()) // 3)
-    codes = _morton(0.5 * (ends[3:] - ends[:3]), bits)
-    codes |= kinds.astype(np.uint64) << np.uint64(3 * bits)
+    total = bounds.shape[1]
+    bits = min(MORTON_BITS, (64 - int(keys.max()).bit_length()) // 3)
+    codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
+    codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
     order = np.argsort(codes, kind="stable")
     codes = codes[order]
-    # Where each begins: the level of the smallest cell that it is in together with the one before.
-    # There is none for the first one, and for those of different kinds.
+    # Level at which each box begins: of the smallest cell that it shares with the one before. The
+    # first one shares none, nor do those of different keys.
     levels = np.full(total, 3 * bits + 1)
     differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
     np.minimum(np.frexp(differing)[1], 3 * bits + 1, out=levels[1:])
-    first, levels = _in_small_cells(levels, 3 * bits, least)
-    around = np.maximum.reduceat(ends[:, order], first, axis=1)
-    starts, counts = _joined(around, first, levels, total, 3 * bits, most, worth_a_cut)
-    # what is joined has no cut after its first, whatever of it was joined before
-    joined = np.bincount(starts + 1, minlength=total + 1)
-    joined -= np.bincount(starts + counts, minlength=total + 1)
-    first = first[np.cumsum(joined)[first] == 0]
-    return order, _no_larger(first, total, most)
+    first, levels = _merge_small_cells(levels, 3 * bits, min_size)
+    cell_bounds = np.maximum.reduceat(bounds[:, order], first, axis=1)
+    starts, counts = _merge_cells(
+        cell_bounds, first, levels, total, 3 * bits, max_size, split_factor
+    )
+    # merged boxes are not split after the first, whatever of them was merged before
+    merged = np.bincount(starts + 1, minlength=total + 1)
+    merged -= np.bincount(starts + counts, minlength=total + 1)
+    first = first[np.cumsum(merged)[first] == 0]
+    return order, _split_to_size(first, total, max_size)
 
 
-def _in_small_cells(
-    levels: NDArray[np.intp], last_level: int, least: int
+def _merge_small_cells(
+    levels: NDArray[np.intp], last_level: int, min_size: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First of each of the largest cells that have `least` or fewer, and the level it begins at."""
+    """First box of each of the largest cells of `min_size` or fewer, and the level it begins at."""
     first, total = np.arange(len(levels)), len(levels)
     for level in range(last_level + 1):
         heads = np.flatnonzero(levels > level)
         if len(heads) == len(levels):
             continue
         counts = np.diff(first[heads], append=total)
-        stays = np.repeat(counts > least, np.diff(heads, append=len(levels)))
+        stays = np.repeat(counts > min_size, np.diff(heads, append=len(levels)))
         stays[heads] = True
         if stays.all():
             break
@@ -84,67 +85,68 @@ def _in_small_cells(
     return first, levels
 
 
-def _joined(
-    around: NDArray[np.float32],
+def _merge_cells(
+    bounds: NDArray[np.float32],
     first: NDArray[np.intp],
     levels: NDArray[np.intp],
     total: int,
     last_level: int,
-    most: int,
-    worth_a_cut: float,
+    max_size: int,
+    split_factor: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and number of boxes of each cell that is better left in one piece, of any level.
+    """First and number of boxes of each cell, of any level, that is better not split.
 
     Args:
-        around: (6, n), what is around the boxes from each of `first` on.
+        bounds: (6, n), of the boxes from each of `first` on.
         first, levels: (n,).
         total: boxes.
         last_level: of the cell with everything.
-        most, worth_a_cut: see `spatial_order`.
+        max_size, split_factor: see `spatial_clusters`.
     """
     counts = np.diff(first, append=total)
-    costs = _surfaces(around) * counts
+    costs = _half_areas(bounds) * counts
     starts, sizes = [first[:0]], [counts[:0]]
     for level in range(last_level + 1):
         heads = np.flatnonzero(levels > level)
         if len(heads) == len(levels):
             continue
-        parts = np.diff(heads, append=len(levels))
-        around = np.maximum.reduceat(around, heads, axis=1)
+        children = np.diff(heads, append=len(levels))
+        bounds = np.maximum.reduceat(bounds, heads, axis=1)
         counts, costs = np.add.reduceat(counts, heads), np.add.reduceat(costs, heads)
         first, levels = first[heads], levels[heads]
-        whole = _surfaces(around) * counts
-        better = (parts > 1) & (counts <= most) & (whole <= worth_a_cut * costs)
+        whole = _half_areas(bounds) * counts
+        better = (children > 1) & (counts <= max_size) & (whole <= split_factor * costs)
         costs = np.minimum(whole, costs)
         starts.append(first[better])
         sizes.append(counts[better])
-        if counts.min() > most:
+        if counts.min() > max_size:
             break
     return np.concatenate(starts), np.concatenate(sizes)
 
 
-def _no_larger(first: NDArray[np.intp], total: int, most: int) -> NDArray[np.intp]:
-    """The same cuts and more: no piece has more than `most`."""
-    pieces = -(-np.diff(first, append=total) // most)
-    number = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    return np.repeat(first, pieces) + most * number
+def _split_to_size(first: NDArray[np.intp], total: int, max_size: int) -> NDArray[np.intp]:
+    """First of each cluster, those of more than `max_size` split."""
+    parts = -(-np.diff(first, append=total) // max_size)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    starts: NDArray[np.intp] = np.repeat(first, parts) + max_size * number
+    return starts
 
 
-def _surfaces(around: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Half the surface (n,) of boxes (6, n)."""
-    x, y, z = around[:3] + around[3:]
-    surfaces: NDArray[np.float32] = x * y + y * z + z * x
-    return surfaces
+def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Half the surface area (n,) of boxes (6, n)."""
+    x, y, z = bounds[:3] + bounds[3:]
+    areas: NDArray[np.float32] = x * y + y * z + z * x
+    return areas
 
 
-def _morton(places: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
-    """One number for each place (3, n), `bits` bits of each axis: near places, near numbers."""
-    start = places.min(axis=1, keepdims=True)
-    extent = max(float((places - start).max()), 1e-9)
-    cells = ((places - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
-    codes = np.zeros(places.shape[1], dtype=np.uint64)
+def _morton_codes(centres: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
+    """Morton codes of points (3, n), `bits` bits of each axis."""
+    start = centres.min(axis=1, keepdims=True)
+    extent = max(float((centres - start).max()), 1e-9)
+    cells = ((centres - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
+    codes = np.zeros(centres.shape[1], dtype=np.uint64)
     for axis, cell in enumerate(cells):
-        for shift, mask in _SPREADING:
+        for shift, mask in _SPREAD_STEPS:
             cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
         codes |= cell << np.uint64(axis)
     return codes

@@ -1,50 +1,48 @@
-"""Which triangle each texel of the cube shows: numbers instead of colours."""
+"""Visibility pass: triangle IDs in place of colours."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from functools import partial
+from collections.abc import Sequence
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import TilePlan
-from omnisim.gpu.gl_functions import clear_integers, flush
-from omnisim.gpu.ground_truth.triangle_ids import TriangleIdGeometry, TriangleIds, surfaces_of
+from omnisim.gpu.gl_functions import clear_integers
+from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, static_triangle_entries
 from omnisim.gpu.ground_truth.visibility_program import (
-    NumberedPrograms,
     VisibilityProgram,
     VisibilityVariant,
     alpha_cutoff,
 )
+from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
-from omnisim.gpu.scene.scene_buffers import InstanceTransforms, SceneBuffers
-from omnisim.gpu.scene.static_drawer import StaticDrawer
-from omnisim.gpu.scene.tile_drawer import TileDrawer
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.static_drawer import ClusterIndices
+from omnisim.gpu.scene.static_geometry import StaticGeometry
+from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.gpu.scene.vertex_format import vertex_array
 from omnisim.scene.model import Material
 
 
 class VisibilityPass:
-    """Draws the faces into an atlas of integers; everything on the GPU is made once.
+    """Draws the tiles into an atlas of integers; everything on the GPU is made once.
 
-    Sides, planes and holes are those of the picture (`CubePass`), and what stands still is drawn as
-    there. A blended surface counts where its alpha reaches `BLENDED_CUTOFF`.
+    Sides, frusta and holes are those of the picture (`CubePass`), as is the draw loop. A blended
+    surface counts where its alpha reaches `BLENDED_CUTOFF`.
 
     Args:
-        context: where.
         buffers: the scene and its dynamic objects; other passes may draw from them, too.
-        plan: the faces.
-        near_m, far_m: of the virtual cameras.
-        hidden: names of the dynamic objects' instances that are not drawn.
+        plan: the tiles.
+        cameras: their depth range and the hidden instances count.
         albedo: also be able to draw plain base colours.
 
     Attributes:
-        plan, near_m, far_m, buffers: as given.
-        id_atlas: texture of integers: 1 + number of the triangle; 0: nothing is seen.
-        triangle_ids: what these numbers are.
+        buffers, plan, near_m, far_m: as given.
+        id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
+        triangle_ids: table of the IDs.
         albedo_atlas: texture of the square root of linear RGB, or None.
 
     Raises:
@@ -54,113 +52,150 @@ class VisibilityPass:
 
     def __init__(
         self,
-        context: moderngl.Context,
         buffers: SceneBuffers,
         plan: TilePlan,
-        near_m: float,
-        far_m: float,
-        hidden: Collection[str] = (),
+        cameras: VirtualCameras,
         albedo: bool = False,
     ):
-        self.buffers, self.plan, self.near_m, self.far_m = buffers, plan, near_m, far_m
-        self._context = context
-        self._drawing = TileDrawer(context, buffers, plan, near_m, far_m)
+        context = buffers.context
+        self.buffers, self.plan = buffers, plan
+        self.near_m, self.far_m = cameras.near_m, cameras.far_m
         size = (plan.width_px, plan.height_px)
-        try:
+        with fits_on_gpu(
+            f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
+        ):
             self.id_atlas = context.texture(size, 1, dtype="u4")
             self.albedo_atlas = context.texture(size, 4) if albedo else None
             depth = float_depth(context, size, 0)
             self._targets = {False: context.framebuffer([self.id_atlas], depth)}
             if self.albedo_atlas is not None:
-                self._targets[True] = context.framebuffer([self.id_atlas, self.albedo_atlas], depth)
-        except moderngl.Error as reason:
-            raise GraphicsError(
-                f"ground truth by an atlas of {size[0]} × {size[1]} px does not fit on this GPU "
-                f"({reason}): make the picture smaller"
-            ) from None
-        self.id_atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        if self.albedo_atlas is not None:
-            self.albedo_atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._holed = [alpha_cutoff(draw.material) > 0.0 for draw in buffers.draw_items]
+                atlases = [self.id_atlas, self.albedo_atlas]
+                self._targets[True] = context.framebuffer(atlases, depth)
+        for texture in (self.id_atlas, self.albedo_atlas):
+            if texture is not None:
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        items = buffers.draw_items
+        self._has_holes = [alpha_cutoff(item.material) > 0.0 for item in items]
         self._programs = {
             variant: VisibilityProgram(context, variant)
-            for variant in _variants(set(self._holed), albedo)
+            for holes in set(self._has_holes)
+            for variant in (VisibilityVariant(holes, colored) for colored in self._targets)
         }
+        indices = buffers.triangles.indices
         self._vertex_arrays = {
-            variant: vertex_array(context, one.program, buffers.vertices, buffers.triangles.indices)
+            variant: vertex_array(context, one.program, buffers.vertices, indices)
             for variant, one in self._programs.items()
         }
-        seen = [not _is_never_seen(draw.material) for draw in buffers.draw_items]
-        alone = buffers.shown(hidden) & ~buffers.static_geometry.taken & np.array(seen)
-        self._alone = np.flatnonzero(alone)
-        self.triangle_ids = TriangleIds(context, buffers.draw_items, self._alone)
-        self._static = None
-        if not buffers.static_geometry.is_empty:
-            surfaces = surfaces_of(buffers.static_geometry, buffers.draw_items)
-            geometry = TriangleIdGeometry(buffers.static_geometry, surfaces, self.triangle_ids)
-            self._numbered = NumberedPrograms(self._programs)
-            self._static = StaticDrawer(context, geometry, self._numbered, plan, unlit=True)
+        shown = buffers.shown_one_by_one(cameras.hidden)
+        shown &= [not _is_invisible(item.material) for item in items]
+        one_by_one = np.flatnonzero(shown)
+        self.triangle_ids = TriangleIds(context, items, one_by_one)
+        self._tiles = TileRenderer(buffers, plan, cameras, one_by_one)
+        self._clusters: dict[bool, TriangleIdClusters] = {}
+        geometry = buffers.static_geometry
+        if geometry is not None:
+            entries = static_triangle_entries(geometry, items)
+            cluster_indices = ClusterIndices(
+                geometry, [one.program for one in self._programs.values()]
+            )
+            self._clusters = {
+                colored: TriangleIdClusters(
+                    geometry,
+                    entries,
+                    self.triangle_ids,
+                    cluster_indices,
+                    [
+                        self._programs[VisibilityVariant(alpha_cutoff(one.material) > 0.0, colored)]
+                        for one in geometry.batches
+                    ],
+                )
+                for colored in self._targets
+            }
 
     def render(
         self,
         world_from_rig: NDArray[np.float64],
-        placement: InstanceTransforms,
+        transforms: InstanceTransforms,
         albedo: bool = False,
     ) -> None:
-        """DrawItem all faces from a pose (4, 4), with the draws where they are seen from there."""
+        """Draw all tiles from a pose (4, 4), by the transforms of the draw items from there."""
         target = self._targets[albedo]
-        self._drawing.begin(target, (0.0, 0.0, 0.0, 0.0))
+        self._tiles.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
 
-        def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            draw, variant = (
+        def draw_item(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+            item, variant = (
                 self.buffers.draw_items[index],
-                VisibilityVariant(self._holed[index], albedo),
+                VisibilityVariant(self._has_holes[index], albedo),
             )
             program = self._programs[variant]
             program.set_matrix(clip_from_mesh)
-            program.set_first_number(self.triangle_ids.first_of_draw[index])
-            program.bind_material(draw.material, draw.texture)
+            program.set_first_id(self.triangle_ids.first_of_item[index])
+            program.bind_material(item.material, item.texture)
             self._vertex_arrays[variant].render(
-                moderngl.TRIANGLES, vertices=draw.count, first=draw.first
+                moderngl.TRIANGLES, vertices=item.count, first=item.first
             )
 
-        order = self.buffers.front_to_back(self._alone, placement)
-        views = self._drawing.views(world_from_rig)
+        views = self._tiles.views(world_from_rig)
         self.triangle_ids.begin()
-        if self._static is not None:
-            self._numbered.albedo = albedo
-            self._static.prepare(views, world_from_rig[:3, 3])
-        for number, view in enumerate(views):
-            self._drawing.aim(target, view)
-            self._drawing.draw(view, placement, order, paint)
-            if self._static is not None:
-                self._static.draw(number)
-                flush()  # as the picture's pass does
-        while self._static is not None and self._static.has_more:
-            self._static.prepare_more(partial(self._read_depth, target))
-            for number, view in enumerate(views):
-                self._drawing.aim(target, view)
-                self._static.draw(number)
-        self._drawing.end(target)
+        clusters = self._clusters.get(albedo)
+        self._tiles.draw(target, views, world_from_rig[:3, 3], transforms, draw_item, clusters)
+        self._tiles.end(target)
         for program in self._programs.values():
             program.end()
 
-    def _read_depth(self, target: moderngl.Framebuffer) -> NDArray[np.float32]:
-        """Depth (height, width) of what was drawn so far."""
-        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
-        target.read_into(depth, components=1, attachment=-1, dtype="f4")
-        return depth
+
+class TriangleIdClusters:
+    """Draws triangle IDs of the static geometry's clusters.
+
+    Args:
+        geometry: the clusters.
+        entries: of its triangles, see `static_triangle_entries`.
+        ids: of the frame.
+        indices: to draw from.
+        programs: of the batches.
+    """
+
+    def __init__(
+        self,
+        geometry: StaticGeometry,
+        entries: NDArray[np.void],
+        ids: TriangleIds,
+        indices: ClusterIndices,
+        programs: Sequence[VisibilityProgram],
+    ):
+        self._geometry, self._entries, self._ids = geometry, entries, ids
+        self._indices, self._programs = indices, programs
+        self._first_id = 0
+        self._clip_from_anchor = np.eye(4, dtype=np.float32)
+        self._placed: set[VisibilityProgram] = set()
+
+    def load(self, clusters: NDArray[np.intp]) -> None:
+        """See `ClusterDrawer`; the triangles get the next IDs."""
+        triangles = self._geometry.triangles_of(clusters)
+        self._first_id = self._ids.append(np.take(self._entries, triangles, mode="clip"))
+        self._indices.load(clusters)
+
+    def begin_tile(
+        self,
+        clip_from_anchor: NDArray[np.float32],
+        viewpoint_from_anchor: NDArray[np.float32],
+    ) -> None:
+        """See `ClusterDrawer`."""
+        self._clip_from_anchor = clip_from_anchor
+        self._placed.clear()
+
+    def draw(self, batch: int, first: int, count: int) -> None:
+        """See `ClusterDrawer`."""
+        program, material_batch = self._programs[batch], self._geometry.batches[batch]
+        if program not in self._placed:
+            self._placed.add(program)
+            program.set_matrix(self._clip_from_anchor)
+        program.bind_material(material_batch.material, material_batch.texture)
+        program.set_first_id(self._first_id + first // 3)
+        self._indices.render(program.program, first, count)
 
 
-def _variants(holed: set[bool], albedo: bool) -> list[VisibilityVariant]:
-    return [
-        VisibilityVariant(holes, with_albedo)
-        for holes in holed
-        for with_albedo in ((False, True) if albedo else (False,))
-    ]
-
-
-def _is_never_seen(material: Material) -> bool:
-    """Whether it is so clear everywhere that no texel can show it: textures only take away."""
+def _is_invisible(material: Material) -> bool:
+    """Test for a material so clear that no texel can show it: textures only take away."""
     return material.base_color[3] < alpha_cutoff(material)

@@ -1,4 +1,4 @@
-"""Which triangles of a mesh lie beside each other, whatever vertices they were given."""
+"""Adjacency of a mesh's triangles by the positions of their corners."""
 
 from __future__ import annotations
 
@@ -20,20 +20,17 @@ def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) ->
     """
     if not len(triangles):
         return np.empty((0, 3), dtype=np.uint32)
-    places = np.ascontiguousarray(positions + np.float32(0.0))  # −0 is 0
-    _, corners = np.unique(places.view("V12").ravel(), return_inverse=True)
-    ends = corners[triangles][:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    ends = np.sort(ends, axis=1).astype(np.int64)
-    keys = ends[:, 0] * len(positions) + ends[:, 1]
+    points = np.ascontiguousarray(positions + np.float32(0.0))  # −0 is 0
+    _, corners = np.unique(points.view("V12").ravel(), return_inverse=True)
+    edges = corners[triangles][:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    edges = np.sort(edges, axis=1).astype(np.int64)
+    keys = edges[:, 0] * len(positions) + edges[:, 1]
     order = np.argsort(keys, kind="stable")
-    is_new = np.append(True, np.diff(keys[order]) != 0)
-    starts = np.flatnonzero(is_new)
-    counts = np.diff(np.append(starts, len(keys)))
-    place = np.arange(len(keys))
-    following = place + 1
-    last = starts + counts - 1
-    following[last] = starts  # around in a ring
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    counts = np.diff(starts, append=len(keys))
+    following = np.arange(1, len(keys) + 1)
+    following[starts + counts - 1] = starts  # around in a ring
     found = np.full(len(keys), NO_NEIGHBOUR)
-    shared = np.repeat(counts > 1, counts)
-    found[order[shared]] = order[following[shared]] // 3
+    is_shared = np.repeat(counts > 1, counts)
+    found[order[is_shared]] = order[following[is_shared]] // 3
     return found.reshape(-1, 3)

@@ -1,8 +1,8 @@
-"""The virtual cameras: the scene drawn into the faces of the cube at the effective viewpoint."""
+"""Cube pass: the colours that the virtual cameras at the effective viewpoint see."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import moderngl
 import numpy as np
@@ -10,32 +10,33 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
-from omnisim.gpu.gl_functions import flush
+from omnisim.gpu.atlas.tile_views import TileView
+from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
-from omnisim.gpu.scene.scene_buffers import InstanceTransforms, SceneBuffers, is_blended
-from omnisim.gpu.scene.static_drawer import StaticDrawer
-from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of
-from omnisim.gpu.scene.tile_drawer import TileDrawer, TileView
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.static_drawer import ClusterIndices
+from omnisim.gpu.scene.static_geometry import StaticGeometry
+from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
+from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.gpu.uniforms import columns_first
+
+_NORMAL_FROM_ANCHOR = columns_first(np.eye(3))
 
 
 class CubePass:
-    """Draws the faces into one atlas texture.
+    """Draws the tiles into one atlas texture.
 
     Args:
-        context: where.
         buffers: the scene and its dynamic objects; other passes may draw from them, too.
-        surfaces: their programs, lit by the scene's lamps.
-        plan: the faces.
-        near_m, far_m, samples: of the virtual cameras.
-        unlit: show plain base colours.
-        background: linear RGB where nothing is hit.
-        hidden: names of the dynamic objects' instances that are not drawn.
-        plain: draw one instance after the other, whole: slower, but there is little to go wrong.
+        programs: lit by the scene's lights.
+        plan: the tiles.
+        cameras: the virtual cameras.
 
     Attributes:
-        plan: the faces and their places.
+        plan: as given.
         atlas: linear RGBA, half floats, first row of each face's picture first.
+        tiles: the draw loop.
 
     Raises:
         GraphicsError: the atlas is larger than the GPU allows.
@@ -44,167 +45,161 @@ class CubePass:
 
     def __init__(
         self,
-        context: moderngl.Context,
         buffers: SceneBuffers,
-        surfaces: SurfacePrograms,
+        programs: SurfacePrograms,
         plan: TilePlan,
-        near_m: float,
-        far_m: float,
-        samples: int,
-        unlit: bool,
-        background: tuple[float, float, float],
-        hidden: Collection[str] = (),
-        plain: bool = False,
+        cameras: VirtualCameras,
     ):
+        context = buffers.context
         self._context, self._buffers, self.plan = context, buffers, plan
-        self._background = background
-        self._drawing = TileDrawer(context, buffers, plan, near_m, far_m)
+        self._background = cameras.background
         size = (plan.width_px, plan.height_px)
-        face_px = max(tile.face_size_px for tile in plan.tiles)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > limit:
             raise GraphicsError(
-                f"virtual cameras of {face_px} px need an atlas "
-                f"of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
+                f"virtual cameras of {max(tile.face_size_px for tile in plan.tiles)} px need an "
+                f"atlas of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
                 "make the picture, virtual_cameras.texels_per_pixel or size_px smaller"
             )
-        self.atlas = _texture(context, size)
+        samples = min(cameras.samples, int(context.max_samples))
+        with fits_on_gpu(
+            f"an atlas of {size[0]} × {size[1]} px with {samples} samples",
+            "make the picture, virtual_cameras.size_px or virtual_cameras.samples smaller",
+        ):
+            self.atlas = context.texture(size, 4, dtype="f2")
+            self._resolved = context.framebuffer([self.atlas])
+            color: moderngl.Texture | moderngl.Renderbuffer = self.atlas
+            if samples > 1:
+                color = context.renderbuffer(size, 4, samples=samples, dtype="f2")
+            depth = float_depth(context, size, samples if samples > 1 else 0)
+            self._target = context.framebuffer([color], depth)
         self.atlas.repeat_x = self.atlas.repeat_y = False
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
-        samples = min(samples, int(context.max_samples))
-        try:
-            self._resolved = context.framebuffer([self.atlas]) if samples > 1 else None
-            color = (
-                context.renderbuffer(size, 4, samples=samples, dtype="f2")
-                if samples > 1
-                else self.atlas
-            )
-            depth = float_depth(context, size, samples if samples > 1 else 0)
-            self._target = context.framebuffer([color], depth)
-        except moderngl.Error as reason:
-            raise GraphicsError(
-                f"virtual cameras of {face_px} px with {samples} "
-                f"samples do not fit on this GPU ({reason}): make the picture, "
-                "virtual_cameras.size_px or virtual_cameras.samples smaller"
-            ) from None
-        variants = [variant_of(draw.material, unlit) for draw in buffers.draw_items]
-        self._programs = [surfaces[variant] for variant in variants]
-        arrays = {one: buffers.vertex_array(surfaces[one].program) for one in set(variants)}
-        self._vertex_arrays = [arrays[variant] for variant in variants]
-        self._static = None
-        if not (plain or buffers.static_geometry.is_empty):
-            # OpenGL reads no depth of several samples, and what one of them hides another may show
-            self._static = StaticDrawer(
-                context, buffers.static_geometry, surfaces, plan, unlit, samples
-            )
-        self._all_programs = set(self._programs)
-        if self._static is not None:
-            self._all_programs |= self._static.programs
-        alone = buffers.shown(hidden)
-        if not plain:
-            alone &= ~buffers.static_geometry.taken
-        blended = np.array([is_blended(draw.material) for draw in buffers.draw_items])
-        self._opaque = np.flatnonzero(alone & ~blended)
-        self._blended = np.flatnonzero(alone & blended)
+        self._is_multisampled = samples > 1
+        variants = [variant_of(item.material, cameras.unlit) for item in buffers.draw_items]
+        self._programs = [programs[variant] for variant in variants]
+        arrays = {one: buffers.vertex_array(one.program) for one in set(self._programs)}
+        self._vertex_arrays = [arrays[program] for program in self._programs]
+        geometry = buffers.static_geometry
+        self._clusters, self._used_programs = None, set(self._programs)
+        if geometry is not None:
+            self._clusters = SurfaceClusters(geometry, programs, cameras.unlit)
+            self._used_programs |= set(self._clusters.programs)
+        shown = buffers.shown_one_by_one(cameras.hidden)
+        blended = np.array([item.is_blended for item in buffers.draw_items])
+        self._blended = np.flatnonzero(shown & blended)
+        # OpenGL reads no depth of several samples, and one may show what another occludes
+        self.tiles = TileRenderer(buffers, plan, cameras, np.flatnonzero(shown & ~blended), samples)
 
     def render(
         self,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> moderngl.Texture:
-        """Draw all faces from a pose (4, 4), objects at theirs, and return the atlas."""
-        context, target = self._context, self._target
+        """Draw all tiles from a pose (4, 4), dynamic objects at theirs, and return the atlas."""
+        context, target, tiles = self._context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
-        placement = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
-        for program in self._all_programs:
+        transforms = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
+        for program in self._used_programs:
             program.set_viewpoint(viewpoint_m)
-        opaque = self._buffers.front_to_back(self._opaque, placement)
-        views = self._drawing.views(world_from_rig)
-        blended = self._back_to_front(views, placement)
-        here_matrices = columns_first(placement.viewpoint_from_mesh)
-        normal_matrices = columns_first(placement.normal_from_mesh)
+        views = tiles.views(world_from_rig)
+        blended = self._back_to_front(views, transforms)
+        viewpoint_matrices = columns_first(transforms.viewpoint_from_mesh)
+        normal_matrices = columns_first(transforms.normal_from_mesh)
 
-        def paint(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            draw, program = self._buffers.draw_items[index], self._programs[index]
-            program.set_matrices(clip_from_mesh, here_matrices[index], normal_matrices[index])
-            program.bind_material(draw.material, draw.texture)
+        def draw_item(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+            item, program = self._buffers.draw_items[index], self._programs[index]
+            program.set_matrices(clip_from_mesh, viewpoint_matrices[index], normal_matrices[index])
+            program.bind_material(item.material, item.texture)
             self._vertex_arrays[index].render(
-                moderngl.TRIANGLES, vertices=draw.count, first=draw.first
+                moderngl.TRIANGLES, vertices=item.count, first=item.first
             )
 
-        self._drawing.begin(target, (*self._background, 1.0))
-        context.blend_func = (
-            moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
-        )  # fmt: skip
-        if self._static is not None:
-            self._static.prepare(views, viewpoint_m)
-        for number, view in enumerate(views):
-            self._drawing.aim(target, view)
-            self._drawing.draw(view, placement, opaque, paint)
-            if self._static is not None:
-                self._static.draw(number)
-                # tile by tile: a software renderer keeps what it was told of all tiles in memory
-                # otherwise, and is slower by up to a seventh
-                flush()
-        while self._static is not None and self._static.has_more:
-            self._static.prepare_more(self._read_depth)
-            for number, view in enumerate(views):
-                self._drawing.aim(target, view)
-                self._static.draw(number)
-        for view in views if blended.size else ():
-            self._drawing.aim(target, view)
+        tiles.begin(target, (*self._background, 1.0))
+        tiles.draw(target, views, viewpoint_m, transforms, draw_item, self._clusters)
+        if blended.size:
+            context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
+                moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
+            )  # fmt: skip
             target.depth_mask = False
             context.enable(moderngl.BLEND)
-            self._drawing.draw(view, placement, blended, paint)
-            context.disable(moderngl.BLEND)
-            target.depth_mask = True
-        self._drawing.end(target)
-        if self._resolved is not None:
+            for view in views:
+                tiles.draw_items(target, view, transforms, blended, draw_item)
+        tiles.end(target)
+        if self._is_multisampled:
             context.copy_framebuffer(self._resolved, target)
         if self.plan.max_level:
             self.atlas.build_mipmaps(0, self.plan.max_level)
         return self.atlas
 
     def read_face(self, tile: Tile) -> NDArray[np.float32]:
-        """The 90° of a face as last drawn, linear RGB (size, size, 3), first row at the top.
+        """Read the 90° of a face as last drawn: linear RGB (size, size, 3), first row at the top.
 
-        The plan must have the whole face.
+        The tile must have the whole face.
         """
-        framebuffer = self._resolved or self._target
-        pixels = np.empty((tile.face_size_px, tile.face_size_px, 3), dtype=np.float32)
-        region = (*tile.face_corner_px, tile.face_size_px, tile.face_size_px)
-        framebuffer.read_into(pixels, region, components=3, dtype="f4")
+        size = tile.face_size_px
+        pixels = np.empty((size, size, 3), dtype=np.float32)
+        region = (*tile.face_corner_px, size, size)
+        self._resolved.read_into(pixels, region, components=3, dtype="f4")
         return pixels
 
-    def _read_depth(self) -> NDArray[np.float32]:
-        """Depth (height, width) of what was drawn so far."""
-        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
-        self._target.read_into(depth, components=1, attachment=-1, dtype="f4")
-        return depth
-
     def _back_to_front(
-        self, views: Sequence[TileView], placement: InstanceTransforms
+        self, views: Sequence[TileView], transforms: InstanceTransforms
     ) -> NDArray[np.intp]:
-        """Blended draws that are seen, in the order to draw them, with their triangles sorted."""
+        """Sort blended items that are seen, and their triangles, back to front."""
         if not self._blended.size:
             return self._blended
-        seen = [self._drawing.sees(view, placement, self._blended) for view in views]
+        seen = [self.tiles.cull_items(view, transforms, self._blended) for view in views]
         blended = self._blended[np.any(seen, axis=0)]
-        distances = np.linalg.norm(placement.centres_m[blended], axis=1)
+        distances = np.linalg.norm(transforms.centres_m[blended], axis=1)
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
-            self._buffers.sort_blended(
-                self._buffers.draw_items[index], placement.viewpoint_from_mesh[index]
+            self._buffers.sort_triangles(
+                self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index]
             )
         return blended
 
 
-def _texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    try:
-        return context.texture(size, 4, dtype="f2")
-    except moderngl.Error as reason:
-        raise GraphicsError(
-            f"an atlas of {size[0]} × {size[1]} px does not fit on this GPU ({reason}): "
-            "make the picture or virtual_cameras.size_px smaller"
-        ) from None
+class SurfaceClusters:
+    """Draws clusters of the static geometry in colour.
+
+    Args:
+        geometry: the clusters.
+        programs: lit by the scene's lights.
+        unlit: show plain base colours.
+
+    Attributes:
+        programs: of the batches.
+    """
+
+    def __init__(self, geometry: StaticGeometry, programs: SurfacePrograms, unlit: bool):
+        self._batches = geometry.batches
+        self.programs = [
+            programs[variant_of(batch.material, unlit, batch.shading)] for batch in geometry.batches
+        ]
+        self._indices = ClusterIndices(geometry, [one.program for one in self.programs])
+        self._matrices = (columns_first(np.eye(4)), columns_first(np.eye(4)))
+        self._placed: set[SurfaceProgram] = set()
+
+    def load(self, clusters: NDArray[np.intp]) -> None:
+        """See `ClusterDrawer`."""
+        self._indices.load(clusters)
+
+    def begin_tile(
+        self,
+        clip_from_anchor: NDArray[np.float32],
+        viewpoint_from_anchor: NDArray[np.float32],
+    ) -> None:
+        """See `ClusterDrawer`."""
+        self._matrices = clip_from_anchor, viewpoint_from_anchor
+        self._placed.clear()
+
+    def draw(self, batch: int, first: int, count: int) -> None:
+        """See `ClusterDrawer`."""
+        program = self.programs[batch]
+        if program not in self._placed:
+            self._placed.add(program)
+            program.set_matrices(*self._matrices, _NORMAL_FROM_ANCHOR)
+        program.bind_material(self._batches[batch].material, self._batches[batch].texture)
+        self._indices.render(program.program, first, count)

@@ -1,7 +1,7 @@
-"""What is known of the light on triangles before they are drawn, so that less is left to do then.
+"""Light baking: directional light on flat triangles, computed once instead of for each texel.
 
-On a flat triangle Lambert's cosine is the same all over, wherever the camera is: where all lamps
-are far away its light need not be found anew for every texel of every frame.
+On a flat triangle Lambert's cosine is the same all over, wherever the camera is: without punctual
+lights its light need not be computed anew for every texel of every frame.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 from omnisim.scene.model import Lighting, LightKind
 
 # Normals (unit) that differ by less are one: light differs by less than a tenth of a step of 255
-# then, even in the dark, where these are finest, for a lamp that makes a surface white.
+# then, even in the dark, where these are finest, for a light that makes a surface white.
 _SAME_NORMAL = 2e-5
 
 
 class Shading(Enum):
-    """What is known of a triangle of which the front side alone is seen."""
+    """Shading of a triangle of which the front side alone is seen."""
 
     UNKNOWN = 0
     NORMALS_AGREE = 1  # all three point to the front side
-    BAKED = 2  # it is flat and of one colour, and no lamp has a place
+    BAKED = 2  # flat and of one colour, and no light is punctual
 
 
 def shadings(
     vertices: NDArray[np.void], triangles: NDArray[np.uint32], lighting: Lighting
 ) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """Shadings of triangles, and which way they face.
+    """Classify triangles by shading, and find their normals.
 
     Args:
         vertices: (n,) of `VERTEX`, in the world's axes.
@@ -37,39 +37,39 @@ def shadings(
         lighting: of the scene.
 
     Returns:
-        Values (m,) of `Shading`, and the normals (m, 3), unit, of those whose light is known.
+        Values (m,) of `Shading`, and the normals (m, 3), unit, of those whose light can be baked.
     """
     positions = np.ascontiguousarray(vertices["in_position"])
     units = _units(np.ascontiguousarray(vertices["in_normal"]))
     corners = triangles.T
     origins, seconds, thirds = (np.take(positions, corner, axis=0) for corner in corners)
-    fronts = np.cross(seconds - origins, thirds - origins)
+    fronts: NDArray[np.float32] = np.cross(seconds - origins, thirds - origins)
     normals, second, third = (np.take(units, corner, axis=0) for corner in corners)
     agree = _dot(normals, fronts) > 0.0
     agree &= _dot(second, fronts) > 0.0
     agree &= _dot(third, fronts) > 0.0
-    values = agree.astype(np.int8) * np.int8(Shading.NORMALS_AGREE.value)
+    values: NDArray[np.int8] = agree.astype(np.int8) * np.int8(Shading.NORMALS_AGREE.value)
     if any(light.kind is not LightKind.DIRECTIONAL for light in lighting.lights):
         return values, normals
     bend = np.maximum(_squared(second - normals), _squared(third - normals))
-    known = agree & (bend < _SAME_NORMAL**2)
-    has_normal = units.any(axis=1)
+    baked = agree & (bend < _SAME_NORMAL**2)
+    has_normal: NDArray[np.bool_] = np.any(units, axis=1)
     if not has_normal.all():
         none = ~has_normal[triangles].any(axis=1)
         normals[none] = _units(fronts[none])
-        known |= none & normals.any(axis=1)
+        baked |= none & normals.any(axis=1)
     colors = vertices["in_color"]
     if (colors != 1.0).any():
         own = colors[triangles]
-        known &= (own == own[:, :1]).all(axis=(1, 2))
-    values[known] = Shading.BAKED.value
+        baked &= (own == own[:, :1]).all(axis=(1, 2))
+    values[baked] = Shading.BAKED.value
     return values, normals
 
 
 def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> NDArray[np.float32]:
-    """What white surfaces show, linear RGB (n, 3), that face along normals (n, 3), unit, world.
+    """Light on white surfaces, linear RGB (n, 3), with normals (n, 3), unit, world.
 
-    Twin of shaders/scene/lighting.glsl, where no lamp has a place.
+    Twin of shaders/scene/lighting.glsl without punctual lights.
     """
     total = np.tile(np.array(lighting.ambient), (len(normals), 1))
     for light in lighting.lights:
@@ -79,8 +79,9 @@ def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> 
 
 
 def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Products (n,) of vectors (n, 3) each."""
-    return np.einsum("nc,nc->n", one, other)
+    """Dot products (n,) of vectors (n, 3) each."""
+    products: NDArray[np.float32] = np.einsum("nc,nc->n", one, other)
+    return products
 
 
 def _squared(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -90,4 +91,4 @@ def _squared(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 def _units(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Vectors (n, 3) of length 1; zero for those without a length."""
     lengths = np.sqrt(_squared(vectors))[:, None]
-    return np.where(lengths > 0.0, vectors, 0.0) / np.where(lengths > 0.0, lengths, 1.0)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)

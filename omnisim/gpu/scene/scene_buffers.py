@@ -1,100 +1,25 @@
-"""A scene and its dynamic objects on the GPU: one vertex buffer, one index buffer, textures, draws.
+"""Buffers of a scene and its dynamic objects on the GPU, and the items to draw from them.
 
-A dynamic object is a scene in a frame of its own, with a pose in the world that may change in
-each frame. Its geometry stays where it is; only matrices change.
+A dynamic object is a scene in a frame of its own, which has another pose in the world in each
+frame. Its geometry stays where it is; only matrices change.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError, SceneError
-from omnisim.gpu.ground_truth.triangle_table import TriangleTable
-from omnisim.gpu.scene.masked_mipmaps import masked_mipmaps
-from omnisim.gpu.scene.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
-from omnisim.gpu.scene.static_geometry import StaticGeometry
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
+from omnisim.gpu.scene.static_geometry import StaticGeometry, build_static_geometry
+from omnisim.gpu.scene.textures import MaterialTextures
+from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices, vertex_array
-from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Scene, Wrap
-
-
-@dataclass(frozen=True, eq=False)
-class DrawItem:
-    """One instance of one mesh, ready to draw.
-
-    Attributes:
-        name: of the instance.
-        object_index: dynamic object that it belongs to; None: it is static.
-        mesh: its mesh.
-        first, count: its indices in the index buffer.
-        base: first vertex of its mesh in the vertex buffer.
-        material: how it looks.
-        texture: bound for it.
-        object_from_mesh: (4, 4) float64, into the world or the object's frame.
-        normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
-        flips_winding: its triangles are wound the other way round in the world.
-        centre_m, radius_m: its bounding sphere in the world or the object's frame.
-    """
-
-    name: str
-    object_index: int | None
-    mesh: Mesh
-    first: int
-    count: int
-    base: int
-    material: Material
-    texture: moderngl.Texture
-    object_from_mesh: NDArray[np.float64]
-    normal_from_mesh: NDArray[np.float64]
-    flips_winding: bool
-    centre_m: NDArray[np.float64]
-    radius_m: float
-
-
-class InstanceTransforms(NamedTuple):
-    """Where the draws are in one frame, in the axes of the world.
-
-    Attributes:
-        viewpoint_from_mesh: (n, 4, 4); origin at the viewpoint.
-        normal_from_mesh: (n, 3, 3), see `DrawItem`.
-        centres_m: (n, 3) of the bounding spheres, from the viewpoint.
-    """
-
-    viewpoint_from_mesh: NDArray[np.float64]
-    normal_from_mesh: NDArray[np.float64]
-    centres_m: NDArray[np.float64]
-
-
-class _Shape(NamedTuple):
-    """What the linear part of a pose does.
-
-    Attributes:
-        normal_from_mesh: (3, 3) for directions at right angles to surfaces.
-        mirrored: whether it turns left into right.
-        stretch: by how much it lengthens what it lengthens most.
-    """
-
-    normal_from_mesh: NDArray[np.float64]
-    mirrored: bool
-    stretch: float
-
-
-def _shapes(instances: Sequence[Instance]) -> list[_Shape]:
-    """All at once: one by one they take longer than the whole upload."""
-    if not instances:
-        return []
-    linear = np.array([instance.world_from_mesh[:3, :3] for instance in instances])
-    mirrored = np.linalg.det(linear) < 0.0
-    cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
-    cofactors[mirrored] *= -1.0
-    stretch = np.linalg.norm(linear, 2, axis=(1, 2))
-    return list(map(_Shape, cofactors, mirrored.tolist(), stretch.tolist()))
+from omnisim.scene.model import AlphaMode, Scene
 
 
 class SceneBuffers:
@@ -102,105 +27,121 @@ class SceneBuffers:
 
     Args:
         context: where.
-        scene: what stands in the world.
-        dynamic_objects: those in it; their lamps, backgrounds and starts count for nothing.
+        scene: the static part of the world.
+        dynamic_objects: those in it; their lights, backgrounds and starts count for nothing.
+        uses_clusters: draw static instances by clusters of their triangles. Without, every
+            instance is drawn whole, one after the other: slower, but with little to go wrong, the
+            reference for what is faster.
 
     Attributes:
+        context: as given.
         vertices, indices: the two buffers.
-        draws: opaque and masked instances, then blended ones; within each by material.
-        radii_m: (n,) of the draws' bounding spheres.
+        draw_items: opaque and masked instances, then blended ones; within each by material.
+        radii_m: (n,) of their bounding spheres.
 
     Raises:
         GraphicsError: a texture past the limits of the GPU.
     """
 
     def __init__(
-        self, context: moderngl.Context, scene: Scene, dynamic_objects: Sequence[Scene] = ()
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        dynamic_objects: Sequence[Scene] = (),
+        *,
+        uses_clusters: bool = True,
     ):
-        self._context, self._lighting = context, scene.lighting
-        self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
-        self._white = self._upload_pixels(np.full((1, 1, 4), 255, dtype=np.uint8))
+        self.context, self._lighting = context, scene.lighting
+        self._uses_clusters = uses_clusters
         parts = (scene, *dynamic_objects)
-        draws = [
-            self._draw(part, instance, None if number == 0 else number - 1, place, shape)
-            for number, (part, places) in enumerate(
-                zip(parts, self._upload_meshes(parts), strict=True)
-            )
-            for instance, place, shape in zip(
-                part.instances, places, _shapes(part.instances), strict=True
-            )
+        textures = MaterialTextures(context)
+        vertices, indices, offsets = _concatenate_meshes(parts)
+        self.vertices, self.indices = context.buffer(vertices), context.buffer(indices)
+        items = [
+            item
+            for number, part in enumerate(parts)
+            for item in _draw_items(part, number - 1 if number else None, offsets[number], textures)
         ]
         materials = [material for part in parts for material in part.materials]
         rank = {id(material): rank for rank, material in enumerate(materials)}
-        draws.sort(key=lambda draw: (is_blended(draw.material), rank[id(draw.material)]))
-        self.draw_items = tuple(draws)
-        self.radii_m = np.array([draw.radius_m for draw in draws])
-        self._own = (
-            np.array([draw.object_from_mesh for draw in draws]),
-            np.array([draw.normal_from_mesh for draw in draws]),
-            np.array([draw.centre_m for draw in draws]),
+        items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
+        self.draw_items = tuple(items)
+        self.radii_m = np.array([item.radius_m for item in items])
+        self._rest_transforms = (
+            np.array([item.object_from_mesh for item in items]),
+            np.array([item.normal_from_mesh for item in items]),
+            np.array([item.centre_m for item in items]),
         )
-        moving = [index for index, draw in enumerate(draws) if draw.object_index is not None]
-        self._moving = np.array(moving, dtype=np.intp)
-        self._object_of_moving = np.array(
-            [draws[index].object_index for index in moving], dtype=np.intp
-        )
-
-    @property
-    def context(self) -> moderngl.Context:
-        """The OpenGL context that holds it."""
-        return self._context
+        object_indices = [-1 if one.object_index is None else one.object_index for one in items]
+        self._object_of_item = np.array(object_indices, dtype=np.intp)
+        self._dynamic = np.flatnonzero(self._object_of_item >= 0)
 
     def instance_transforms(
         self,
         viewpoint_m: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> InstanceTransforms:
-        """Where the draws are, seen from (3,), world, each dynamic object at its pose (4, 4)."""
-        world_from_mesh, normal_from_mesh, centres_m = (values.copy() for values in self._own)
-        if self._moving.size:
-            moving = self._moving
-            world_from_own = np.stack(world_from_objects)[self._object_of_moving]
-            turn = world_from_own[:, :3, :3]
-            world_from_mesh[moving] = world_from_own @ world_from_mesh[moving]
+        """Transforms of the items into the frame of a viewpoint (3,), world.
+
+        Args:
+            viewpoint_m: (3,), world.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+        """
+        world_from_mesh, normal_from_mesh, centres_m = (one.copy() for one in self._rest_transforms)
+        if self._dynamic.size:
+            dynamic = self._dynamic
+            world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
+            rotation = world_from_object[:, :3, :3]
+            world_from_mesh[dynamic] = world_from_object @ world_from_mesh[dynamic]
             # a rotation is its own matrix of cofactors
-            normal_from_mesh[moving] = turn @ normal_from_mesh[moving]
-            centres_m[moving] = (turn @ centres_m[moving, :, None])[..., 0]
-            centres_m[moving] += world_from_own[:, :3, 3]
+            normal_from_mesh[dynamic] = rotation @ normal_from_mesh[dynamic]
+            centres_m[dynamic] = (rotation @ centres_m[dynamic, :, None])[..., 0]
+            centres_m[dynamic] += world_from_object[:, :3, 3]
         world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
         return InstanceTransforms(world_from_mesh, normal_from_mesh, centres_m - viewpoint_m)
 
     def front_to_back(
-        self, draws: NDArray[np.intp], placement: InstanceTransforms
+        self, items: NDArray[np.intp], transforms: InstanceTransforms
     ) -> NDArray[np.intp]:
-        """Draws (n,), near ones first and what surrounds them all last: little is painted twice."""
-        reach_m = np.linalg.norm(placement.centres_m[draws], axis=1) + self.radii_m[draws]
-        return draws[np.argsort(reach_m, kind="stable")]
+        """Sort items (n,), near ones first and those that surround them last: little overdraw."""
+        far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + self.radii_m[items]
+        return items[np.argsort(far_m, kind="stable")]
 
     def shown(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
-        """Which draws (n,) are left without the dynamic objects' instances of these names.
+        """Mask (n,) of the items without the dynamic objects' instances of these names.
 
         Raises:
             SceneError: a name that no dynamic object has.
         """
-        names = {draw.name for draw in self.draw_items if draw.object_index is not None}
+        names = {item.name for item in self.draw_items if item.object_index is not None}
         for name in sorted(hidden):
             if name not in names:
                 there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
                 raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
         return np.array(
-            [draw.object_index is None or draw.name not in hidden for draw in self.draw_items]
+            [item.object_index is None or item.name not in hidden for item in self.draw_items]
         )
+
+    def shown_one_by_one(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
+        """Mask (n,) of the shown items that are not part of the static geometry.
+
+        Raises:
+            SceneError: a name that no dynamic object has.
+        """
+        shown = self.shown(hidden)
+        return shown if self.static_geometry is None else shown & ~self.static_geometry.contains
 
     @cached_property
     def triangles(self) -> TriangleTable:
-        """All triangles a second time: as one looks up single ones."""
-        return TriangleTable(self)
+        """Corners of all triangles, for lookups of single ones."""
+        return TriangleTable(self.context, self.draw_items, self.indices)
 
     @cached_property
-    def static_geometry(self) -> StaticGeometry:
-        """What does not move, a second time: as one draws much of it quickly."""
-        return StaticGeometry(self._context, self.draw_items, self._lighting)
+    def static_geometry(self) -> StaticGeometry | None:
+        """Clusters of the static instances; None where there are none."""
+        if not self._uses_clusters:
+            return None
+        return build_static_geometry(self.context, self.draw_items, self._lighting)
 
     def check_readable(self, purpose: str) -> None:
         """Refuse a scene whose triangles shaders cannot read.
@@ -208,7 +149,7 @@ class SceneBuffers:
         Raises:
             GraphicsError: naming the size, the limit, and the purpose.
         """
-        limit = int(self._context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         largest = max(self.vertices.size, self.indices.size)
         if largest > limit:
             raise GraphicsError(
@@ -216,114 +157,98 @@ class SceneBuffers:
             )
 
     def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        """The vertex array that feeds a program; attributes it does not use are skipped."""
-        return vertex_array(self._context, program, self.vertices, self.indices)
+        """Vertex array that feeds a program; attributes it does not use are skipped."""
+        return vertex_array(self.context, program, self.vertices, self.indices)
 
-    def sort_blended(self, draw: DrawItem, viewpoint_from_mesh: NDArray[np.float64]) -> None:
-        """Put the triangles of a blended draw into the index buffer from far to near.
+    def sort_triangles(self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64]) -> None:
+        """Sort the triangles of a blended item in the index buffer, back to front.
 
         Args:
-            draw: which.
-            viewpoint_from_mesh: (4, 4), to where the origin is the viewpoint.
+            item: which.
+            viewpoint_from_mesh: (4, 4).
         """
-        mesh = draw.mesh
+        mesh = item.mesh
         centres = mesh.positions[mesh.triangles].mean(axis=1, dtype=np.float64)
-        here = centres @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
-        order = np.argsort(-np.sum(here**2, axis=1), kind="stable")
+        centres = centres @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
+        order = np.argsort(-np.sum(centres**2, axis=1), kind="stable")
         self.indices.write(
-            (mesh.triangles[order] + np.uint32(draw.base)).astype("<u4"), offset=4 * draw.first
+            (mesh.triangles[order] + np.uint32(item.base)).astype("<u4"), offset=4 * item.first
         )
 
-    def _upload_meshes(self, parts: Sequence[Scene]) -> list[list[tuple[int, int]]]:
-        """Fill the buffers; return for each part, for each of its instances, the first index and
-        the first vertex of its mesh.
 
-        Instances of a mesh share its indices, but blended ones, whose order is their own.
-        """
-        count = sum(len(mesh.positions) for part in parts for mesh in part.meshes)
-        vertices = np.zeros(count, dtype=VERTEX)
-        indices: list[NDArray[np.uint32]] = []
-        places: list[list[tuple[int, int]]] = []
-        base = first = 0
-        for part in parts:
-            bases = []
-            for mesh in part.meshes:
-                fill_vertices(vertices[base : base + len(mesh.positions)], mesh)
-                bases.append(base)
-                base += len(mesh.positions)
-            shared: dict[int, int] = {}
-            places.append([])
-            for instance in part.instances:
-                mesh = part.meshes[instance.mesh]
-                own = is_blended(part.materials[mesh.material])
-                if own or instance.mesh not in shared:
-                    indices.append(mesh.triangles.ravel() + np.uint32(bases[instance.mesh]))
-                    shared[instance.mesh] = first
-                    first += mesh.triangles.size
-                places[-1].append((shared[instance.mesh], bases[instance.mesh]))
-        self.vertices = self._context.buffer(vertices)
-        self.indices = self._context.buffer(np.concatenate(indices).astype("<u4"))
-        return places
+def _concatenate_meshes(
+    parts: Sequence[Scene],
+) -> tuple[NDArray[np.void], NDArray[np.uint32], list[list[tuple[int, int]]]]:
+    """Concatenate the meshes of all scenes.
 
-    def _draw(
-        self,
-        part: Scene,
-        instance: Instance,
-        object_index: int | None,
-        place: tuple[int, int],
-        shape: _Shape,
-    ) -> DrawItem:
+    Instances of a mesh share its indices, but blended ones, whose order is their own.
+
+    Returns:
+        Vertices (n,) of `VERTEX`; indices (m,); and for each scene, for each of its instances, the
+        first index and the first vertex of its mesh.
+    """
+    vertices = np.zeros(
+        sum(len(mesh.positions) for part in parts for mesh in part.meshes), dtype=VERTEX
+    )
+    indices: list[NDArray[np.uint32]] = []
+    offsets: list[list[tuple[int, int]]] = []
+    base = first = 0
+    for part in parts:
+        bases = []
+        for mesh in part.meshes:
+            fill_vertices(vertices[base : base + len(mesh.positions)], mesh)
+            bases.append(base)
+            base += len(mesh.positions)
+        shared: dict[int, int] = {}
+        offsets.append([])
+        for instance in part.instances:
+            mesh = part.meshes[instance.mesh]
+            is_blended = part.materials[mesh.material].alpha_mode is AlphaMode.BLEND
+            if is_blended or instance.mesh not in shared:
+                indices.append(mesh.triangles.ravel() + np.uint32(bases[instance.mesh]))
+                shared[instance.mesh] = first
+                first += mesh.triangles.size
+            offsets[-1].append((shared[instance.mesh], bases[instance.mesh]))
+    return vertices, np.concatenate(indices).astype("<u4"), offsets
+
+
+def _draw_items(
+    part: Scene,
+    object_index: int | None,
+    offsets: Sequence[tuple[int, int]],
+    textures: MaterialTextures,
+) -> list[DrawItem]:
+    """Draw items of one scene's instances, whose meshes have offsets in the two buffers."""
+    if not part.instances:
+        return []
+    # all at once: one by one these take longer than the whole upload
+    linear = np.array([instance.world_from_mesh[:3, :3] for instance in part.instances])
+    flips_winding = np.linalg.det(linear) < 0.0
+    cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    cofactors[flips_winding] *= -1.0
+    scales = np.linalg.norm(linear, 2, axis=(1, 2))
+    items = []
+    for number, instance in enumerate(part.instances):
         mesh = part.meshes[instance.mesh]
         material = part.materials[mesh.material]
-        middle = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
-        reach = np.linalg.norm(mesh.positions - middle, axis=1).max()
-        return DrawItem(
-            name=instance.name,
-            object_index=object_index,
-            mesh=mesh,
-            first=place[0],
-            base=place[1],
-            count=mesh.triangles.size,
-            material=material,
-            texture=self._texture(material, mesh),
-            object_from_mesh=instance.world_from_mesh,
-            normal_from_mesh=shape.normal_from_mesh,
-            flips_winding=shape.mirrored,
-            centre_m=instance.world_from_mesh[:3, :3] @ middle + instance.world_from_mesh[:3, 3],
-            radius_m=float(reach) * shape.stretch,
-        )
-
-    def _texture(self, material: Material, mesh: Mesh) -> moderngl.Texture:
-        texture = material.texture
-        if texture is None or mesh.texture_coordinates is None:
-            return self._white
-        cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
-        key = (id(texture), cutoff)
-        if key not in self._textures:
-            uploaded = self._upload_pixels(texture.pixels, cutoff, f" of {material.name!r}")
-            uploaded.repeat_x = texture.wrap_u is not Wrap.CLAMP_TO_EDGE
-            uploaded.repeat_y = texture.wrap_v is not Wrap.CLAMP_TO_EDGE
-            self._textures[key] = uploaded
-        return self._textures[key]
-
-    def _upload_pixels(
-        self, pixels: NDArray[np.uint8], cutoff: float | None = None, used_by: str = ""
-    ) -> moderngl.Texture:
-        height, width = pixels.shape[:2]
-        limit = int(self._context.info["GL_MAX_TEXTURE_SIZE"])
-        if max(height, width) > limit:
-            raise GraphicsError(
-                f"a texture{used_by} has {width} × {height} texels: this GPU takes at most {limit}"
+        centre = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
+        radius = np.linalg.norm(mesh.positions - centre, axis=1).max()
+        object_from_mesh = instance.world_from_mesh
+        items.append(
+            DrawItem(
+                name=instance.name,
+                object_index=object_index,
+                mesh=mesh,
+                first=offsets[number][0],
+                count=mesh.triangles.size,
+                base=offsets[number][1],
+                material=material,
+                texture=textures.find(material, mesh),
+                object_from_mesh=object_from_mesh,
+                normal_from_mesh=cofactors[number],
+                flips_winding=bool(flips_winding[number]),
+                centre_m=object_from_mesh[:3, :3] @ centre + object_from_mesh[:3, 3],
+                radius_m=float(radius) * float(scales[number]),
             )
-        texture = self._context.texture(
-            (width, height), 4, np.ascontiguousarray(pixels), internal_format=SRGB8_ALPHA8
         )
-        levels = mipmaps(pixels) if cutoff is None else masked_mipmaps(pixels, cutoff)
-        upload_levels(texture, levels)
-        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        return texture
-
-
-def is_blended(material: Material) -> bool:
-    """Whether what is behind the material shines through."""
-    return material.alpha_mode is AlphaMode.BLEND
+    return items

@@ -1,4 +1,4 @@
-"""A vertex of the scene in a buffer of the GPU, and how a program is fed with it."""
+"""Vertex format of the scene's buffers, and the vertex arrays that feed programs with it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
         ("in_color", "<f2", 4),
     ]
 )
-# What a program asks for by the first name stands where the second does, of flat triangles.
+# Attribute of baked triangles, stored in the place of another one.
 _LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
 _FORMATS = {3: "3f4", 2: "2f4", 4: "4f2"}
 
@@ -39,16 +39,16 @@ def vertex_array(
     vertices: moderngl.Buffer,
     indices: moderngl.Buffer,
 ) -> moderngl.VertexArray:
-    """The vertex array that feeds a program; attributes it does not use are skipped."""
+    """Vertex array that feeds a program; attributes it does not use are skipped."""
     layout, names = [], []
-    for name in VERTEX.names:
-        kind, _ = VERTEX.fields[name]
+    for name in VERTEX.names or ():
+        size, attribute = VERTEX[name].shape[0], name
         if name == _IN_PLACE_OF and _LIGHT in program:
-            name = _LIGHT
-        if name in program:
-            layout.append(_FORMATS[kind.shape[0]])
-            names.append(name)
+            attribute = _LIGHT
+        if attribute in program:
+            layout.append(_FORMATS[size])
+            names.append(attribute)
         else:
-            layout.append(f"{kind.itemsize}x")
+            layout.append(f"{VERTEX[name].itemsize}x")
     content = [(vertices, " ".join(layout), *names)]
     return context.vertex_array(program, content, indices, index_element_size=4)

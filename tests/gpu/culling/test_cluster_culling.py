@@ -1,12 +1,12 @@
-"""What is left out of a face because it cannot be seen there, beside brute force over points."""
+"""Frustum planes and normal cones, beside brute force over points."""
 
 import numpy as np
 
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.atlas.tile_views import TileViews
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.poses import pose
 from omnisim.scene.model import Material, Mesh
@@ -20,8 +20,7 @@ NEAR_M = 0.05
 
 
 def _views(far_m, world_from_rig):
-    # it asks the context and the buffers only when it draws
-    return TileDrawer(None, None, PLAN, NEAR_M, far_m).views(world_from_rig)
+    return TileViews(PLAN, NEAR_M, far_m).at(world_from_rig)
 
 
 def _shown(view, points, far_m, world_from_rig):
@@ -49,7 +48,7 @@ def test_matrices_show_what_planes_keep():
 
 
 def _stack(count=32, height_m=4.0):
-    """Small sheets above each other, all fronts up: a chunk that is far higher than wide."""
+    """Small sheets above each other, all fronts up: a cluster that is far higher than wide."""
     one = sheet("a sheet", 0, side=1, size_m=0.2, bumps_m=0.0)
     up_m = np.linspace(-0.5, 0.5, count)[:, None, None] * (0.0, 0.0, height_m)
     triangles = one.triangles + 4 * np.arange(count)[:, None, None]
@@ -61,8 +60,8 @@ def _stack(count=32, height_m=4.0):
     )
 
 
-def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
-    """All triangles of all chunks, from viewpoints at random."""
+def test_clusters_that_face_away_show_no_front_to_the_viewpoint(context):
+    """All triangles of all clusters, from viewpoints at random."""
     meshes = [
         sheet("smooth", 0, side=40, size_m=4.0, bumps_m=0.01),
         sheet("rough", 0, side=40, size_m=2.0, bumps_m=0.05, seed=1),
@@ -75,28 +74,31 @@ def test_what_is_turned_away_shows_no_front_to_the_viewpoint(context):
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)
     geometry = buffers.static_geometry
-    culling = ClusterCuller(geometry, PLAN, samples=1)
-    chunks = geometry.chunks
-    vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
-    everything = geometry.indices(np.arange(len(chunks.first)))["vertices"]
+    one_sided = ~np.array([batch.material.double_sided for batch in geometry.batches])
+    one_sided = one_sided[geometry.batch_of_cluster]
+    culler = ClusterCuller(geometry.hierarchy, ~one_sided, geometry.anchor_m, PLAN, samples=1)
+    clusters = geometry.clusters
+    vertices = np.frombuffer(geometry.vertices.read(), dtype=VERTEX)
+    everything = geometry.triangles["vertices"]
     corners_m = vertices["in_position"][everything].astype(np.float64)
     assert len(corners_m) == sum(len(mesh.triangles) for mesh in meshes)
     normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    one_sided = ~np.array([look.material.double_sided for look in geometry.looks])
     generator = np.random.default_rng(3)
-    left_out, could_be = 0, 0
+    culled, could_be = 0, 0
     for viewpoint_m in generator.uniform(-3.0, 3.0, (60, 3)):
-        middles_m = 0.5 * (chunks.lows + chunks.highs) + (geometry.anchor_m - viewpoint_m)
-        radii_m = 0.5 * np.linalg.norm(chunks.highs - chunks.lows, axis=1)
-        distances_m = np.linalg.norm(middles_m, axis=1)
+        centres_m = 0.5 * (clusters.aabb_min + clusters.aabb_max) + (
+            geometry.anchor_m - viewpoint_m
+        )
+        radii_m = 0.5 * np.linalg.norm(clusters.aabb_max - clusters.aabb_min, axis=1)
+        distances_m = np.linalg.norm(centres_m, axis=1)
         everything = np.arange(len(radii_m))
-        away = culling._turned_away(everything, middles_m.T, distances_m, radii_m)
+        away = culler._faces_away(everything, centres_m.T, distances_m, radii_m)
         corner_m = corners_m[:, 0] + (geometry.anchor_m - viewpoint_m)
         is_front = np.sum(normals * corner_m, axis=1) < 0.0
-        has_front = np.logical_or.reduceat(is_front, chunks.first)
+        has_front = np.logical_or.reduceat(is_front, clusters.first)
         assert not np.any(away & has_front)
-        assert np.all(one_sided[geometry.look_of_chunk[away]])
-        left_out += np.count_nonzero(away)
-        could_be += np.count_nonzero(~has_front & one_sided[geometry.look_of_chunk])
+        assert np.all(one_sided[away])
+        culled += np.count_nonzero(away)
+        could_be += np.count_nonzero(~has_front & one_sided)
     # cones and balls are wider than what they hold, of the rough sheet in particular
-    assert left_out > could_be / 3
+    assert culled > could_be / 3

@@ -1,4 +1,4 @@
-"""What boxes cover of the atlas, beside points of them, projected one by one."""
+"""Frustum culling and screen bounds of boxes, beside points of them, projected one by one."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from omnisim import poses
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.atlas.tile_views import TileViews
 from omnisim.gpu.culling.frustum_culling import EDGE_PX, FrustumCuller
-from omnisim.gpu.scene.tile_drawer import TileDrawer
 from omnisim.sensors import OmniCamera
 
 CAMERA = OmniCamera().resized(200).model
@@ -19,31 +19,30 @@ any_far = pytest.mark.parametrize("far_m", [np.inf, 30.0])
 
 
 def _views(far_m):
-    # it asks the context and the buffers only when it draws
-    return TileDrawer(None, None, PLAN, NEAR_M, far_m).views(POSE)
+    return TileViews(PLAN, NEAR_M, far_m).at(POSE)
 
 
 def _boxes(count=300, seed=1):
-    """Middles and halves (count, 3) from the viewpoint, of all sizes; some are around it."""
+    """Centres and half extents (count, 3) from the viewpoint, of all sizes; some are around it."""
     generator = np.random.default_rng(seed)
-    middles_m = generator.uniform(-6.0, 6.0, (count, 3))
-    halves_m = 10.0 ** generator.uniform(-2.0, 0.3, (count, 3))
+    centres_m = generator.uniform(-6.0, 6.0, (count, 3))
+    half_extents_m = 10.0 ** generator.uniform(-2.0, 0.3, (count, 3))
     inside = generator.uniform(-1.0, 1.0, (count, POINTS, 3))
     inside[:, :8] = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, 8).T
-    return middles_m, halves_m, middles_m[:, None] + inside * halves_m[:, None]
+    return centres_m, half_extents_m, centres_m[:, None] + inside * half_extents_m[:, None]
 
 
-def _look(views, middles_m, halves_m, reach_px):
-    """Whether each box (views, n) is in view, whether it is outlined, and outlines of these."""
-    sight, shape = FrustumCuller(views, reach_px), (len(views), len(middles_m))
+def _cull(views, centres_m, half_extents_m, radius_px):
+    """Masks (views, n) of boxes in view and of those with bounds, and these bounds."""
+    culler, shape = FrustumCuller(views, radius_px), (len(views), len(centres_m))
     view, box = np.divmod(np.arange(np.prod(shape)), shape[1])
-    seen, projected = sight.in_view(
-        view, middles_m[box].T.astype(np.float32), halves_m[box].T.astype(np.float32)
+    seen, projected = culler.cull(
+        view, centres_m[box].T.astype(np.float32), half_extents_m[box].T.astype(np.float32)
     )
-    covering, outlines = sight.outlines(projected)
-    in_view, outlined = np.zeros((2, *shape), dtype=np.bool_)
-    in_view.flat[seen], outlined.flat[seen[covering]] = True, True
-    return in_view, outlined, outlines
+    covering, bounds = culler.screen_bounds(projected)
+    in_view, bounded = np.zeros((2, *shape), dtype=np.bool_)
+    in_view.flat[seen], bounded.flat[seen[covering]] = True, True
+    return in_view, bounded, bounds
 
 
 def _texels(view, points):
@@ -62,32 +61,32 @@ def _texels(view, points):
 def test_no_box_is_left_out_of_a_view_that_shows_a_point_of_it(far_m):
     views = _views(far_m)
     assert len(views) >= 5
-    middles_m, halves_m, points = _boxes()
-    in_view, outlined, _ = _look(views, middles_m, halves_m, 0.5 + EDGE_PX)
+    centres_m, half_extents_m, points = _boxes()
+    in_view, bounded, _ = _cull(views, centres_m, half_extents_m, 0.5 + EDGE_PX)
     shown = np.array([_texels(view, points)[1].any(axis=1) for view in views])
     assert not np.any(shown & ~in_view)
-    assert not np.any(shown & ~outlined)
+    assert not np.any(shown & ~bounded)
     # small boxes are told apart well: what is kept of them is seen, but for corners and slim cuts
-    small = halves_m.max(axis=1) < 0.15
+    small = half_extents_m.max(axis=1) < 0.15
     assert in_view[:, small].sum() < 2 * max(shown[:, small].sum(), 1)
 
 
 @any_far
-@pytest.mark.parametrize("reach_px", [EDGE_PX, 0.5 + EDGE_PX])
-def test_outlines_cover_all_texels_that_boxes_do(far_m, reach_px):
+@pytest.mark.parametrize("radius_px", [EDGE_PX, 0.5 + EDGE_PX])
+def test_screen_bounds_cover_all_texels_that_boxes_do(far_m, radius_px):
     """A texel is covered where its middle is, or a sample near it: nothing else is drawn."""
     views = _views(far_m)
-    middles_m, halves_m, points = _boxes()
-    _, outlined, outlines = _look(views, middles_m, halves_m, reach_px)
-    first, last = np.zeros((2, *outlined.shape, 2))
-    nearest = np.zeros(outlined.shape)
-    first[outlined], last[outlined] = outlines.first.T, outlines.last.T
-    nearest[outlined] = outlines.nearest
+    centres_m, half_extents_m, points = _boxes()
+    _, bounded, bounds = _cull(views, centres_m, half_extents_m, radius_px)
+    first, last = np.zeros((2, *bounded.shape, 2))
+    nearest = np.zeros(bounded.shape)
+    first[bounded], last[bounded] = bounds.first.T, bounds.last.T
+    nearest[bounded] = bounds.nearest
     checked = 0
-    for view, here, start, end, depth in zip(views, outlined, first, last, nearest, strict=True):
-        places, shown, distance_m = _texels(view, points)
-        texel = np.floor(places)
-        hit = shown & np.all(np.abs(places - texel - 0.5) <= reach_px, axis=-1)
+    for view, here, start, end, depth in zip(views, bounded, first, last, nearest, strict=True):
+        texels, shown, distance_m = _texels(view, points)
+        texel = np.floor(texels)
+        hit = shown & np.all(np.abs(texels - texel - 0.5) <= radius_px, axis=-1)
         covered = np.all((texel >= start[:, None]) & (texel <= end[:, None]), axis=-1)
         assert not np.any(hit & ~(covered & here[:, None]))
         # a depth that is not nearer than what is drawn there
@@ -110,39 +109,39 @@ def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
     ahead_m = np.array([-1.0, 0.02, 0.08, 5.0, 29.0, 31.0, 40.0])[:, None] * forward
     sides = np.full((len(ahead_m), 3), 0.01)
     face = [view for view in views if view.tile.face == views[0].tile.face]
-    in_view, *_ = _look(face, ahead_m, sides, EDGE_PX)
+    in_view, *_ = _cull(face, ahead_m, sides, EDGE_PX)
     assert in_view[:, 2:5].any(axis=0).all()
     assert not in_view[:, [0, 1, 5, 6]].any()
-    large, *_ = _look(face, ahead_m[-2:], np.array([[2.0] * 3, [2.0] * 3]), EDGE_PX)
+    large, *_ = _cull(face, ahead_m[-2:], np.array([[2.0] * 3, [2.0] * 3]), EDGE_PX)
     assert large.any(axis=0).tolist() == [True, False]
 
 
-def test_what_is_between_the_middles_of_texels_is_not_drawn():
+def test_what_is_between_the_centres_of_texels_is_not_drawn():
     """Where a texel has one sample: a box as small as a tenth of one is missed, mostly."""
     views = _views(np.inf)
     generator = np.random.default_rng(4)
-    middles_m = generator.uniform(-1.0, 1.0, (2000, 3))
-    middles_m *= 20.0 / np.linalg.norm(middles_m, axis=1, keepdims=True)
-    halves_m = np.full_like(middles_m, 0.005)
-    in_view, one, _ = _look(views, middles_m, halves_m, EDGE_PX)
-    _, several, _ = _look(views, middles_m, halves_m, 0.5 + EDGE_PX)
+    centres_m = generator.uniform(-1.0, 1.0, (2000, 3))
+    centres_m *= 20.0 / np.linalg.norm(centres_m, axis=1, keepdims=True)
+    half_extents_m = np.full_like(centres_m, 0.005)
+    in_view, one, _ = _cull(views, centres_m, half_extents_m, EDGE_PX)
+    _, several, _ = _cull(views, centres_m, half_extents_m, 0.5 + EDGE_PX)
     assert in_view.sum() > 1000
     # at least a quarter texel to a side is covered, as edges are rounded
     assert 0.04 < one.sum() / in_view.sum() < 0.4
     assert several.sum() > 0.9 * in_view.sum()
 
 
-def test_outlines_are_tight():
+def test_screen_bounds_are_tight():
     """Nothing else than boxes' corners makes them larger than what is seen of many points."""
     views = _views(np.inf)
-    middles_m, halves_m, points = _boxes(seed=3)
-    small = (halves_m.max(axis=1) < 0.3) & (np.linalg.norm(middles_m, axis=1) > 2.0)
-    middles_m, halves_m, points = middles_m[small], halves_m[small], points[small]
-    _, outlined, outlines = _look(views, middles_m, halves_m, EDGE_PX)
-    sizes = np.zeros((*outlined.shape, 2))
-    sizes[outlined] = (outlines.last - outlines.first + 1).T
+    centres_m, half_extents_m, points = _boxes(seed=3)
+    small = (half_extents_m.max(axis=1) < 0.3) & (np.linalg.norm(centres_m, axis=1) > 2.0)
+    centres_m, half_extents_m, points = centres_m[small], half_extents_m[small], points[small]
+    _, bounded, bounds = _cull(views, centres_m, half_extents_m, EDGE_PX)
+    sizes = np.zeros((*bounded.shape, 2))
+    sizes[bounded] = (bounds.last - bounds.first + 1).T
     for view, size in zip(views, sizes, strict=True):
-        places, shown, _ = _texels(view, points)
+        texels, shown, _ = _texels(view, points)
         whole = shown.all(axis=1)
-        extent = places[whole].max(axis=1) - places[whole].min(axis=1)
+        extent = texels[whole].max(axis=1) - texels[whole].min(axis=1)
         assert np.all(size[whole] <= extent + 1.0 + 2.0 * EDGE_PX)

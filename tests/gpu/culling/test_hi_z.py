@@ -1,10 +1,10 @@
-"""What is hidden, beside brute force over every texel."""
+"""Occlusion tests, beside brute force over every texel."""
 
 import numpy as np
 import pytest
 
 from omnisim.gpu.culling.frustum_culling import ScreenBounds
-from omnisim.gpu.culling.hi_z import CELL, LARGEST, HiZ
+from omnisim.gpu.culling.hi_z import MAX_SIDE, MIN_CELL_PX, HiZ
 
 
 def _depth(generator, height, width):
@@ -22,21 +22,21 @@ def _boxes(generator, height, width, count):
     # from a texel to the whole picture, small ones mostly
     reach = (size * generator.random((count, 2)) ** 4).astype(int)
     last = np.minimum(first + reach, size - 1)
-    return _outlines(first, last, generator.uniform(0.0, 0.5, count))
+    return _bounds(first, last, generator.uniform(0.0, 0.5, count))
 
 
-def _outlines(first, last, nearest):
+def _bounds(first, last, nearest):
     """Of corners (n, 2)."""
     first, last = np.asarray(first, dtype=np.int32).T, np.asarray(last, dtype=np.int32).T
     return ScreenBounds(first, last, np.asarray(nearest, dtype=np.float32))
 
 
-def _coarse(depth):
-    coarse = HiZ(*depth.shape[::-1])
+def _hi_z(depth):
+    hi_z = HiZ(*depth.shape[::-1])
     # what was there before counts for nothing
-    coarse.update(np.ones_like(depth))
-    coarse.update(depth)
-    return coarse
+    hi_z.update(np.ones_like(depth))
+    hi_z.update(depth)
+    return hi_z
 
 
 @pytest.mark.parametrize(
@@ -44,11 +44,11 @@ def _coarse(depth):
 )
 def test_nothing_is_hidden_where_a_texel_is_farther(shape):
     generator = np.random.default_rng(shape)
-    hidden_of, truth_of = [], []
+    occluded_of, truth_of = [], []
     for _ in range(3):
         depth = _depth(generator, *shape)
         boxes = _boxes(generator, *shape, 400)
-        hidden_of.append(_coarse(depth).hides(boxes))
+        occluded_of.append(_hi_z(depth).occludes(boxes))
         truth_of.append(
             [
                 depth[top : bottom + 1, left : right + 1].min() > nearest
@@ -57,29 +57,29 @@ def test_nothing_is_hidden_where_a_texel_is_farther(shape):
                 )
             ]
         )
-    hidden, truth = np.concatenate(hidden_of), np.concatenate(truth_of)
+    hidden, truth = np.concatenate(occluded_of), np.concatenate(truth_of)
     assert not np.any(hidden & ~truth)
     if min(shape) >= 60:
-        # coarse cells reach past a box's edges, and holes are everywhere
+        # large cells reach past a box's edges, and holes are everywhere
         assert hidden.sum() > 0.5 * truth.sum()
 
 
 def test_what_is_in_front_of_everything_or_nowhere_near_is_not_hidden():
-    coarse = _coarse(np.full((40, 40), 0.25, dtype=np.float32))
+    hi_z = _hi_z(np.full((40, 40), 0.25, dtype=np.float32))
     first, last = np.tile([[4, 4]], (4, 1)), np.tile([[20, 30]], (4, 1))
-    boxes = _outlines(first, last, [0.2, 0.25, 0.3, np.inf])
-    assert coarse.hides(boxes).tolist() == [True, False, False, False]
+    boxes = _bounds(first, last, [0.2, 0.25, 0.3, np.inf])
+    assert hi_z.occludes(boxes).tolist() == [True, False, False, False]
 
 
 def test_only_what_is_very_large_is_taken_to_be_seen():
     """Of any shape: less than twice as large as the largest oblong is not."""
-    most = (2 * LARGEST - 1) * CELL
+    most = (2 * MAX_SIDE - 1) * MIN_CELL_PX
     sizes = np.array([(1, 1), (most, 1), (3, most), (most, most), (17, 5), (most + 1, 1)])
-    coarse = _coarse(np.full((150, 4 * LARGEST * CELL), 0.25, dtype=np.float32))
-    assert coarse._cell == CELL
+    hi_z = _hi_z(np.full((150, 4 * MAX_SIDE * MIN_CELL_PX), 0.25, dtype=np.float32))
+    assert hi_z._cell_px == MIN_CELL_PX
     sizes = np.minimum(sizes, (9999, 150))
-    boxes = _outlines(np.zeros(sizes.shape), sizes - 1, np.full(len(sizes), 0.2))
-    assert coarse.hides(boxes).tolist() == [True] * 5 + [False]
+    boxes = _bounds(np.zeros(sizes.shape), sizes - 1, np.full(len(sizes), 0.2))
+    assert hi_z.occludes(boxes).tolist() == [True] * 5 + [False]
 
 
 def test_cells_of_a_large_atlas_are_not_many():

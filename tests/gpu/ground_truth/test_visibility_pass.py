@@ -1,14 +1,15 @@
-"""Which triangle each texel shows: the same ones, however what stands still is drawn."""
+"""Triangle IDs of texels: the same, however the static geometry is drawn."""
 
 import numpy as np
 import pytest
 
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.culling import cluster_culling
-from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, surfaces_of
-from omnisim.gpu.ground_truth.triangle_table import ROW_BITS
+from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, static_triangle_entries
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.gpu.scene.triangle_table import ROW_BITS
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
@@ -35,33 +36,32 @@ def _scene():
 
 
 def _surfaces(visibility, buffers, pose, albedo=False):
-    """1 + number of the draw, and number of the triangle, of every texel (height, width, 2)."""
+    """1 + number of the item, and number of the triangle, of every texel (height, width, 2)."""
     visibility.render(pose, buffers.instance_transforms(pose[:3, 3]), albedo)
     size = visibility.id_atlas.height, visibility.id_atlas.width
     seen = np.frombuffer(visibility.id_atlas.read(), dtype="<u4").reshape(size)
-    numbers = np.frombuffer(visibility.triangle_ids.texture.read(), dtype="<u4").reshape(-1, 2)
-    return np.where(seen[..., None] > 0, numbers[seen.astype(np.int64) - 1], 0)
+    entries = np.frombuffer(visibility.triangle_ids.texture.read(), dtype="<u4").reshape(-1, 2)
+    return np.where(seen[..., None] > 0, entries[seen.astype(np.int64) - 1], 0)
 
 
-def _pass(context, buffers, albedo=False):
+def _pass(buffers, albedo=False):
     camera = OmniCamera(polygons=None).resized(120).model
     plan = plan_tiles(camera, camera.rig_from_optical, 1.5)
-    return VisibilityPass(context, buffers, plan, 0.05, np.inf, (), albedo)
+    return VisibilityPass(buffers, plan, VirtualCameras(0.05, np.inf), albedo)
 
 
-@pytest.mark.parametrize("worth", [0, 10**9], ids=["what is hidden is left out", "all is drawn"])
+@pytest.mark.parametrize("min_triangles", [0, 10**9], ids=["occlusion passes", "one pass"])
 @pytest.mark.parametrize("albedo", [False, True])
-def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
-    context, monkeypatch, worth, albedo
+def test_texels_show_what_they_show_when_every_instance_is_drawn_one_by_one(
+    context, monkeypatch, min_triangles, albedo
 ):
-    monkeypatch.setattr(cluster_culling, "WORTH_A_TURN", (worth,) * 2)
+    monkeypatch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (min_triangles,) * 2)
     scene = _scene()
-    quick, plain = SceneBuffers(context, scene), SceneBuffers(context, scene)
-    assert quick.static_geometry.taken.sum() == 4
-    # nothing stands where everything is too far away
-    monkeypatch.setattr("omnisim.gpu.scene.static_geometry.FARTHEST_M", -1.0)
-    assert plain.static_geometry.is_empty
-    passes = [(_pass(context, one, albedo), one) for one in (quick, plain)]
+    clustered = SceneBuffers(context, scene)
+    reference = SceneBuffers(context, scene, uses_clusters=False)
+    assert clustered.static_geometry.contains.sum() == 4
+    assert reference.static_geometry is None
+    passes = [(_pass(one, albedo), one) for one in (clustered, reference)]
     for pose in (make_pose((0.0, 0.0, 0.4)), make_pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
         ours, theirs = (_surfaces(one, buffers, pose, albedo) for one, buffers in passes)
         assert len(np.unique(theirs.reshape(-1, 2), axis=0)) > 200
@@ -69,16 +69,16 @@ def test_texels_show_what_they_show_when_every_instance_is_drawn_alone(
         assert np.mean((ours != theirs).any(axis=-1)) < 1e-3
 
 
-def test_triangles_of_chunks_are_found_again_in_their_instances(context):
+def test_triangles_of_clusters_are_found_again_in_their_instances(context):
     """Though the geometry has copies of vertices, in places of their own."""
     buffers = SceneBuffers(context, _scene())
     geometry, draws = buffers.static_geometry, buffers.draw_items
-    found = surfaces_of(geometry, draws)
-    taken = np.flatnonzero(geometry.taken).tolist()
-    assert len(np.unique(found)) == len(found) == sum(draws[one].count // 3 for one in taken)
+    found = static_triangle_entries(geometry, draws)
+    taken = np.flatnonzero(geometry.contains).tolist()
+    assert len(np.unique(found)) == len(found) == sum(draws[one].triangles for one in taken)
     all_corners_m = corners_m(geometry)
     for index in taken:
-        draw, mine = draws[index], found["draw_plus_one"] == index + 1
+        draw, mine = draws[index], found["item_plus_one"] == index + 1
         own_m = draw.mesh.positions[draw.mesh.triangles[found["triangle"][mine]]]
         own_m = own_m @ draw.object_from_mesh[:3, :3].T + draw.object_from_mesh[:3, 3]
         if draw.flips_winding:  # turned back
@@ -86,22 +86,21 @@ def test_triangles_of_chunks_are_found_again_in_their_instances(context):
         np.testing.assert_allclose(all_corners_m[mine], own_m, atol=1e-6)
 
 
-def test_numbers_of_a_frame_stay_when_there_are_more_than_before(context):
+def test_the_table_grows_with_the_ids_of_a_frame(context):
     buffers = SceneBuffers(context, _scene())
-    alone = np.flatnonzero(~buffers.static_geometry.taken)
-    numbers = TriangleIds(context, buffers.draw_items, alone)
-    some = surfaces_of(buffers.static_geometry, buffers.draw_items)
+    one_by_one = np.flatnonzero(~buffers.static_geometry.contains)
+    ids = TriangleIds(context, buffers.draw_items, one_by_one)
+    some = static_triangle_entries(buffers.static_geometry, buffers.draw_items)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):
-        numbers.begin()
+        ids.begin()
         firsts = []
         for part in (some[:100], many):
-            firsts.append(numbers.next_number)
-            numbers.append(part)
-        held = np.frombuffer(numbers.texture.read(), dtype=some.dtype)
+            firsts.append(ids.append(part))
+        held = np.frombuffer(ids.texture.read(), dtype=some.dtype)
         np.testing.assert_array_equal(held[firsts[0] : firsts[0] + 100], some[:100])
         np.testing.assert_array_equal(held[firsts[1] : firsts[1] + len(many)], many)
-        for index in alone.tolist():
-            first, count = numbers.first_of_draw[index], buffers.draw_items[index].count // 3
-            assert held["draw_plus_one"][first : first + count].tolist() == [index + 1] * count
+        for index in one_by_one.tolist():
+            first, count = ids.first_of_item[index], buffers.draw_items[index].triangles
+            assert held["item_plus_one"][first : first + count].tolist() == [index + 1] * count
             assert held["triangle"][first : first + count].tolist() == list(range(count))

@@ -77,10 +77,10 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
     for mesh, kinds in ((flat, [2, 2, 2]), (bent, [2, 1, 0])):
         scene = scene_of([mesh], [Material()], lighting=LIGHTING)
         geometry = SceneBuffers(context, scene).static_geometry
-        vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
-        triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
-        looks = np.repeat(geometry.look_of_chunk, geometry.chunks.count)
-        found = [geometry.looks[look].shading.value for look in looks]
+        vertices = np.frombuffer(geometry.vertices.read(), dtype=VERTEX)
+        triangles = geometry.triangles["vertices"]
+        looks = np.repeat(geometry.batch_of_cluster, geometry.clusters.triangles)
+        found = [geometry.batches[look].shading.value for look in looks]
         assert sorted(found) == sorted(kinds)
         for triangle, kind in zip(triangles, found, strict=True):
             corners, told = vertices["in_position"][triangle], vertices["in_normal"][triangle]

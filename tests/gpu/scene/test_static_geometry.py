@@ -1,10 +1,10 @@
-"""What stands still, in the world's axes: which draws, where, and which way round."""
+"""Static geometry: items, positions and winding."""
 
 import numpy as np
 import pytest
 
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.static_geometry import FARTHEST_M
+from omnisim.gpu.scene.static_geometry import MAX_DISTANCE_M
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
@@ -17,8 +17,8 @@ NOTHING = Mesh("nothing", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.uint
 
 def corners_m(geometry):
     """Corners (n, 3, 3) of all triangles, world."""
-    vertices = np.frombuffer(geometry._vertices.read(), dtype=VERTEX)
-    triangles = geometry.indices(np.arange(len(geometry.chunks.first)))["vertices"]
+    vertices = np.frombuffer(geometry.vertices.read(), dtype=VERTEX)
+    triangles = geometry.triangles["vertices"]
     return vertices["in_position"][triangles].astype(np.float64) + geometry.anchor_m
 
 
@@ -38,8 +38,8 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
         pose[:3, :3] = pose[:3, :3] @ scale
         poses.append(pose)
     geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).static_geometry
-    assert geometry.taken.all()
-    assert len(geometry.looks) == 1
+    assert geometry.contains.all()
+    assert len(geometry.batches) == 1
     expected = []
     for pose, turn in zip(poses, ((0, 2, 1), (0, 1, 2)), strict=True):
         positions = mesh.positions.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
@@ -50,30 +50,36 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
     )
 
 
-def test_glass_what_is_far_away_and_what_has_no_triangles_is_left_to_others(context):
+def test_glass_far_and_empty_meshes_are_not_contained(context):
     meshes = [sheet("near", 0), sheet("glass", 1), sheet("far", 0), NOTHING, sheet("far too", 0)]
     poses = [np.eye(4) for _ in meshes]
-    poses[2][0, 3], poses[4][0, 3] = 2.1 * FARTHEST_M, -2.1 * FARTHEST_M
+    poses[2][0, 3], poses[4][0, 3] = 2.1 * MAX_DISTANCE_M, -2.1 * MAX_DISTANCE_M
     buffers = SceneBuffers(context, scene_of(meshes, MATERIALS, poses))
-    taken = {
+    contained = {
         draw.mesh.name
-        for draw, taken in zip(buffers.draw_items, buffers.static_geometry.taken, strict=True)
-        if taken
+        for draw, is_contained in zip(
+            buffers.draw_items, buffers.static_geometry.contains, strict=True
+        )
+        if is_contained
     }
-    assert taken == {"near"}
+    assert contained == {"near"}
     assert len(corners_m(buffers.static_geometry)) == len(meshes[0].triangles)
 
 
 def test_a_dynamic_object_is_not_static(context):
-    scene = scene_of([sheet("still", 0)])
-    buffers = SceneBuffers(context, scene, (scene_of([sheet("moving", 0)]),))
+    scene = scene_of([sheet("static", 0)])
+    buffers = SceneBuffers(context, scene, (scene_of([sheet("dynamic", 0)]),))
     assert [
         draw.object_index is None for draw in buffers.draw_items
-    ] == buffers.static_geometry.taken.tolist()
-    assert not SceneBuffers(
-        context, scene_of([sheet("glass", 1)], MATERIALS)
-    ).static_geometry.taken.any()
+    ] == buffers.static_geometry.contains.tolist()
 
 
-def test_where_nothing_stands_there_are_no_chunks(context):
-    assert SceneBuffers(context, scene_of([sheet("glass", 1)], MATERIALS)).static_geometry.is_empty
+def test_a_scene_of_glass_has_no_static_geometry(context):
+    scene = scene_of([sheet("glass", 1)], MATERIALS)
+    assert SceneBuffers(context, scene).static_geometry is None
+
+
+def test_without_clusters_all_items_are_drawn_one_by_one(context):
+    buffers = SceneBuffers(context, scene_of([sheet("sheet", 0)]), uses_clusters=False)
+    assert buffers.static_geometry is None
+    assert buffers.shown_one_by_one().all()

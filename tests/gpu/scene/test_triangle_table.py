@@ -40,6 +40,6 @@ def test_indices_stay_in_order_where_pictures_sort_them(context):
     (glass,) = (draw for draw in buffers.draw_items if draw.mesh.name == "glass")
     viewpoint_from_mesh = np.eye(4)
     viewpoint_from_mesh[:3, 3] = 0.3, 2.0, 5.0
-    buffers.sort_blended(glass, viewpoint_from_mesh)
+    buffers.sort_triangles(glass, viewpoint_from_mesh)
     assert buffers.indices.read() != before
     assert buffers.triangles.indices.read() == before

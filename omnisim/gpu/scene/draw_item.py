@@ -1,0 +1,69 @@
+"""Draw items: instances of meshes, ready to draw, and their transforms in one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.model import AlphaMode, Material, Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class DrawItem:
+    """One instance of one mesh, ready to draw.
+
+    Attributes:
+        name: of the instance.
+        object_index: of the dynamic object that it belongs to; None: it is static.
+        mesh: its mesh.
+        first, count: its indices in the index buffer.
+        base: first vertex of its mesh in the vertex buffer.
+        material: of the mesh.
+        texture: bound for it; white where the material has none.
+        object_from_mesh: (4, 4) float64, into the world or the dynamic object's frame.
+        normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
+        flips_winding: its triangles are wound the other way round in the world.
+        centre_m, radius_m: its bounding sphere in the world or the dynamic object's frame.
+    """
+
+    name: str
+    object_index: int | None
+    mesh: Mesh
+    first: int
+    count: int
+    base: int
+    material: Material
+    texture: moderngl.Texture
+    object_from_mesh: NDArray[np.float64]
+    normal_from_mesh: NDArray[np.float64]
+    flips_winding: bool
+    centre_m: NDArray[np.float64]
+    radius_m: float
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return self.count // 3
+
+    @property
+    def is_blended(self) -> bool:
+        """Transparency: surfaces behind it shine through."""
+        return self.material.alpha_mode is AlphaMode.BLEND
+
+
+class InstanceTransforms(NamedTuple):
+    """Transforms of all draw items in one frame, into the viewpoint frame.
+
+    Attributes:
+        viewpoint_from_mesh: (n, 4, 4).
+        normal_from_mesh: (n, 3, 3), see `DrawItem`.
+        centres_m: (n, 3) of the bounding spheres.
+    """
+
+    viewpoint_from_mesh: NDArray[np.float64]
+    normal_from_mesh: NDArray[np.float64]
+    centres_m: NDArray[np.float64]

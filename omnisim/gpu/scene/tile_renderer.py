@@ -1,0 +1,183 @@
+"""The draw loop over the tiles of an atlas, for colours and for triangle IDs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.atlas.tile_plan import TilePlan
+from omnisim.gpu.atlas.tile_views import TileView, TileViews
+from omnisim.gpu.gl_functions import flush
+from omnisim.gpu.scene.draw_item import InstanceTransforms
+from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.static_drawer import ClusterDrawer, StaticDrawer, cull_back_faces
+from omnisim.gpu.uniforms import columns_first
+
+# Draws the item of an index by its matrix clip_from_mesh (4, 4), columns first.
+ItemDrawer = Callable[[int, NDArray[np.float32]], None]
+
+
+@dataclass(frozen=True)
+class VirtualCameras:
+    """Settings of the virtual cameras.
+
+    Attributes:
+        near_m, far_m: depth range; far_m may be infinite.
+        samples: of a texel of the picture.
+        unlit: show plain base colours.
+        background: linear RGB where nothing is hit.
+        hidden: names of the dynamic objects' instances that are not drawn.
+    """
+
+    near_m: float
+    far_m: float
+    samples: int = 1
+    unlit: bool = False
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    hidden: frozenset[str] = frozenset()
+
+
+class TileRenderer:
+    """Draws a scene into the tiles of an atlas, by any programs.
+
+    Faces, depth, clipping and culling are the same for all passes; clearing, blending and programs
+    are their own.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        plan: the tiles.
+        cameras: their depth range counts.
+        items: (n,) draw items to draw one by one, front to back.
+        samples: of a texel.
+
+    Attributes:
+        static: draws the static geometry; None where there is none.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        items: NDArray[np.intp],
+        samples: int = 1,
+    ):
+        self._context, self._buffers, self._items = buffers.context, buffers, items
+        self._views = TileViews(plan, cameras.near_m, cameras.far_m)
+        geometry = buffers.static_geometry
+        self.static = None if geometry is None else StaticDrawer(geometry, plan, samples)
+
+    def views(self, world_from_rig: NDArray[np.float64]) -> list[TileView]:
+        """Views of the tiles from a pose (4, 4)."""
+        return self._views.at(world_from_rig)
+
+    def begin(self, target: moderngl.Framebuffer, color: Iterable[float]) -> None:
+        """Clear a target and use it, with depth."""
+        context = self._context
+        target.use()
+        _draw_everywhere(target)
+        target.viewport = (0, 0, *target.size)
+        target.depth_mask = True
+        red, green, blue, alpha = color
+        target.clear(red, green, blue, alpha, depth=CLEARED_DEPTH)
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = DEPTH_FUNCTION
+        # y of the clip space runs down the picture, so triangles are wound the other way round
+        context.cull_face = "back"
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        views: Sequence[TileView],
+        viewpoint_m: NDArray[np.float64],
+        transforms: InstanceTransforms,
+        draw_item: ItemDrawer,
+        clusters: ClusterDrawer | None,
+    ) -> None:
+        """Draw the items and the static geometry, tile by tile and pass by pass.
+
+        Args:
+            target: cleared by `begin`.
+            views: of the tiles.
+            viewpoint_m: (3,), world.
+            transforms: of the items.
+            draw_item: draws one of them.
+            clusters: draws the static geometry, where there is some.
+        """
+        order = self._buffers.front_to_back(self._items, transforms)
+        if self.static is None or clusters is None:
+            for view in views:
+                self.draw_items(target, view, transforms, order, draw_item)
+            return
+        read_depth = partial(_read_depth, target)
+        passes = self.static.passes(views, viewpoint_m, clusters, read_depth)
+        for pass_index, tiles in enumerate(passes):
+            for view, tile in zip(views, tiles, strict=True):
+                if pass_index == 0:
+                    self.draw_items(target, view, transforms, order, draw_item)
+                else:
+                    _set_viewport(target, view)
+                self.static.draw(tile, clusters)
+                if pass_index == 0:
+                    # tile by tile: a software renderer keeps the commands of all tiles in memory
+                    # otherwise, and is slower by up to a seventh
+                    flush()
+
+    def draw_items(
+        self,
+        target: moderngl.Framebuffer,
+        view: TileView,
+        transforms: InstanceTransforms,
+        order: NDArray[np.intp],
+        draw_item: ItemDrawer,
+    ) -> None:
+        """Draw the items of `order` (n,) that a tile may show, in that order."""
+        _set_viewport(target, view)
+        if not order.size:
+            return
+        order = order[self.cull_items(view, transforms, order)]
+        clip_matrices = columns_first(
+            view.clip_from_viewpoint @ transforms.viewpoint_from_mesh[order]
+        )
+        for index, clip_from_mesh in zip(order, clip_matrices, strict=True):
+            item = self._buffers.draw_items[index]
+            self._context.front_face = "ccw" if item.flips_winding else "cw"
+            cull_back_faces(self._context, item.material)
+            draw_item(index, clip_from_mesh)
+
+    def cull_items(
+        self, view: TileView, transforms: InstanceTransforms, items: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Mask of items (n,) whose bounding spheres are not outside of a tile's frustum."""
+        inside_m = transforms.centres_m[items] @ view.planes[:, :3].T + view.planes[:, 3]
+        kept: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[items] >= 0.0, axis=0)
+        return kept
+
+    def end(self, target: moderngl.Framebuffer) -> None:
+        """Leave the state that later passes expect."""
+        _draw_everywhere(target)
+        target.depth_mask = True
+        self._context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
+
+
+def _set_viewport(target: moderngl.Framebuffer, view: TileView) -> None:
+    """Draw into a tile from now on."""
+    tile = view.tile
+    target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
+
+
+def _draw_everywhere(target: moderngl.Framebuffer) -> None:
+    target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
+
+
+def _read_depth(target: moderngl.Framebuffer) -> NDArray[np.float32]:
+    """Depth (height, width) of all that was drawn."""
+    depth = np.empty(target.size[::-1], dtype=np.float32)
+    target.read_into(depth, components=1, attachment=-1, dtype="f4")
+    return depth
