@@ -1,4 +1,4 @@
-"""What there is to see: plain data, and its loading (the only importer of trimesh)."""
+"""Scenes: plain data, and their loading (the only importer of trimesh and Pillow)."""
 
 from omnisim.scene.load import load_scene
 from omnisim.scene.model import Scene

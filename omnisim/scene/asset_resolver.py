@@ -1,4 +1,4 @@
-"""Files that a scene file refers to: found beside it, or noted as missing."""
+"""Resolver of the files that a scene file refers to."""
 
 from __future__ import annotations
 
@@ -73,5 +73,5 @@ def _ignoring_case(folder: Path, name: str) -> Path | None:
 
 
 def _folded(name: str) -> str:
-    """The name without case, its accents composed."""
+    """Name without case, its accents composed."""
     return unicodedata.normalize("NFC", name).casefold()

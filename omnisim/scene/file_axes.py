@@ -1,4 +1,4 @@
-"""Which way is up in a mesh file, and how long its unit is."""
+"""Up axis and unit of mesh files."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _METERS_OF_FORMAT = {".3mf": 0.001}  # its default; all others: 1
 def world_from_file(
     suffix: str, data: bytes, settings: SceneFile, up_axis: str | None
 ) -> NDArray[np.float64]:
-    """Matrix (4, 4) from a file's axes and unit to our world.
+    """Transform (4, 4) from a file's axes and unit to the world frame.
 
     `up_axis` overrules `settings`, which overrules the file, which overrules its format.
 
     Raises:
-        SceneError: an axis that is none, or a unit that is not a length.
+        SceneError: an unknown axis, or a unit that is not a length.
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
@@ -37,14 +37,14 @@ def world_from_file(
         axis, unit = _collada(data)
     axis = up_axis or settings.up_axis or axis
     if axis not in _WORLD_FROM_UP_AXIS:
-        raise SceneError(f"up axis {axis!r}: want x, y or z")
+        raise SceneError(f"up axis: expected x, y or z, got {axis!r}")
     matrix = np.eye(4)
     matrix[:3, :3] = _WORLD_FROM_UP_AXIS[axis] * (settings.meters_per_unit or unit)
     return matrix
 
 
 def _collada(data: bytes) -> tuple[str, float]:
-    """COLLADA's <asset> says both; trimesh leaves them to us."""
+    """Up axis and unit in COLLADA's <asset>, which trimesh does not apply."""
     found = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
     axis = found[1].decode().lower() if found else "y"
     stated = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", data)
@@ -56,5 +56,5 @@ def _collada(data: bytes) -> tuple[str, float]:
     except ValueError:
         unit = math.nan
     if not (math.isfinite(unit) and unit > 0.0):
-        raise SceneError(f"<unit meter={text!r}>: want a number above 0")
+        raise SceneError(f"<unit meter>: expected a number > 0, got {text!r}")
     return axis, unit

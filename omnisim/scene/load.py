@@ -1,4 +1,4 @@
-"""From a file, or the name of a built-in scene, to a scene in our world frame."""
+"""Loads a scene, from a file or by the name of a built-in one, into the world frame."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from omnisim.scene.textures import TextureStore
 
 # A pale clear sky near the horizon, linear RGB.
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
-# Height of the effective viewpoint above the floor where nobody says: a small robot's.
+# Default height of the effective viewpoint above the floor: a small robot's.
 DEFAULT_HEIGHT_M = 1.0
 _GLTF = {".glb", ".gltf"}
 
@@ -43,8 +43,8 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
 
     Args:
         source: path or name.
-        up_axis: "x", "y" or "z": the file's axis that points up, where its format's own
-            (glTF and OBJ: y; COLLADA: as it says; others: z) is not meant.
+        up_axis: the file's axis that points up, "x", "y" or "z"; by default its format's
+            (glTF and OBJ: y; COLLADA: as it states; others: z).
 
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
@@ -101,17 +101,19 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
 
 
 def _check_finite(read: ImportedScene, instances: tuple[Instance, ...]) -> None:
-    """Refuse numbers that a float32 cannot hold: they would be drawn somewhere, or nowhere."""
+    """Refuse numbers that a float32 cannot hold."""
     for instance in instances:
         if not np.abs(instance.world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
-            raise SceneError(f"node {instance.name!r}: its pose has numbers that are not finite")
+            raise SceneError(
+                f"node {instance.name!r}: expected a pose below {LARGEST_COORDINATE:g}"
+            )
     for material in read.materials:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
-            raise SceneError(f"material {material.name!r}: its colour is not finite")
+            raise SceneError(f"material {material.name!r}: expected finite colours")
 
 
 def _one_line(text: str) -> str:
-    """Names come from files: keep what is printable, and the line short."""
+    """Text from a file as one printable line of limited length."""
     plain = "".join(letter if letter.isprintable() else " " for letter in text)
     return plain if len(plain) <= 300 else plain[:297] + "..."
 
@@ -126,13 +128,13 @@ def _start(settings: SceneFile, bounds: NDArray[np.float64]) -> StartPose:
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
-    """Each band's colour looked up, its foot at the top of the one below."""
-    found = []
+    """Landmarks with the colours of the palette; each band begins at the top of the one below."""
+    landmarks = []
     for table in settings.landmarks:
-        feet = (0.0, *(band.top_m for band in table.bands[:-1]))
+        bottoms_m = (0.0, *(band.top_m for band in table.bands[:-1]))
         bands = tuple(
-            ColorBand(band.color, settings.palette[band.color], foot, band.top_m)
-            for foot, band in zip(feet, table.bands, strict=True)
+            ColorBand(band.color, settings.palette[band.color], bottom_m, band.top_m)
+            for bottom_m, band in zip(bottoms_m, table.bands, strict=True)
         )
-        found.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
-    return tuple(found)
+        landmarks.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
+    return tuple(landmarks)

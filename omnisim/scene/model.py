@@ -1,4 +1,4 @@
-"""A scene as plain data: what there is to see, in the world frame, free of files and of the GPU."""
+"""Scene as plain data in the world frame, free of files and of the GPU."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 
 class Wrap(Enum):
-    """What lies beyond the edge of a texture."""
+    """Wrapping mode of a texture beyond its edges."""
 
     REPEAT = "repeat"
     CLAMP_TO_EDGE = "clamp_to_edge"
 
 
 class AlphaMode(Enum):
-    """How alpha acts, as in glTF."""
+    """Alpha mode, as in glTF."""
 
     OPAQUE = "opaque"
     MASK = "mask"
@@ -27,11 +27,11 @@ class AlphaMode(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A colour picture with sRGB-encoded colours.
+    """Image with sRGB-encoded colours.
 
     Attributes:
         pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
-        wrap_u, wrap_v: what lies beyond its edges.
+        wrap_u, wrap_v: wrapping modes.
     """
 
     pixels: NDArray[np.uint8]
@@ -41,13 +41,13 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """How a surface looks: base colour, alpha, sides.
+    """Appearance of a surface: base colour, alpha, sides.
 
     Attributes:
         name: name in the file.
         base_color: linear RGBA that multiplies texture and vertex colours.
         texture: base colour texture, if any.
-        alpha_mode: how alpha acts.
+        alpha_mode: opaque, mask or blend.
         alpha_cutoff: with MASK, alpha below this is a hole.
         double_sided: both sides are drawn.
         unlit: drawn without lights, always.
@@ -87,7 +87,7 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """One occurrence of a mesh in the world.
+    """Occurrence of a mesh in the world.
 
     Attributes:
         name: name of the node in the file; parts of one object share it.
@@ -110,7 +110,7 @@ class LightKind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A light without size; it casts no shadows.
+    """Punctual light; it casts no shadows.
 
     Attributes:
         kind: directional, point or spot.
@@ -138,14 +138,14 @@ MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """All the light in a scene.
+    """Lights of a scene, and their exposure.
 
-    A white surface under ambient (1, 1, 1) alone has colour (1, 1, 1). A lamp adds its
+    A white surface under ambient (1, 1, 1) alone has colour (1, 1, 1). A light adds its
     illuminance times `exposure`, by Lambert's cosine.
 
     Attributes:
         ambient: linear RGB, the same from everywhere.
-        lights: the lamps, at most `MAX_LIGHTS`.
+        lights: at most `MAX_LIGHTS`.
         exposure: brightness of a white surface for one lux.
     """
 
@@ -156,7 +156,7 @@ class Lighting:
 
 @dataclass(frozen=True)
 class StartPose:
-    """Where to look from when nobody says: the effective viewpoint, world, and the heading."""
+    """Default pose of the camera: its effective viewpoint, world, and heading."""
 
     position_m: tuple[float, float, float]
     yaw_deg: float = 0.0
@@ -164,7 +164,7 @@ class StartPose:
 
 @dataclass(frozen=True)
 class NamedStart:
-    """Where a vehicle may start: the pose of its base in the world, z up."""
+    """Start pose of a vehicle: its base in the world, z up."""
 
     name: str
     position_m: tuple[float, float, float]
@@ -173,7 +173,7 @@ class NamedStart:
 
 @dataclass(frozen=True)
 class ColorBand:
-    """A landmark's colour between two heights above its base.
+    """Colour of a landmark between two heights above its base.
 
     Attributes:
         color: name of the colour, the same for all that have it.
@@ -193,7 +193,7 @@ SLIM_M = 0.2
 
 @dataclass(frozen=True)
 class Landmark:
-    """Something that can be recognised by its colours, and where it is.
+    """Object recognised by its colours, at a known position.
 
     Attributes:
         name: its name; names of its nodes begin with it.
@@ -209,21 +209,21 @@ class Landmark:
 
     @property
     def height_m(self) -> float:
-        """From its base to the top of its last band."""
+        """Height from its base to the top of its last band."""
         return self.bands[-1].top_m
 
     @property
     def is_slim(self) -> bool:
-        """Whether it is a pillar, whose place is that of its axis, and no wall or goal."""
+        """True for a pillar, whose position is that of its axis; false for a wall or goal."""
         return max(self.footprint_m) <= SLIM_M
 
 
 @dataclass(frozen=True)
 class ScenePath:
-    """Where a vehicle may drive.
+    """Route for a vehicle.
 
     Attributes:
-        name: no two paths of a scene have the same.
+        name: distinct within a scene.
         waypoints_m: (x, y) of its corners on the ground, world, one after the other.
         start_yaw_deg: heading at the first of them, or None: towards the second.
     """
@@ -235,11 +235,11 @@ class ScenePath:
 
 @dataclass(frozen=True)
 class LabelRule:
-    """A class of things, and whose it is.
+    """Class of instances, by patterns of their names.
 
     Attributes:
-        id: its number, 1 and up; no two have one.
-        name: what it is called; no two have one.
+        id: from 1; distinct.
+        name: distinct.
         color: 8-bit sRGB, for pictures.
         nodes: patterns of instances' names, `*` and `?` stand for any letters.
     """
@@ -252,19 +252,19 @@ class LabelRule:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that can be seen.
+    """Meshes, materials, instances and lights, and where vehicles may be.
 
     Attributes:
         name: file or built-in name.
-        meshes, materials, instances: what there is and where.
-        lighting: ambient light and lamps.
+        meshes, materials, instances: geometry and its appearance.
+        lighting: ambient light and lights.
         background: linear RGB where nothing is hit.
-        start: where to look from by default.
-        notices: one line each: what the file asked for and could not be had.
-        starts: where vehicles may start; no two have one name.
-        paths: where vehicles may drive; no two have one name.
-        landmarks: what can be recognised by its colours; no two have one name.
-        labels: classes of its instances, the first that claims a name has it; none: by names.
+        start: default pose of the camera.
+        notices: one line for each feature of the file that is not drawn.
+        starts: start poses of vehicles; names are distinct.
+        paths: routes of vehicles; names are distinct.
+        landmarks: names are distinct.
+        labels: class rules, the first that matches a name has it; without any: by names.
     """
 
     name: str
@@ -282,7 +282,7 @@ class Scene:
 
     @property
     def triangle_count(self) -> int:
-        """Triangles of all instances."""
+        """Number of triangles of all instances."""
         return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
 
     def bounds_m(self) -> NDArray[np.float64]:

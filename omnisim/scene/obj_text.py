@@ -1,4 +1,4 @@
-"""OBJ and MTL as people and programs write them, put into the plain form that trimesh reads.
+"""Normalisation of OBJ and MTL text, as people and programs write it, for trimesh.
 
 Plain: UTF-8; one material file; indices counted from the start; texture coordinates at every
 corner or at none; texture maps without options, which go into keys of their own.

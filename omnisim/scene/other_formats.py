@@ -1,4 +1,4 @@
-"""OBJ, PLY, STL, COLLADA and whatever else trimesh reads: formats with simpler materials.
+"""OBJ, PLY, STL, COLLADA and all other formats that trimesh reads, with simpler materials.
 
 Their colours are display values (sRGB), by the custom of these formats, and are decoded here.
 None of them says which side of a triangle is its front reliably, so both are drawn.
@@ -27,7 +27,7 @@ from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 from omnisim.srgb import linear_from_srgb
 
-# What a surface without any colour looks like: a light grey of 80 % on the screen.
+# A surface without any colour: a light grey of 80 % on the screen.
 PLAIN_GREY = float(linear_from_srgb(0.8))
 _OPAQUE_FROM = 0.999
 # trimesh also reads paths without surfaces, voxels, and archives of files.
@@ -55,7 +55,7 @@ def read_other(
     """Read a file of any format but glTF.
 
     Raises:
-        SceneError: damaged vertices or indices, or nothing that trimesh can read.
+        SceneError: damaged vertices or indices, or trimesh cannot read it.
     """
     if path.suffix.lower() == ".obj":
         data, names = plain_obj(data)

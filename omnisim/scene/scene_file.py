@@ -1,4 +1,4 @@
-"""The small TOML beside a mesh file: what the mesh file itself cannot say."""
+"""TOML of a scene, beside its mesh file: start poses, routes, landmarks, labels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Positive = Annotated[Number, Field(gt=0.0)]
 Name = Annotated[str, Field(min_length=1, strict=True)]
 Point = tuple[Number, Number, Number]
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
-LARGEST_CLASS = 60_000  # of the 16 bits that files have, some are left for what nobody labels
+LARGEST_CLASS = 60_000  # files have 16 bits; some are left for the unlabelled
 LinearRgb = tuple[Level, Level, Level]
 
 
@@ -33,14 +33,14 @@ def _distinct(key: str) -> AfterValidator:
 
 
 class StartTable(Table):
-    """Where to look from when nobody says."""
+    """Default pose of the camera."""
 
     position_m: Point
     yaw_deg: Number = 0.0
 
 
 class NamedStartTable(Table):
-    """Where a vehicle may start: its base."""
+    """Start pose of a vehicle's base."""
 
     name: Name
     position_m: Point
@@ -48,14 +48,14 @@ class NamedStartTable(Table):
 
 
 class ColorBandTable(Table):
-    """A landmark's colour up to a height above its base."""
+    """Colour of a landmark up to a height above its base."""
 
     color: Name
     top_m: Positive
 
 
 class LandmarkTable(Table):
-    """Something that can be recognised by its colours: bands from bottom to top."""
+    """Object recognised by its colours: bands from bottom to top."""
 
     name: Name
     position_m: Point
@@ -73,7 +73,7 @@ class LandmarkTable(Table):
 
 
 class ScenePathTable(Table):
-    """Where a vehicle may drive: corners on the ground, one after the other."""
+    """Route of a vehicle: corners on the ground, in order."""
 
     name: Name
     waypoints_m: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2)]
@@ -81,7 +81,7 @@ class ScenePathTable(Table):
 
 
 class LabelTable(Table):
-    """A class of things: `omnisim/scene/labels.py` says what the keys mean."""
+    """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
     name: Name
     nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
@@ -93,24 +93,24 @@ LabelTables = Annotated[tuple[LabelTable, ...], _distinct("name"), _distinct("id
 
 
 class LabelFile(Table):
-    """A file of labels for a scene that has none, or others."""
+    """Label file: classes for a scene that has none, or others."""
 
     labels: Annotated[LabelTables, Field(min_length=1)]
 
 
 class SceneFile(Table):
-    """The keys of a scene's TOML.
+    """Keys of a scene's TOML.
 
     Attributes:
         file: mesh file, relative to the TOML.
         up_axis: the mesh file's axis that points up; by default the one its format has.
         meters_per_unit: size of the mesh file's unit; by default the one its format has.
         background: linear RGB where nothing is hit.
-        start: where to look from when nobody says.
-        starts: where vehicles may start, by name.
-        paths: where vehicles may drive, by name.
-        palette: linear RGB of the colours that landmarks name.
-        landmarks: what can be recognised by its colours.
+        start: default pose of the camera.
+        starts: start poses of vehicles.
+        paths: routes of vehicles.
+        palette: linear RGB of the landmarks' colours, by name.
+        landmarks: objects recognised by their colours.
         labels: classes of the instances.
     """
 
@@ -131,7 +131,7 @@ class SceneFile(Table):
         cls, landmarks: tuple[LandmarkTable, ...], info: ValidationInfo
     ) -> tuple[LandmarkTable, ...]:
         palette = info.data.get("palette")
-        if palette is None:  # it is wrong itself, which is being said
+        if palette is None:  # faulty itself, which is reported
             return landmarks
         for landmark in landmarks:
             for band in landmark.bands:

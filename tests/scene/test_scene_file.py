@@ -98,7 +98,7 @@ def test_a_scene_without_starts_and_landmarks_has_none(folder):
         (
             "top_m = 1.5",
             "top_m = 0.2",
-            r"landmarks\.0: top_m = 0\.2: want more than 0\.25 below it$",
+            r"landmarks\.0: top_m: expected more than 0\.25 below it, got 0\.2$",
         ),
         ("top_m = 1.5", "height = 1.5", r"bands\.1\.height: unknown key; known keys: color, top_m"),
     ],
