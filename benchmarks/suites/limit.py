@@ -7,7 +7,7 @@ parts, each at its probe's rate:
   scene's lights;
 - the triangles that were submitted: those that the picture shows as fast as small triangles that
   are seen, all others as fast as triangles that turn away or are outside of the picture;
-- for each captured pixel of the mirror one bilinear lookup in an atlas of half floats;
+- for each sample of the mirror one bilinear lookup in an atlas of half floats;
 - the bytes of the picture, read.
 
 It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a

@@ -1,1 +1,1 @@
-"""The proof: the paper's figures remade, and independent oracles that must agree."""
+"""Validation: the paper's figures reproduced, and comparisons with independent oracles."""

@@ -78,7 +78,7 @@ def test_unknown_name_in_python_has_a_hint():
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_error_decreases_with_quality():
-    """Beside 8 × 8 looks a pixel, at faces so fine that they show all of it."""
+    """Against 8 × 8 samples per pixel of faces that are fine enough for all detail."""
     scene = load_scene("rings")
     sensors = {name: OmniCamera(polygons=None).with_quality(name) for name in QUALITIES}
     sensors["finest"] = OmniCamera(polygons=None, supersampling=8, texels_per_pixel=8.0)
