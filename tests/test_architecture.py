@@ -128,3 +128,7 @@ def test_every_camera_model_is_a_triple():
     classes = {type(camera) for camera in CAMERA_EXAMPLES.values()}
     assert {kind.model_name for kind in classes} == stems
     assert {kind.__module__.rpartition(".")[2] for kind in classes} == stems
+
+
+def test_public_names_are_importable():
+    assert all(hasattr(omnisim, name) for name in omnisim.__all__)

@@ -1,1 +1,1 @@
-"""The command line: one module a command, which parses, calls and prints; no maths."""
+"""The command line: parses, calls and prints; no maths."""
