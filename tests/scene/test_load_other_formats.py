@@ -248,7 +248,9 @@ def test_collada_unit_that_is_none(tmp_path, unit):
     trimesh.creation.box().export(path)
     text = path.read_text().replace("</asset>", f'<unit meter="{unit}"/></asset>')
     path.write_text(text)
-    with pytest.raises(SceneError, match=rf"box\.dae: <unit meter>: expected a number > 0, got '{unit}'"):
+    with pytest.raises(
+        SceneError, match=rf"box\.dae: <unit meter>: expected a number > 0, got '{unit}'"
+    ):
         load_scene(path)
 
 

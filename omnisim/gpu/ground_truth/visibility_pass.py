@@ -16,7 +16,7 @@ from omnisim.gpu.ground_truth.visibility_program import (
     VisibilityVariant,
     alpha_cutoff,
 )
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
@@ -61,7 +61,7 @@ class VisibilityPass:
         self.buffers, self.plan = buffers, plan
         self.near_m, self.far_m = cameras.near_m, cameras.far_m
         size = (plan.width_px, plan.height_px)
-        with fits_on_gpu(
+        with gpu_allocation(
             f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
         ):
             self.id_atlas = context.texture(size, 1, dtype="u4")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
@@ -62,7 +62,7 @@ class CubePass:
                 "make the picture, virtual_cameras.texels_per_pixel or size_px smaller"
             )
         samples = min(cameras.samples, int(context.max_samples))
-        with fits_on_gpu(
+        with gpu_allocation(
             f"an atlas of {size[0]} × {size[1]} px with {samples} samples",
             "make the picture, virtual_cameras.size_px or virtual_cameras.samples smaller",
         ):

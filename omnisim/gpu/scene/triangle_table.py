@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.memory import fits_on_gpu
+from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.gpu.scene.draw_item import DrawItem
 
@@ -80,7 +80,7 @@ def table_texture(context: moderngl.Context, entries: int, content: str) -> mode
     """
     rows = max(1, -(-entries >> ROW_BITS))
     size = (1 << ROW_BITS if rows > 1 else max(entries, 1), rows)
-    with fits_on_gpu(f"a table of {16 * entries} bytes for {content}", "make the scene smaller"):
+    with gpu_allocation(f"a table of {16 * entries} bytes for {content}", "make the scene smaller"):
         texture = context.texture(size, 4, dtype="u4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture
