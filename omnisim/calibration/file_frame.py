@@ -43,7 +43,7 @@ def is_inverted(camera: CentralCamera) -> bool:
 
 
 def lens_of(camera: CentralCamera) -> CentralCamera | None:
-    """Lens whose rays are a camera's, or (x, y, −z) of a mirror's; None: no lens is."""
+    """Lens with the rays of a camera, or (x, y, −z) of a mirror's, or None."""
     size, centre = (camera.width_px, camera.height_px), camera.principal_point_px
     match camera:
         case MirroredCamera(lens=lens):

@@ -190,7 +190,7 @@ def _refined(
 
     inside = np.clip(first, low + 1e-12, high - 1e-12)
     with np.errstate(all="ignore"):  # a step too far is no camera, and is taken back
-        # parameters differ by many powers of ten: the columns of the Jacobian say by how many
+        # parameters differ by many powers of ten: scaled by the columns of the Jacobian
         found = least_squares(
             errors_px, inside, bounds=(low, high), x_scale="jac",
             ftol=1e-10, xtol=1e-14, gtol=1e-15, max_nfev=100,

@@ -43,7 +43,7 @@ from omnisim.cameras.radial_tangential import RadialTangential
 from omnisim.errors import OpticsError
 
 MIN_SAMPLES = 20
-MAX_ALPHA = 0.99  # ξ = 99 for the unified model, where it is told from 1 no more
+MAX_ALPHA = 0.99  # ξ = 99 for the unified model, beyond which the picture hardly changes
 STEEPEST_RAD = math.radians(80.0)  # further out a tangent's pixels would drown all others
 TABLE_NODES = 48
 OCAMCALIB_POWERS = (0, 2, 3, 4, 5, 6)  # a1 = 0: the picture is smooth at the axis

@@ -8,7 +8,7 @@ An EXR file of 32-bit floats, one value for each pixel's centre, first row at th
 | origin.X, .Y, .Z | m | a point that the ray passes through, same frame; 0 for central cameras |
 | valid | 0 or 1 | the pixel sees something; where it is 0 the direction means nothing |
 
-The file's attributes say the same: `omnisim:frame`, `omnisim:unit`, `omnisim:pixel`. The camera
+The file's attributes repeat this: `omnisim:frame`, `omnisim:unit`, `omnisim:pixel`. The camera
 and its pose are in ImageDescription as JSON, as in omnisim's pictures. A
 mirror that is drawn as a mesh has the exact mirror's rays here.
 """
@@ -93,7 +93,7 @@ def write_ray_table(
 
 
 def read_ray_table(path: str | Path) -> RayTable:
-    """Read a ray table, ours or somebody else's.
+    """Read a ray table, of omnisim or another program.
 
     Raises:
         OutputError: the file is missing or no EXR, or naming a channel that is missing or

@@ -37,7 +37,7 @@ def read_cameras(
     Args:
         path: the file.
         format: name of its format, or None.
-        mirrored: True if the cameras look into mirrors, None for what their metadata say.
+        mirrored: True if the cameras look into mirrors, None to take it from their metadata.
 
     Raises:
         CalibrationError: naming file, key, the expected value and the one found.

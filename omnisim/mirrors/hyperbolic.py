@@ -87,7 +87,7 @@ class HyperbolicMirror:
         c: float = PAPER_C,
         meters_per_unit: float = PAPER_METERS_PER_UNIT,
     ) -> HyperbolicMirror:
-        """Make the mirror whose rim is a circle of `rim_radius_m` metres.
+        """Mirror whose rim is a circle of `rim_radius_m` metres.
 
         Raises:
             OpticsError: a radius ≤ 0, or anything that the constructor refuses.
@@ -223,7 +223,7 @@ class HyperbolicMirror:
     def normals(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """Unit normals (..., 3) on the reflecting side, at points (..., 3) of the surface.
 
-        Source: the gradient of Eq. 1, turned towards the pinhole. For the plane mirror, whose
+        Source: the gradient of Eq. 1, oriented towards the pinhole. For the plane mirror, whose
         gradient vanishes, +z.
         """
         positions = np.asarray(positions_m, dtype=np.float64) / self.c_m

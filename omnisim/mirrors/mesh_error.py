@@ -24,7 +24,7 @@ class MeshError(NamedTuple):
 def mesh_error(mirror: HyperbolicMirror, mesh: MirrorMesh, rim_radius_px: float) -> MeshError:
     """Error of a mesh in a picture whose rim has a radius of `rim_radius_px`.
 
-    All sectors are alike, so one is sampled, evenly over the area that its polygons cover in the
+    All sectors are equal: one is sampled, evenly over the area that its polygons cover in the
     picture. A sample's direction is that of the point where the pinhole's ray meets the flat
     polygon, as `shaders/capture/mirror_mesh.frag` has it.
     """

@@ -25,7 +25,7 @@ RING_EXPONENT = 0.7
 def sectors_and_rings(polygons: int) -> tuple[int, int]:
     """Split a polygon count into sectors around the axis and rings, as near 4 : 1 as it goes.
 
-    The sectors are a multiple of four, so that the four quadrants are alike. For 2ⁿ polygons
+    The sectors are a multiple of four, so that the four quadrants are equal. For 2ⁿ polygons
     with n even this is the paper's 2^(n/2+1) × 2^(n/2−1).
 
     Raises:
@@ -39,7 +39,7 @@ def sectors_and_rings(polygons: int) -> tuple[int, int]:
         below = next(n for n in range(polygons - 1, 0, -1) if _best_split(n))
         above = next(n for n in range(polygons + 1, 2 * polygons) if _best_split(n))
         raise OpticsError(
-            "mirror: expected polygons that make rings of equal sectors in four like quadrants, "
+            "mirror: expected polygons that make rings of equal sectors in four equal quadrants, "
             f"the nearest {below} and {above}, got {polygons}"
         )
     return split

@@ -1,4 +1,4 @@
-"""The sample files, and a camera's rays in the frame that mirrors and lenses have in common."""
+"""Sample files, and rays of a camera in its rig's frame."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""From every format to every other: a file that loads again, or a reason in one line."""
+"""Conversions of every format to every other: a file that loads again, or a reason in one line."""
 
 import dataclasses
 
@@ -26,7 +26,7 @@ def quick_fits(monkeypatch):
 
 @pytest.mark.usefixtures("quick_fits")
 @pytest.mark.parametrize("path", EXACT_SAMPLES, ids=lambda path: path.name)
-def test_any_format_becomes_any_other_or_says_why_not(path, tmp_path):
+def test_any_format_converts_to_any_other_or_gives_the_reason(path, tmp_path):
     loaded = load_calibration(path)
     first, reached = loaded.only(loaded.names[0]), set()
     for name, form in FORMATS.items():
@@ -91,7 +91,7 @@ def test_unsupported_cameras_are_refused_with_the_reason(form, name, words, tmp_
         ("f-theta-woodscape-like", "kitti360", "kannala_brandt"),
     ],
 )
-def test_a_fit_states_a_residual_that_a_count_confirms(name, form, model, tmp_path):
+def test_stated_residuals_are_confirmed_by_every_pixel(name, form, model, tmp_path):
     """Every pixel's ray, projected again by the camera of the file, without the fit's own code."""
     camera = CAMERA_EXAMPLES[name]
     path = tmp_path / "file"
@@ -114,7 +114,7 @@ def test_a_fit_states_a_residual_that_a_count_confirms(name, form, model, tmp_pa
     assert isinstance(found.camera, MirroredCamera) == (name == "hyperbolic-paper")
 
 
-def test_poses_find_their_way(tmp_path):
+def test_poses_are_chained(tmp_path):
     """Kalibr's chain becomes Basalt's, the second camera's pose by way of the first's."""
     chain = load_calibration(FOLDER / "kalibr_tum_vi.yaml")
     chain.save(tmp_path / "basalt.json", "basalt")

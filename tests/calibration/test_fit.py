@@ -1,4 +1,4 @@
-"""Fits from one camera model to another, their distances computed again by other formulas."""
+"""Fits from one camera model to another, their residuals computed again by other formulas."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_unified_of_a_mirror_is_geyers_closed_form():
     )
 
 
-def test_mirrored_frame_takes_the_rays_of_one_camera_to_those_of_the_other():
+def test_mirrored_frame_maps_rays_of_the_source_to_the_fit():
     for name in ("hyperbolic-paper", "elliptic"):
         camera, fit = CAMERA_EXAMPLES[name], _fit(name, "unified")
         pixels = pixel_grid(camera.width_px, camera.height_px)[::40, ::40]

@@ -1,4 +1,4 @@
-"""Files that are broken in any way: one clear line, never anything else."""
+"""Randomly damaged files: one clear line, never another exception."""
 
 import json
 import random
@@ -17,7 +17,7 @@ VALUES = (
 
 
 def _broken(text, generator):
-    """A text with one of many things wrong with it."""
+    """Text with one random fault."""
     lines = text.splitlines(keepends=True)
     kind = generator.randrange(8)
     if kind == 0:
@@ -62,7 +62,7 @@ def test_broken_files_are_one_line(path, tmp_path):
 
 
 def _complaint(path):
-    """What is wrong with a file, in a list, empty where nothing is."""
+    """Error message of a file in a list, empty without one."""
     try:
         load_calibration(path)
     except OmnisimError as reason:
@@ -71,7 +71,7 @@ def _complaint(path):
 
 
 def _swap(value, generator):
-    """A JSON value with something in it that is of another type."""
+    """JSON value with one part of another type."""
     if isinstance(value, dict) and value and generator.random() < 0.8:
         key = generator.choice(list(value))
         return {**value, key: _swap(value[key], generator)}

@@ -1,4 +1,4 @@
-"""What is written means to other people's readers and projections what it means to us."""
+"""Calibration files in the readers and projections of other tools."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""One body of tests over every camera model."""
+"""Contract of all camera models."""
 
 import json
 
@@ -44,7 +44,7 @@ def test_leading_axes_broadcast(camera):
 
 
 @examples
-def test_camera_comes_back_from_its_parameters(camera):
+def test_parameters_round_trip(camera):
     as_json = json.loads(json.dumps(camera.parameters()))
     again = camera_from_parameters(as_json)
     assert type(again) is type(camera)
@@ -73,7 +73,7 @@ def _edge_pixels(camera):
 
 
 @examples
-def test_edges_of_the_domain_come_back(camera):
+def test_edges_of_the_domain_round_trip(camera):
     pixels = _edge_pixels(camera)
     rays = camera.ray_from_pixel(pixels)
     assert rays.valid.all()

@@ -1,4 +1,4 @@
-"""Where the pictures of the camera models end, against the formulas of those who made them."""
+"""Valid domains of the camera models, against their authors' formulas."""
 
 import math
 

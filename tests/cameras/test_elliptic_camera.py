@@ -35,7 +35,7 @@ def _ellipsoid(camera):
 
 
 def _hits(camera, looking):
-    """Where the pinhole's rays meet the inside of the ellipsoid."""
+    """Intersections of the pinhole's rays with the inside of the ellipsoid."""
     weights, right = _ellipsoid(camera)
     start = PINHOLE - (0.0, 0.0, 0.5 * C)
     a = np.sum(weights * looking * looking, axis=-1)
@@ -62,7 +62,7 @@ def test_reflected_rays_meet_in_the_effective_viewpoint(name):
 
 
 @examples
-def test_mirror_does_not_stand_in_its_own_light(name):
+def test_mirror_does_not_occlude_itself(name):
     """A ray comes in on the pinhole's side of the rim's plane, where there is no mirror."""
     camera = CAMERA_EXAMPLES[name]
     pixels, looking = _pinhole_rays(camera)
@@ -72,7 +72,7 @@ def test_mirror_does_not_stand_in_its_own_light(name):
     assert rays[:, 2].min() >= -1e-12
 
 
-def test_it_is_the_hyperbolic_mirror_with_one_over_e_half_a_turn_about_its_axis():
+def test_elliptic_is_the_hyperbolic_mirror_with_inverse_eccentricity_rotated_by_180():
     e = 0.9
     k = 2.0 / (1.0 - e * e)  # 1/e = √(k/(k − 2))
     hyperbolic = HyperbolicCamera(
@@ -106,6 +106,6 @@ def test_horizon():
         ({"theta_max_rad": 1.6}, "theta_max_rad: expected more than 0 .* \\(90°\\), got 1.6"),
     ],
 )
-def test_what_no_elliptic_mirror_has(change, what):
+def test_impossible_mirrors_are_refused(change, what):
     with pytest.raises(OpticsError, match=what):
         EllipticCamera(320, 320, 400.0, (159.5, 159.5), **{"eccentricity": 0.7, **change})

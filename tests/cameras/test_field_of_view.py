@@ -1,4 +1,4 @@
-"""What a picture shows, against what its camera was made from."""
+"""Fields of view, against the parameters of the cameras."""
 
 import math
 
@@ -31,7 +31,7 @@ def test_perspective():
     assert found.theta_limit_rad == pytest.approx(0.5 * math.pi, abs=1e-9)
 
 
-def test_more_than_half_a_turn():
+def test_more_than_180_degrees():
     found = field_of_view(CAMERA_EXAMPLES["equidistant-full-sphere"])
     assert math.degrees(found.horizontal_rad) == pytest.approx(360.0, abs=1e-6)
     assert math.degrees(
@@ -43,12 +43,12 @@ def test_more_than_half_a_turn():
     "name",
     ["kannala-brandt-to-its-fold", "double-sphere-tum-vi", "f-theta-to-its-fold", "parabolic"],
 )
-def test_where_the_model_ends(name):
+def test_model_limit(name):
     camera = CAMERA_EXAMPLES[name]
     assert field_of_view(camera).theta_limit_rad == pytest.approx(camera.theta_edge_rad, abs=1e-9)
 
 
-def test_edge_is_valid_and_what_lies_beyond_is_not():
+def test_edge_is_the_last_valid_position():
     camera = CAMERA_EXAMPLES["unified-kitti-360"]
     pixels = edge_pixels(camera, 60)
     assert len(pixels) == 60
@@ -62,7 +62,7 @@ def test_edge_is_valid_and_what_lies_beyond_is_not():
 
 
 @pytest.mark.parametrize("centre", [(199.5, -0.5), (-30.0, 149.5), (-0.5, -0.5)])
-def test_an_axis_at_the_border_or_beside_the_picture(centre):
+def test_axis_at_the_border_or_beside_the_picture(centre):
     camera = PerspectiveCamera(400, 300, 200.0, centre)
     corner = np.array([399.5, 299.5]) - centre
     furthest = max(np.hypot(*corner), np.hypot(corner[0], centre[1] + 0.5))

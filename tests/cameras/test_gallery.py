@@ -1,4 +1,4 @@
-"""The gallery says what the models say."""
+"""Gallery page, against the models' docstrings."""
 
 import importlib.util
 from pathlib import Path
@@ -22,7 +22,7 @@ def maker():
     return module
 
 
-def test_page_is_what_the_models_say_today(maker):
+def test_page_is_up_to_date(maker):
     page = maker.page(maker.gallery_cameras())
     renew = "make gallery renews it"
     assert (maker.FOLDER / "README.md").read_text(encoding="utf-8") == page, renew

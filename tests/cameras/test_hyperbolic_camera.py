@@ -47,7 +47,7 @@ def test_outside_the_rim_is_not_valid():
     ("theta_deg", "difference_percent"),
     [(15, 0.22), (45, 0.19), (90, 0.0), (110, -0.24), (120, -0.45), (130, -0.81)],
 )
-def test_equation_2_is_off_by_what_the_derivation_says(theta_deg, difference_percent):
+def test_equation_2_has_the_derived_error(theta_deg, difference_percent):
     camera = _camera(theta_max_deg=135.0)
     theta = math.radians(theta_deg)
     approximate = image_radius_eq2_px(theta, camera.horizon_radius_px)
@@ -57,7 +57,7 @@ def test_equation_2_is_off_by_what_the_derivation_says(theta_deg, difference_per
     assert back == pytest.approx(theta, abs=1e-12)
 
 
-def test_bottom_and_horizon_look_where_physics_says():
+def test_bottom_and_horizon_look_down_and_level():
     camera = _camera()
     centre = camera.ray_from_pixel(camera.principal_point_px).directions
     np.testing.assert_allclose(centre, (0.0, 0.0, -1.0), atol=1e-15)  # at the pinhole itself

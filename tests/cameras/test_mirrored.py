@@ -38,14 +38,14 @@ def test_a_mirrored_lens_survives_its_parameters():
     assert mirrored.scaled(2.0) == MirroredCamera(LENS.scaled(2.0))
 
 
-def test_what_cannot_be_mirrored_is_named():
+def test_unsuitable_lenses_are_refused():
     with pytest.raises(OpticsError, match="mirrored: expected a lens, got the mirror 'hyperbolic'"):
         MirroredCamera(MIRROR)
     with pytest.raises(OpticsError, match="mirrored: expected true or false, got 'yes'"):
         camera_from_parameters({**LENS.parameters(), "mirrored": "yes"})
 
 
-def test_the_gpu_sees_the_mirrored_rays(context):
+def test_gpu_has_the_mirrored_rays(context):
     mirrored = MirroredCamera(LENS)
     rays, valid = PixelMap(context, mirrored).read_rays()
     reference = mirrored.ray_from_pixel(pixel_grid(240, 200))

@@ -1,4 +1,4 @@
-"""Camera models against other people's: OpenCV, COLMAP."""
+"""Camera models, against OpenCV and COLMAP."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Published calibrations, against the formulas of those who published them, angle by angle.
+"""Published calibrations, against their publishers' formulas, angle by angle.
 
 The formulas are written out here in plain arithmetic, as the documents have them: they share no
 line with the models.

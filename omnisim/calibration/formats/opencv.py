@@ -8,8 +8,8 @@
 
 The matrices are `camera_matrix` and `distortion_coefficients`, or `K` and `D`; the size is
 `image_width` and `image_height`, or `image_size`. Pixels count from the first one's centre, as
-ours. Four coefficients without xi may be a fisheye's or a pinhole's: `fisheye_model` says which,
-as OpenCV's own calibration program writes it, or the format that is asked for.
+ours. Four coefficients without xi may be a fisheye's or a pinhole's: `fisheye_model` states which,
+as OpenCV's own calibration program writes it, or the named format.
 
 Beware: cv2.fisheye is wrong past 90°, and cv2.omnidir projects rays past the fold silently.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from omnisim.calibration.fields import unexpected
-from omnisim.poses import pose_from_rotation
+from omnisim.poses import pose_from_rotation, rotation_from_quaternion
 
 
 def pose_from_quaternion(
@@ -23,10 +23,9 @@ def pose_from_quaternion(
     length = float(np.linalg.norm(np.clip(quaternion, -1e100, 1e100)))
     if not 1e-9 < length < 1e99:
         raise unexpected(f"{place}: quaternion", "x, y, z, w of length 1", list(quaternion))
-    rotation = Rotation.from_quat(np.asarray(quaternion) / length).as_matrix()
-    return pose_from_rotation(rotation, position_m)
+    return pose_from_rotation(rotation_from_quaternion(np.asarray(quaternion) / length), position_m)
 
 
 def position_and_quaternion(pose: NDArray[np.float64]) -> tuple[list[float], list[float]]:
-    """Position, and quaternion x, y, z, w, of a pose (4, 4)."""
+    """Position, and quaternion x, y, z, w of either sign, of a pose (4, 4)."""
     return pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()

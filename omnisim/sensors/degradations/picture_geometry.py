@@ -21,8 +21,7 @@ class PictureGeometry:
 
     Attributes:
         width_px, height_px: size.
-        centre_px: (u, v) of the principal point; the middle of the picture where the camera model
-            has none.
+        centre_px: (u, v) of the principal point.
     """
 
     width_px: int
@@ -32,8 +31,7 @@ class PictureGeometry:
     @classmethod
     def of_camera(cls, camera: CentralCamera) -> PictureGeometry:
         """Geometry of a camera's picture."""
-        middle = (0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1))
-        u, v = getattr(camera, "principal_point_px", middle)
+        u, v = camera.principal_point_px
         return cls(camera.width_px, camera.height_px, (float(u), float(v)))
 
     @property
