@@ -82,6 +82,6 @@ def read_parameters(path: Path | None = None) -> FilterParameters:
     """Read a file of parameters; by default omnisim's own.
 
     Raises:
-        LocalizationError: naming file, key, value and what was wanted.
+        LocalizationError: naming file, key, value and what was expected.
     """
     return read_toml(path or DEFAULT, FilterParameters, LocalizationError)

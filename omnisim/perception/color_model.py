@@ -84,27 +84,27 @@ class ColorModel:
     def __post_init__(self) -> None:
         if self.counts.shape != (1 + len(self.colors), BINS**3) or not self.colors:
             raise LocalizationError(
-                f"colour model: histograms {self.counts.shape}: want one of {BINS}³ bins for neg "
-                "and for each of its colours, of which there is at least one"
+                f"colour model: histograms {self.counts.shape}: expected one of {BINS}³ bins for "
+                "neg and for each of at least one colour"
             )
         if not np.all(np.isfinite(self.counts)) or np.any(self.counts < 0.0):
-            raise LocalizationError("colour model: histograms: want finite counts of 0 or more")
+            raise LocalizationError("colour model: histograms: expected finite counts of 0 or more")
         for name, total in zip(("neg", *self.colors), self.counts.sum(axis=1), strict=True):
             if total <= 0.0:
                 raise LocalizationError(
-                    f"colour {name!r}: has no pixel to learn from: want pictures that show it"
+                    f"colour {name!r}: has no pixel to learn from: expected pictures that show it"
                 )
         if len(self.thresholds) != len(self.colors) or not all(
             0.0 < theta < np.inf for theta in self.thresholds
         ):
             raise LocalizationError(
-                f"colour model: thresholds {self.thresholds}: want one above 0 for each colour"
+                f"colour model: thresholds {self.thresholds}: expected one above 0 for each colour"
             )
         if len(set(self.colors)) < len(self.colors):
-            raise LocalizationError(f"colour model: colors {self.colors}: want different names")
+            raise LocalizationError(f"colour model: colors {self.colors}: expected different names")
         if not 0.0 < self.smoothing < np.inf:
             raise LocalizationError(
-                f"colour model: smoothing = {self.smoothing:g}: want a finite number above 0"
+                f"colour model: smoothing = {self.smoothing:g}: expected a finite number above 0"
             )
 
     @cached_property
@@ -218,7 +218,7 @@ def train(
     for index, name in enumerate(colors):
         if validation_counts[index + 1].sum() <= 0.0:
             raise LocalizationError(
-                f"colour {name!r}: has no pixel to choose Θ by: want more pictures that show it"
+                f"colour {name!r}: has no pixel to choose Θ by: expected more pictures that show it"
             )
         curves.append(
             roc(untuned.ratios[index], validation_counts[index + 1], validation_counts[NEG])

@@ -78,7 +78,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
         with np.load(path, allow_pickle=False) as stored:
             if int(stored["format"]) != FORMAT:
                 raise LocalizationError(
-                    f"{path}: format = {int(stored['format'])}: want {FORMAT}: train it again"
+                    f"{path}: format = {int(stored['format'])}: expected {FORMAT}: train it again"
                 )
             model = ColorModel(
                 tuple(str(name) for name in stored["colors"]),
@@ -89,12 +89,12 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
             landmarks = _landmarks(json.loads(str(stored["landmarks"])))
     except OSError as reason:
         raise LocalizationError(
-            f"{path}: cannot be read: {reason.strerror or 'not a model'}: want the .npz file of "
-            "omnisim landmarks train"
+            f"{path}: cannot be read: {reason.strerror or 'not a model'}: expected the .npz "
+            "file of omnisim landmarks train"
         ) from None
     except _NO_MODEL:
         raise LocalizationError(
-            f"{path}: is no model: want the .npz file of omnisim landmarks train"
+            f"{path}: is no model: expected the .npz file of omnisim landmarks train"
         ) from None
     except LocalizationError as reason:
         told = str(reason)

@@ -92,8 +92,8 @@ class LandmarkDetector:
         self.ignored = tuple(each.name for each in landmarks if each.name not in known)
         if not self._pillars and not self._wide:
             raise LocalizationError(
-                "landmarks: none that can be told by their colours: want pillars whose two upper "
-                f"bands, or wide ones whose only band, are of {', '.join(model.colors)}"
+                "landmarks: none can be told by its colours: expected pillars whose upper bands, "
+                f"or wide ones whose only band, are of {', '.join(model.colors)}"
             )
 
     def classes(self, panorama: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -150,7 +150,7 @@ class LandmarkDetector:
 def _add(known: dict, key: object, landmark: Landmark) -> None:
     if key in known:
         raise LocalizationError(
-            f"landmarks {known[key].name!r} and {landmark.name!r}: look the same: want other "
+            f"landmarks {known[key].name!r} and {landmark.name!r}: look the same: expected other "
             "colours, or another order of them"
         )
     known[key] = landmark

@@ -68,7 +68,7 @@ class Panorama:
     def __init__(self, mount: CameraMount, width_px: int | None = None):
         if not mount.height_m > 0.0:
             raise LocalizationError(
-                f"camera: {mount.height_m:g} m above the ground: want more than 0 for ranges"
+                f"camera: {mount.height_m:g} m above the ground: expected more than 0 for ranges"
             )
         self.mount = mount
         rotation = mount.base_from_optical[:3, :3]

@@ -50,7 +50,7 @@ def cylinder_view(
     if not -STEEPEST_RAD <= lowest_rad < highest_rad <= STEEPEST_RAD:
         raise OpticsError(
             f"cylinder: elevation {math.degrees(lowest_rad):g}° to {math.degrees(highest_rad):g}°: "
-            f"want the lower one first, within ±{math.degrees(STEEPEST_RAD):g}°"
+            f"expected the lower one first, within ±{math.degrees(STEEPEST_RAD):g}°"
         )
     focal_length_px = width_px / (2.0 * math.pi)
     top_px = focal_length_px * math.tan(highest_rad)
@@ -98,7 +98,7 @@ def birdseye_view(
     """
     for name, value in (("height", height_m), ("extent", half_extent_m)):
         if not (math.isfinite(value) and value > 0.0):
-            raise OpticsError(f"bird's eye: {name} {value:g} m: want more than 0")
+            raise OpticsError(f"bird's eye: {name} {value:g} m: expected more than 0")
     focal_length_px = 0.5 * size_px * height_m / half_extent_m
     middle = 0.5 * (size_px - 1)
     camera = PerspectiveCamera(size_px, size_px, focal_length_px, (middle, middle))
@@ -136,5 +136,5 @@ def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.f
 
 def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:
     if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
-        raise OpticsError("view: yaw and pitch: want finite numbers")
+        raise OpticsError("view: yaw and pitch: expected finite numbers")
     return rotation_from_roll_pitch_yaw(0.0, pitch_rad, yaw_rad)

@@ -4,8 +4,8 @@ Poses are world_from_base (`omnisim.frames`); turns and headings count counter-c
 above. Nothing here knows of pictures or of the GPU.
 """
 
-from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
-from omnisim.robot.kinematics import Kinematics, check_drivable, find_excess
+from omnisim.robot.kinematics import Kinematics, check_drivable, find_violation
+from omnisim.robot.motion_profile import drive_in_steps, drive_with_period
 from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry
 from omnisim.robot.odometry_files import read_odometry, write_odometry
 from omnisim.robot.robot_file import Footprint, Robot, load_robot, parse_robot, read_robot
@@ -27,8 +27,8 @@ __all__ = [
     "check_drivable",
     "drive_in_steps",
     "drive_with_period",
-    "find_excess",
     "find_robot",
+    "find_violation",
     "lap_and_diagonal",
     "load_robot",
     "parse_robot",

@@ -1,4 +1,4 @@
-"""How a robot can drive, and whether a trajectory asks for more."""
+"""Kinematic limits of a robot, and checks of trajectories against them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnisim.poses import rotation_angles
 from omnisim.robot.trajectory import Trajectory, step_lengths_m
 
 DriveType = Literal["differential", "skid_steer"]
-# Of the limits: a trajectory that goes right up to them is off by its rounding.
+# Relative to the limits: a trajectory at its limits exceeds them by rounding.
 TOLERANCE = 1e-6
 
 
@@ -43,7 +43,7 @@ class Kinematics:
     def __post_init__(self) -> None:
         if self.drive not in get_args(DriveType):
             raise TrajectoryError(
-                f"drive {self.drive!r}: want one of {', '.join(get_args(DriveType))}"
+                f"drive {self.drive!r}: expected one of {', '.join(get_args(DriveType))}"
             )
         for name in (
             "max_speed_mps",
@@ -53,12 +53,12 @@ class Kinematics:
         ):
             value = getattr(self, name)
             if not (math.isfinite(value) and 1e-6 <= value <= 1e6):
-                raise TrajectoryError(f"{name} = {value}: want a number from 1e-06 to 1e+06")
+                raise TrajectoryError(f"{name} = {value}: expected a number from 1e-06 to 1e+06")
 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What lies between successive poses.
+    """Steps between successive poses.
 
     Attributes:
         distances_m: (n,) straight distances, negative backwards.
@@ -81,36 +81,36 @@ def steps_between(world_from_base: NDArray[np.float64]) -> Steps:
 
 
 @dataclass(frozen=True)
-class Excess:
-    """A step that asks for more than the robot has.
+class LimitViolation:
+    """Step of a trajectory beyond a limit of the robot.
 
     Attributes:
-        quantity: what it asks for, in words.
-        unit: of what is asked and allowed.
+        quantity: its name, such as "turn rate".
+        unit: of value and limit.
         step: k, from pose k to k + 1.
         time_s: at pose k.
-        asked, allowed: in `unit`.
+        value, limit: in `unit`.
     """
 
     quantity: str
     unit: str
     step: int
     time_s: float
-    asked: float
-    allowed: float
+    value: float
+    limit: float
 
     def __str__(self) -> str:
         return (
             f"step {self.step} → {self.step + 1} at {self.time_s:g} s: {self.quantity} "
-            f"{self.asked:g} {self.unit}: want at most {self.allowed:g} {self.unit}"
+            f"{self.value:g} {self.unit}: expected at most {self.limit:g} {self.unit}"
         )
 
 
-def find_excess(trajectory: Trajectory, kinematics: Kinematics) -> Excess | None:
-    """The first step that asks for more than the robot has, or None.
+def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViolation | None:
+    """Find the first step beyond a limit, or None.
 
     Speeds are means over a step, and accelerations the change of these means from the step
-    before: no motion through the poses does with less. Sideways motion is not judged: recorded
+    before: no motion through the poses does with less. Sideways motion is not checked: recorded
     poses always have some.
     """
     steps = steps_between(trajectory.world_from_base)
@@ -140,18 +140,18 @@ def find_excess(trajectory: Trajectory, kinematics: Kinematics) -> Excess | None
     if not over:
         return None
     step, asked, name, unit, limit = min(over, key=lambda item: item[0])
-    return Excess(name, unit, step, float(trajectory.times_s[step]), asked, limit)
+    return LimitViolation(name, unit, step, float(trajectory.times_s[step]), asked, limit)
 
 
 def check_drivable(trajectory: Trajectory, kinematics: Kinematics, source: str) -> None:
-    """Refuse a trajectory that asks for more than the robot has; `source` names it.
+    """Refuse a trajectory beyond the limits; `source` names it.
 
     Raises:
-        TrajectoryError: naming the first step, what is asked and what is allowed.
+        TrajectoryError: naming the first step, its value and the limit.
     """
-    excess = find_excess(trajectory, kinematics)
-    if excess is not None:
-        raise TrajectoryError(f"{source}: {excess}")
+    violation = find_violation(trajectory, kinematics)
+    if violation is not None:
+        raise TrajectoryError(f"{source}: {violation}")
 
 
 def _first(

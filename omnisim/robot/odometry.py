@@ -53,13 +53,15 @@ class OdometryErrors:
         for field in fields(self):
             value = getattr(self, field.name)
             if not abs(value) <= 1e3:  # false for NaN, too
-                raise TrajectoryError(f"{field.name} = {value}: want a finite number up to 1000")
+                raise TrajectoryError(
+                    f"{field.name} = {value}: expected a finite number up to 1000"
+                )
             if field.name.endswith("_scale") and value <= 0.0:
-                raise TrajectoryError(f"{field.name} = {value}: want more than 0")
+                raise TrajectoryError(f"{field.name} = {value}: expected more than 0")
             if field.name != "drift_radpm" and value < 0.0:
-                raise TrajectoryError(f"{field.name} = {value}: want 0 or more")
+                raise TrajectoryError(f"{field.name} = {value}: expected 0 or more")
             if "tick" in field.name and 0.0 < value < 1e-9:
-                raise TrajectoryError(f"{field.name} = {value}: want 0, or at least 1e-09")
+                raise TrajectoryError(f"{field.name} = {value}: expected 0, or at least 1e-09")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +92,12 @@ class Odometry:
         if self.distances_m.shape != steps or self.turns_rad.shape != steps:
             raise TrajectoryError(
                 f"odometry: times {self.times_s.shape}, distances {self.distances_m.shape}, "
-                f"turns {self.turns_rad.shape}: want (n,), (n − 1,) and (n − 1,)"
+                f"turns {self.turns_rad.shape}: expected (n,), (n − 1,) and (n − 1,)"
             )
         values = np.concatenate((self.times_s, self.distances_m, self.turns_rad, self.start))
         if not np.all(np.abs(values) < LARGEST_M) or len(self.start) != 3:
             raise TrajectoryError(
-                "odometry: want finite times, distances, turns and x, y, yaw of the start"
+                "odometry: expected finite times, distances, turns and x, y, yaw of the start"
             )
 
     @property
@@ -154,7 +156,7 @@ def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> O
         TrajectoryError: a negative seed.
     """
     if seed < 0:
-        raise TrajectoryError(f"seed {seed}: want 0 or above")
+        raise TrajectoryError(f"seed {seed}: expected 0 or above")
     true = wheel_readings(truth)
     distances, turns = true.distances_m, true.turns_rad
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))

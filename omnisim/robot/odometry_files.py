@@ -41,24 +41,25 @@ def read_odometry(path: Path) -> Odometry:
     """Read what `write_odometry` writes.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted; also where poses do
+        TrajectoryError: naming file, line, what was found and expected; also where poses do
             not follow from the readings.
     """
     table = read_text_table(path)
     if table.lines[0].cells != COLUMNS:
         found = ",".join(table.lines[0].cells)
-        raise table.fault(table.lines[0], f"header {found[:60]!r}: want {','.join(COLUMNS)}")
+        raise table.fault(table.lines[0], f"header {found[:60]!r}: expected {','.join(COLUMNS)}")
     table = table.without_header()
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])
     far = np.any(np.abs(numbers) >= LARGEST_M, axis=1)
     if np.any(far):
-        raise table.fault(table.lines[int(np.argmax(far))], f"want numbers below {LARGEST_M:g}")
+        raise table.fault(table.lines[int(np.argmax(far))], f"expected numbers below {LARGEST_M:g}")
     readings, poses = numbers[:, 1:3], numbers[:, 3:]
     if np.any(readings[0] != 0.0):
         raise table.fault(
             table.lines[0],
-            f"distance {readings[0, 0]:g} m, turn {readings[0, 1]:g} rad: want 0 in the first line",
+            f"first line: expected distance and turn 0, got {readings[0, 0]:g} m, "
+            f"{readings[0, 1]:g} rad",
         )
     for k in range(1, len(poses)):
         step = Odometry(
@@ -70,6 +71,6 @@ def read_odometry(path: Path) -> Odometry:
             raise table.fault(
                 table.lines[k],
                 f"pose {math.hypot(off[0], off[1]):.3g} m and {abs(off[2]):.3g} rad off what its "
-                "reading leads to: want poses by dead reckoning along arcs",
+                "reading leads to: expected poses by dead reckoning along arcs",
             )
     return Odometry(times_s, readings[1:, 0], readings[1:, 1], tuple(poses[0].tolist()))

@@ -113,7 +113,7 @@ def load_robot(source: str | Path) -> Robot:
     """Read the robot file of a path, of a folder, or of a built-in name.
 
     Raises:
-        RobotFileError: naming file, key, value and what was wanted.
+        RobotFileError: naming file, key, value and what was expected.
     """
     return read_robot(find_robot(source))
 
@@ -122,7 +122,7 @@ def read_robot(path: Path) -> Robot:
     """Read and check a robot file.
 
     Raises:
-        RobotFileError: naming file, key, value and what was wanted.
+        RobotFileError: naming file, key, value and what was expected.
     """
     return _robot(read_toml(path, _RobotTable, RobotFileError), str(path), path.parent)
 
@@ -131,7 +131,7 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     """Check a table with the keys of a robot file; `source` names it in messages.
 
     Raises:
-        RobotFileError: naming source, key, value and what was wanted.
+        RobotFileError: naming source, key, value and what was expected.
     """
     return _robot(parse_table(table, _RobotTable, RobotFileError, source), source, folder)
 

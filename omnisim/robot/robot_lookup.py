@@ -36,7 +36,7 @@ def _find(path: Path, name: str) -> Path:
     if name in names:
         return SCENES / name / ROBOT_FILE
     if path.is_dir():
-        raise RobotFileError(f"{path}: is a folder without a {ROBOT_FILE}: want a robot file")
+        raise RobotFileError(f"{path}: is a folder without a {ROBOT_FILE}: expected a robot file")
     if path.exists():
         raise RobotFileError(f"{path}: is not a regular file")
     hint = did_you_mean(name, names, "built-in:")

@@ -28,7 +28,7 @@ def folder_name(name: str) -> str:
 
 def _check_folder_name(name: str) -> str:
     if not FOLDER_NAME.fullmatch(name):
-        raise ValueError("want letters, digits, _, and - or blanks between them, at most 60")
+        raise ValueError("expected letters, digits, _, and - or blanks between them, at most 60")
     return name
 
 
@@ -126,12 +126,12 @@ def parse_mounts(tables: tuple[dict[str, Any], ...], source: str) -> tuple[Senso
             f"{source}: sensor {name!r}" if isinstance(name, str) else f"{source}: sensors.{index}"
         )
         if "type" not in table:
-            raise RobotFileError(f"{where}: type: missing; want one of {', '.join(_TYPES)}")
+            raise RobotFileError(f"{where}: type: missing; expected one of {', '.join(_TYPES)}")
         if not isinstance(kind, str) or kind not in _TYPES:
             hint = did_you_mean(str(kind), _TYPES)
             raise RobotFileError(f"{where}: type = {kind!r}: unknown sensor type; {hint}")
         mount = parse_table(table, _TYPES[kind], RobotFileError, where)
         if any(mount.name == other.name for other in mounts):
-            raise RobotFileError(f"{where}: a second sensor of this name: want each name once")
+            raise RobotFileError(f"{where}: a second sensor of this name: expected each name once")
         mounts.append(mount)
     return tuple(mounts)

@@ -22,7 +22,7 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
     Each step takes as long as the speed and the turn rate ask for. Then, wherever the mean rates of
     two neighbouring steps differ by more than the accelerations allow, the faster one is
     lengthened, until none is left. A neighbour that does not move at all is rest: the robot has to
-    brake before it. Means are all that is known between poses: against `drive_plan`, whose
+    brake before it. Means are all that is known between poses: against `motion_profile`, whose
     speeds are exact, it is faster by less than the time of a step at each top speed.
 
     Raises:
@@ -30,7 +30,7 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
     """
     poses = np.asarray(world_from_base, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses):
-        raise TrajectoryError(f"trajectory: poses {poses.shape}: want (n, 4, 4), n ≥ 1")
+        raise TrajectoryError(f"trajectory: poses {poses.shape}: expected (n, 4, 4), n ≥ 1")
     check_poses(poses)
     steps = steps_between(poses)
     amounts = np.stack((steps.distances_m, steps.turns_rad))
@@ -40,7 +40,7 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
         k = int(np.argmax(still))
         raise TrajectoryError(
             f"trajectory: poses {k} and {k + 1} are the same: how long the robot waits there "
-            "cannot be told without times: want one of them"
+            "cannot be told without times: expected one of them"
         )
     limits = (
         (kinematics.max_speed_mps, kinematics.max_acceleration_mps2),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import TrajectoryError
 from omnisim.poses import (
     LARGEST_M,
+    interpolate,
     is_pose,
     pose_from_rotation,
     rotation_from_yaw,
@@ -40,10 +41,11 @@ class Trajectory:
         poses = np.array(self.world_from_base, dtype=np.float64)
         if times.ndim != 1 or poses.shape != (len(times), 4, 4):
             raise TrajectoryError(
-                f"trajectory: times {times.shape} and poses {poses.shape}: want (n,) and (n, 4, 4)"
+                f"trajectory: expected times (n,) and poses (n, 4, 4), got {times.shape} and "
+                f"{poses.shape}"
             )
         if not len(times):
-            raise TrajectoryError("trajectory: no pose: want at least one")
+            raise TrajectoryError("trajectory: no pose: expected at least one")
         _check_times(times)
         check_poses(poses)
         for name, values in (("times_s", times), ("world_from_base", poses)):
@@ -78,6 +80,20 @@ class Trajectory:
     def yaw_rad(self) -> NDArray[np.float64]:
         """Headings (n,) on the ground, within ±π; `np.unwrap` makes them continuous."""
         return yaw_from_rotation(self.world_from_base)
+
+    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+        """Interpolate the pose (4, 4) at a time; at rest before the first and after the last.
+
+        For legs and turns on the spot, straight and even interpolation is the true path.
+        """
+        times, poses = self.times_s, self.world_from_base
+        step = int(np.searchsorted(times, time_s, side="right")) - 1
+        if not 0 <= step < len(times) - 1:
+            return np.array(poses[0 if step < 0 else -1])
+        share = float((time_s - times[step]) / (times[step + 1] - times[step]))
+        if share == 0.0:
+            return np.array(poses[step])
+        return interpolate(poses[step], poses[step + 1], share)
 
     @property
     def step_lengths_m(self) -> NDArray[np.float64]:
@@ -131,7 +147,7 @@ def check_continuous(
     where = f"{source}: " if lines is None else f"{source}:{np.asarray(lines)[k + 1]}: "
     allowed = f"{limit_m:g} m" if length_m > limit_m else f"{max_speed_mps:g} m/s"
     raise TrajectoryError(
-        f"{where}step {k} → {k + 1}: {length_m:g} m in {duration_s:g} s: want at most {allowed}"
+        f"{where}step {k} → {k + 1}: {length_m:g} m in {duration_s:g} s: expected at most {allowed}"
     )
 
 
@@ -141,17 +157,20 @@ def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.fl
     yaw = np.asarray(yaw_rad, dtype=np.float64)
     if yaw.ndim != 1 or positions.shape != (len(yaw), 2):
         raise TrajectoryError(
-            f"trajectory: positions {positions.shape}, headings {yaw.shape}: want (n, 2) and (n,)"
+            f"trajectory: expected positions (n, 2) and headings (n,), got {positions.shape} and "
+            f"{yaw.shape}"
         )
     if not np.all(np.abs(yaw) < LARGEST_M):  # false for NaN, too
-        raise TrajectoryError("trajectory: want headings that are finite numbers in radians")
+        raise TrajectoryError("trajectory: expected headings that are finite numbers in radians")
     level = np.column_stack((positions, np.zeros(len(yaw))))
     return pose_from_rotation(rotation_from_yaw(yaw), level)
 
 
 def step_lengths_m(world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
     """Straight distances (n − 1,) between the origins of successive poses (n, 4, 4)."""
-    return np.linalg.norm(np.diff(world_from_base[:, :3, 3], axis=0), axis=-1)
+    steps = np.diff(world_from_base[:, :3, 3], axis=0)
+    lengths: NDArray[np.float64] = np.linalg.norm(steps, axis=-1)
+    return lengths
 
 
 def check_poses(poses: NDArray[np.float64]) -> None:
@@ -162,12 +181,12 @@ def check_poses(poses: NDArray[np.float64]) -> None:
     """
     finite = np.all(np.abs(poses) < LARGEST_M, axis=(1, 2))  # false for NaN, too
     if not np.all(finite):
-        raise TrajectoryError(f"trajectory: pose {np.argmin(finite)}: want finite numbers")
+        raise TrajectoryError(f"trajectory: pose {np.argmin(finite)}: expected finite numbers")
     proper = is_pose(poses)
     if not np.all(proper):
         raise TrajectoryError(
             f"trajectory: pose {np.argmin(proper)}: "
-            "want a rotation and a translation, no scale, no mirroring"
+            "expected a rotation and a translation, no scale, no mirroring"
         )
 
 
@@ -175,11 +194,11 @@ def _check_times(times: NDArray[np.float64]) -> None:
     finite = np.abs(times) < LARGEST_S
     if not np.all(finite):
         k = np.argmin(finite)
-        raise TrajectoryError(f"trajectory: time {k} is {times[k]:g} s: want a finite time")
+        raise TrajectoryError(f"trajectory: time {k} is {times[k]:g} s: expected a finite time")
     later = np.diff(times) > 0.0
     if not np.all(later):
         k = np.argmin(later)
         raise TrajectoryError(
             f"trajectory: time {k + 1}, {times[k + 1]:.9g} s, is not after "
-            f"time {k}, {times[k]:.9g} s: want times that increase"
+            f"time {k}, {times[k]:.9g} s: expected times that increase"
         )

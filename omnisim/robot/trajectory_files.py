@@ -15,7 +15,7 @@ from omnisim.robot.trajectory import Trajectory, check_continuous
 
 FORMATS = {"tum": tum, "kitti": kitti, "euroc": euroc, "csv": pose_csv}
 WANTED = (
-    f"want 8 columns between blanks (TUM), 12 (KITTI), 17 between commas (EuRoC), "
+    f"expected 8 columns between blanks (TUM), 12 (KITTI), 17 between commas (EuRoC), "
     f"or a header with some of {', '.join(pose_csv.COLUMNS)}"
 )
 
@@ -28,7 +28,7 @@ def parse_trajectory(path: Path, format_name: str | None = None) -> ParsedTrajec
         format_name: one of `FORMATS`, or None: by the file's suffix and columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted.
+        TrajectoryError: naming file, line, what was found and expected.
     """
     table = read_text_table(path)
     name = _known(format_name) if format_name else _format_of(path, table)
@@ -51,7 +51,7 @@ def read_trajectory(
         format_name: one of `FORMATS`, or None: by the file's suffix and columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted.
+        TrajectoryError: naming file, line, what was found and expected.
     """
     recording = parse_trajectory(path, format_name)
     trajectory = recording.trajectory(rate_hz)
@@ -76,7 +76,7 @@ def write_trajectory(path: Path, trajectory: Trajectory, format_name: str | None
     name = format_name or path.suffix.lower().removeprefix(".")
     if not format_name and (name not in FORMATS or name == "euroc"):
         raise TrajectoryError(
-            f"{path}: suffix {path.suffix!r} names no format: want .tum, .kitti or .csv, "
+            f"{path}: suffix {path.suffix!r} names no format: expected .tum, .kitti or .csv, "
             f"or a format: {', '.join(FORMATS)}"
         )
     write_lines(path, FORMATS[_known(name)].lines(trajectory))
@@ -95,7 +95,7 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
 
 def _known(name: str) -> str:
     if name not in FORMATS:
-        raise TrajectoryError(f"format {quote(name)!r}: want one of {', '.join(FORMATS)}")
+        raise TrajectoryError(f"format {quote(name)!r}: expected one of {', '.join(FORMATS)}")
     return name
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import LARGEST_M
+from omnisim.robot.formats.text_table import read_text_table
 
 
 def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
@@ -18,17 +21,19 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
     try:
         points = np.array(waypoints_m, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TrajectoryError("waypoints: want a list of [x, y] in metres") from None
+        raise TrajectoryError("waypoints: expected a list of [x, y] in metres") from None
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-        raise TrajectoryError(f"waypoints of shape {points.shape}: want (n, 2), n ≥ 2")
+        raise TrajectoryError(f"waypoints of shape {points.shape}: expected (n, 2), n ≥ 2")
     finite = np.all(np.abs(points) < LARGEST_M, axis=1)  # false for NaN, too
     if not np.all(finite):
         k = int(np.argmin(finite))
-        raise TrajectoryError(f"waypoint {k} {points[k].tolist()}: want finite numbers in metres")
+        raise TrajectoryError(
+            f"waypoint {k} {points[k].tolist()}: expected finite numbers in metres"
+        )
     same = np.all(points[1:] == points[:-1], axis=1)
     if np.any(same):
         k = int(np.argmax(same))
-        raise TrajectoryError(f"waypoints {k} and {k + 1} are the same: want one of them")
+        raise TrajectoryError(f"waypoints {k} and {k + 1} are the same: expected one of them")
     return points
 
 
@@ -48,14 +53,33 @@ def lap_and_diagonal(
     Raises:
         TrajectoryError: corners that span no rectangle.
     """
-    start, opposite = check_waypoints((start_m, opposite_m))
+    start, opposite = check_waypoints([np.asarray(start_m), np.asarray(opposite_m)])
     width, height = opposite - start
     if width == 0.0 or height == 0.0:
         raise TrajectoryError(
             f"corners {start.tolist()} and {opposite.tolist()} span no rectangle: "
-            "want both coordinates to differ"
+            "expected both coordinates to differ"
         )
     beside, above = (opposite[0], start[1]), (start[0], opposite[1])
     if clockwise == bool(width * height > 0.0):
         beside, above = above, beside
     return np.array((start, beside, opposite, above, start, opposite))
+
+
+def read_waypoints(path: Path) -> NDArray[np.float64] | None:
+    """Read waypoints (n, 2) from a CSV file with the columns x_m and y_m and no others.
+
+    None for another file: with headings or times it is a trajectory.
+
+    Raises:
+        TrajectoryError: naming file, line, what was found and expected.
+    """
+    table = read_text_table(path)
+    names = table.lines[0].cells
+    if sorted(names) != ["x_m", "y_m"]:
+        return None
+    numbers = table.without_header().numbers(names)
+    try:
+        return check_waypoints(numbers[:, [names.index("x_m"), names.index("y_m")]])
+    except TrajectoryError as reason:
+        raise TrajectoryError(f"{path}: {reason}") from None

@@ -62,12 +62,12 @@ def picture_source(
     """
     taken = read_picture(path, sensor)
     if taken.pixels.dtype != np.uint8:
-        raise OutputError(f"{path}: has linear floats: want a picture of 8 bits, .png")
+        raise OutputError(f"{path}: has linear floats: expected a picture of 8 bits, .png")
     known = taken.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
     own = known if height_m is None else height_m
     if own is None or not (math.isfinite(own) and own > 0.0):
         raise OpticsError(
-            f"{path}: camera {own} m above the ground: want more than 0: pass --height METRES"
+            f"{path}: camera {own} m above the ground: expected more than 0: pass --height METRES"
         )
     base_from_optical = np.eye(4)
     base_from_optical[:3, :3] = taken.base_from_optical

@@ -18,7 +18,6 @@ from omnisim.errors import OmnisimError, RunError
 from omnisim.frame import Frame
 from omnisim.image_files import read_image
 from omnisim.robot import Trajectory
-from omnisim.robot.interpolation import pose_at
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.simulation.run_channels import write_step
 from omnisim.simulation.run_folder import RunFolder, is_written
@@ -63,7 +62,7 @@ class CameraRecorder:
         start_s = float(self.truth.times_s[step])
 
         def motion(time_s: float) -> NDArray[np.float64]:
-            return pose_at(self.truth, start_s + time_s)
+            return self.truth.pose_at(start_s + time_s)
 
         return self.renderer.render(
             poses[step],

@@ -21,7 +21,7 @@ from omnisim.robot import (
     time_poses,
 )
 from omnisim.robot.formats.text_table import check_printed_times
-from omnisim.robot.waypoint_files import read_waypoints
+from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
 from omnisim.simulation.vehicle import Vehicle
 
@@ -80,15 +80,15 @@ def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
 def _check_numbers(route: Route) -> None:
     """Refuse what no path is driven by, in the units of the command line; NaN, too."""
     if not route.step_m > 0.0:
-        raise TrajectoryError(f"step {route.step_m:g} m: want more than 0")
+        raise TrajectoryError(f"step {route.step_m:g} m: expected more than 0")
     if not 0.0 < route.step_deg <= LARGEST_STEP_DEG:
         raise TrajectoryError(
-            f"turn step {route.step_deg:g}°: want more than 0, at most {LARGEST_STEP_DEG:g}"
+            f"turn step {route.step_deg:g}°: expected more than 0, at most {LARGEST_STEP_DEG:g}"
         )
     if route.rate_hz is not None and not 0.0 < route.rate_hz < math.inf:
-        raise TrajectoryError(f"rate {route.rate_hz:g} Hz: want a finite number above 0")
+        raise TrajectoryError(f"rate {route.rate_hz:g} Hz: expected a finite number above 0")
     if not math.isfinite(route.ground_m):
-        raise TrajectoryError(f"ground {route.ground_m:g} m: want a finite number")
+        raise TrajectoryError(f"ground {route.ground_m:g} m: expected a finite number")
 
 
 def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
@@ -112,7 +112,7 @@ def _from_file(path: Path, vehicle: Vehicle, route: Route) -> Trajectory:
     recording = parse_trajectory(path)
     if route.ground_m != 0.0:
         raise TrajectoryError(
-            f"{path}: has poses, which have heights of their own: want no --ground, or waypoints"
+            f"{path}: expected waypoints with --ground, got poses, which have heights of their own"
         )
     if recording.times_s is None and route.rate_hz is None:
         kinematics = _kinematics(vehicle, str(path))

@@ -71,7 +71,7 @@ class RunData:
         wanted = (camera.height_px, camera.width_px)
         if (height, width) != wanted or channels < 3 or pixels.dtype != np.uint8:
             raise RunError(
-                f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: want this "
+                f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: expected this "
                 f"camera's {camera.width_px} × {camera.height_px} px of 3 × uint8"
             )
         return np.ascontiguousarray(pixels[..., :3])
@@ -118,7 +118,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     found = load_scene(scene or recorded.file, recorded.up_axis)
     if not found.landmarks:
         raise RunError(
-            f"{folder}: its scene {found.name} has no [[landmarks]]: want a scene with some"
+            f"{folder}: its scene {found.name} has no [[landmarks]]: expected a scene with some"
         )
     steps = run.steps_done()
     if steps == 0:

@@ -74,7 +74,9 @@ class RunLabels:
         path = self._run.folder.file(self._run.camera, step, CHANNELS_SUFFIX)
         layers = read_channels(path).values
         if "instance" not in layers:
-            raise RunError(f"{path}: has no layer instance: want the file of drive --also instance")
+            raise RunError(
+                f"{path}: has no layer instance: expected the file of drive --also instance"
+            )
         ids = np.asarray(layers["instance"]).astype(np.int64)
         if ids.min(initial=0) < 0 or ids.max(initial=0) >= len(self._class_of_instance):
             raise RunError(f"{path}: has instances that are not in {LABELS}")

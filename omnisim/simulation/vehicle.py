@@ -100,8 +100,8 @@ class Vehicle:
         """Load the vehicle of a robot file, of a folder with one, or of a built-in name.
 
         Raises:
-            RobotFileError: naming file, sensor or key, and what was wanted.
-            SensorFileError: naming the sensor file, key, value and what was wanted.
+            RobotFileError: naming file, sensor or key, and what was expected.
+            SensorFileError: naming the sensor file, key, value and what was expected.
         """
         return cls.from_robot(load_robot(source))
 
@@ -112,7 +112,7 @@ class Vehicle:
         Raises:
             RobotFileError: a file that is missing or no body, a sensor that cannot be, that stands
                 inside the body, or that hides what the body does not have.
-            SensorFileError: naming the sensor file, key, value and what was wanted.
+            SensorFileError: naming the sensor file, key, value and what was expected.
         """
         body = _load_body(robot)
         cameras, scanners = [], []

@@ -125,9 +125,12 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
         (["socer", "--robot", "p2at", "--path", "lap"], "did you mean 'soccer'?"),
         (["soccer", "--robot", "p2at", "--path", "lab"], "did you mean 'lap'?"),
         (["soccer", "--robot", "p2at", "--path", "gone.csv"], "path 'gone.csv': no such file"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step 0 m: want more"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: want"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"], "seed -1: want a whole"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step 0 m: expected more"),
+        (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: expected"),
+        (
+            ["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"],
+            "seed: expected a whole",
+        ),
         (
             ["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"],
             "size: expected at least 1, got 0",
@@ -155,7 +158,7 @@ def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, mes
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["plot", "none"], "none: no such folder: want the folder of a run"),
+        (["plot", "none"], "none: no such folder: expected the folder of a run"),
         (["plot", "run", "-o", "a.bmp"], "a.bmp: expected .png"),
         (["video", "run", "-o", "a.avi"], "a.avi: expected .mp4 or .mkv, got .avi"),
         (["video", "run", "-o", "a.mp4", "--camera", "omni"], "did you mean 'omnicam'?"),

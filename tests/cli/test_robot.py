@@ -95,7 +95,9 @@ def test_import_in_unreal_units(omnisim, tmp_path):
     (tmp_path / "a.ini").write_text(f"[USARBot.P2AT]\nSensors={line}\n")
     status, out, error = omnisim("robot", "import", "a.ini", "-o", "a.toml")
     assert (status, out) == (1, "")
-    assert "a.ini:2: Position X = 40 m: want at most 10 m; 250 to a metre are read with" in error
+    assert (
+        "a.ini:2: Position X = 40 m: expected at most 10 m; 250 to a metre are read with" in error
+    )
     assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
     assert load_robot(tmp_path / "a.toml").mounts[0].position_m == (0.16, 0.0, 0.2)
 
@@ -106,7 +108,7 @@ def test_import_in_unreal_units(omnisim, tmp_path):
     [
         (b"", ["-o", "r.toml"], "a.ini:1: nothing in it"),
         (b"\x89PNG\r\n\x1a\n\x00", ["-o", "r.toml"], "a.ini:2: not a text file"),
-        (b"{}", ["-o", "r.toml"], "a.ini:1: '{}': want [section]"),
+        (b"{}", ["-o", "r.toml"], "a.ini:1: '{}': expected [section]"),
         (b"[a]\nb=1\n", ["-o", "r.toml"], "a.ini:1: no section of it has a Sensors= line"),
         (b"[a]\nSensors=(a=1\n", ["-o", "r.toml"], "a.ini:2: Sensors: a parenthesis is not cl"),
         (b"[a]\nSensors=()\n", ["-o", "r.toml"], "a.ini:2: Sensors: no ItemClass"),

@@ -87,10 +87,13 @@ def test_sensor_file_replaces_metadata(omnisim, tmp_path):
         ),
         (
             ["a.png", "--to", "perspective", "-o", "b.png", "--yaw", "nan"],
-            "want finite numbers",
+            "expected finite numbers",
         ),
         (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
-        (["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"], "height -1 m: want more"),
+        (
+            ["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"],
+            "height -1 m: expected more",
+        ),
         (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "expected a square"),
         (
             ["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"],
@@ -115,7 +118,7 @@ def test_sensor_file_replaces_metadata(omnisim, tmp_path):
         (["a.png", "--to", "cylinder", "-o", "b.png", "--size", "90", "9"], "change the size"),
         (["small.png", "--to", "cylinder", "-o", "b.png"], "is 9 × 9 px, where its camera's"),
         (["odd.png", "--to", "cylinder", "-o", "b.png"], "its metadata: camera: k: missing"),
-        (["lost.png", "--to", "cylinder", "-o", "b.png"], "world_from_base: want a pose"),
+        (["lost.png", "--to", "cylinder", "-o", "b.png"], "world_from_base: expected a pose"),
         (["empty.png", "--to", "cylinder", "-o", "b.png"], "empty.png: cannot be read"),
         (["none.png", "--to", "cylinder", "-o", "a.png"], "none.png: cannot be read"),
     ],

@@ -241,7 +241,7 @@ def test_a_picture_of_another_camera_is_named(run, monkeypatch, spoil, told):
     data = read_run(run)
     stored = read_image(run / "omnicam" / "000002.png")[0]
     monkeypatch.setattr("omnisim.simulation.run_data.read_image", lambda _: (spoil(stored), None))
-    with pytest.raises(OmnisimError, match=rf"000002.png: has .*{told}.*: want .* 3 × uint8"):
+    with pytest.raises(OmnisimError, match=rf"000002.png: has .*{told}.*: expected .* 3 × uint8"):
         data.picture(2)
 
 

@@ -139,10 +139,10 @@ def _flat_counts():
     ("changed", "reason"),
     [
         ({"format": np.inf}, "is no model"),
-        ({"smoothing": 0.0}, "smoothing = 0: want a finite number above 0"),
-        ({"smoothing": np.nan}, "smoothing = nan: want"),
+        ({"smoothing": 0.0}, "smoothing = 0: expected a finite number above 0"),
+        ({"smoothing": np.nan}, "smoothing = nan: expected"),
         ({"colors": ["red", "red"], "counts": np.ones((3, BINS**3)), "thresholds": [1, 1]},
-         "want different names"),
+         "expected different names"),
         ({"landmarks": "{}"}, "landmarks: expected tables, [[landmarks]], got {}"),
         ({"colors": np.array([{}])}, "is no model"),  # would have to be unpickled
     ],

@@ -131,7 +131,7 @@ def test_landmarks_must_be_told_apart(field):
     with pytest.raises(LocalizationError, match="'goal_yellow' and 'twin': look the same"):
         LandmarkDetector(_model(), (*scene.landmarks, twin), mount)
     other = _model(("pink",))
-    with pytest.raises(LocalizationError, match="none that can be told by their colours"):
+    with pytest.raises(LocalizationError, match="none can be told by its colours"):
         LandmarkDetector(other, scene.landmarks[:1], mount)
     grounded = mount.base_from_optical.copy()
     grounded[2, 3] = 0.0

@@ -134,5 +134,5 @@ def test_bad_views_are_named():
         birdseye_view(100, 1.0, 0.0)
     with pytest.raises(OpticsError, match=r"field of view: expected .*, got 180°"):
         perspective_view(10, 10, math.pi)
-    with pytest.raises(OpticsError, match="want finite numbers"):
+    with pytest.raises(OpticsError, match="expected finite numbers"):
         perspective_view(10, 10, 1.0, yaw_rad=math.nan)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot.kinematics import Kinematics, check_drivable, find_excess, steps_between
+from omnisim.robot.kinematics import Kinematics, check_drivable, find_violation, steps_between
 from omnisim.robot.trajectory import Trajectory
 
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
@@ -35,9 +35,9 @@ def test_steps():
     ],
 )
 def test_excess(trajectory, quantity, step, asked, allowed):
-    excess = find_excess(trajectory, ROBOT)
-    assert (excess.quantity, excess.step, excess.allowed) == (quantity, step, allowed)
-    assert excess.asked == pytest.approx(asked)
+    violation = find_violation(trajectory, ROBOT)
+    assert (violation.quantity, violation.step, violation.limit) == (quantity, step, allowed)
+    assert violation.value == pytest.approx(asked)
 
 
 @pytest.mark.parametrize(
@@ -50,12 +50,12 @@ def test_excess(trajectory, quantity, step, asked, allowed):
     ],
 )
 def test_within_the_limits(trajectory):
-    assert find_excess(trajectory, ROBOT) is None
+    assert find_violation(trajectory, ROBOT) is None
     check_drivable(trajectory, ROBOT, "a")
 
 
 def test_message():
-    words = r"^a\.tum: step 1 → 2 at 1 s: speed 2 m/s: want at most 1 m/s$"
+    words = r"^a\.tum: step 1 → 2 at 1 s: speed 2 m/s: expected at most 1 m/s$"
     with pytest.raises(TrajectoryError, match=words):
         check_drivable(_line([0, 1, 3], [0, 1, 2]), ROBOT, "a.tum")
 
@@ -65,10 +65,12 @@ def test_message():
 def test_limits_must_be_positive(position, value):
     limits = [1.0, 1.0, 1.0, 1.0]
     limits[position] = value
-    with pytest.raises(TrajectoryError, match=r"max_.* want a number from 1e-06"):
+    with pytest.raises(TrajectoryError, match=r"max_.* expected a number from 1e-06"):
         Kinematics("differential", *limits)
 
 
 def test_drive_must_be_known():
-    with pytest.raises(TrajectoryError, match="'mecanum': want one of differential, skid_steer"):
+    with pytest.raises(
+        TrajectoryError, match="'mecanum': expected one of differential, skid_steer"
+    ):
         Kinematics("mecanum", 1.0, 1.0, 1.0, 1.0)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
+from omnisim.robot.motion_profile import drive_in_steps, drive_with_period
 from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry, wheel_readings
 from omnisim.robot.odometry_files import read_odometry, write_odometry
 from omnisim.robot.trajectory import Trajectory
-from tests.robot.test_drive_plan import PIONEER_2_AT, SUPER_SCOUT, paper_lap
+from tests.robot.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap
 
 PERFECT = OdometryErrors()
 # simulate_odometry with seed 2008 along 2 m, noise 1
@@ -178,13 +178,16 @@ def test_dead_reckoning_ends_five_percent_of_the_way_off(robot, clockwise):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"distance_scale": 0.0}, "distance_scale = 0.0: want more than 0"),
-        ({"turn_scale": -1.0}, "turn_scale = -1.0: want more than 0"),
-        ({"drift_radpm": math.nan}, "drift_radpm = nan: want a finite number"),
-        ({"drift_radpm": math.inf}, "drift_radpm = inf: want a finite number"),
-        ({"turn_noise_rad_per_sqrt_m": -0.1}, "turn_noise_rad_per_sqrt_m = -0.1: want 0 or more"),
-        ({"distance_tick_m": -0.1}, "distance_tick_m = -0.1: want 0 or more"),
-        ({"turn_tick_rad": 1e-300}, "turn_tick_rad = 1e-300: want 0, or at least 1e-09"),
+        ({"distance_scale": 0.0}, "distance_scale = 0.0: expected more than 0"),
+        ({"turn_scale": -1.0}, "turn_scale = -1.0: expected more than 0"),
+        ({"drift_radpm": math.nan}, "drift_radpm = nan: expected a finite number"),
+        ({"drift_radpm": math.inf}, "drift_radpm = inf: expected a finite number"),
+        (
+            {"turn_noise_rad_per_sqrt_m": -0.1},
+            "turn_noise_rad_per_sqrt_m = -0.1: expected 0 or more",
+        ),
+        ({"distance_tick_m": -0.1}, "distance_tick_m = -0.1: expected 0 or more"),
+        ({"turn_tick_rad": 1e-300}, "turn_tick_rad = 1e-300: expected 0, or at least 1e-09"),
     ],
 )
 def test_bad_errors(values, words):
@@ -193,11 +196,11 @@ def test_bad_errors(values, words):
 
 
 def test_bad_requests():
-    with pytest.raises(TrajectoryError, match="seed -1: want 0 or above"):
+    with pytest.raises(TrajectoryError, match="seed -1: expected 0 or above"):
         simulate_odometry(paper_lap(), PERFECT, -1)
-    with pytest.raises(TrajectoryError, match=r"want \(n,\), \(n − 1,\) and \(n − 1,\)"):
+    with pytest.raises(TrajectoryError, match=r"expected \(n,\), \(n − 1,\) and \(n − 1,\)"):
         Odometry([0, 1], [1, 2], [0])
-    with pytest.raises(TrajectoryError, match="want finite times, distances, turns"):
+    with pytest.raises(TrajectoryError, match="expected finite times, distances, turns"):
         Odometry([0, 1], [math.nan], [0])
 
 
@@ -231,14 +234,14 @@ HEADER = "t_s,distance_m,turn_rad,x_m,y_m,yaw_rad\n"
     [
         ("", r"a\.csv: empty"),
         (HEADER, r"a\.csv: only a header"),
-        ("t_s,x_m\n0,0\n", r"a\.csv:1: header 't_s,x_m': want t_s,distance_m"),
-        (HEADER + "0,0,0,0,0\n", r"a\.csv:2: 5 columns: want 6"),
-        (HEADER + "0,0,0,0,0,nan\n", r"a\.csv:2: yaw_rad = nan: want a finite number"),
-        (HEADER + "0,1,0,0,0,0\n", r"a\.csv:2: distance 1 m, turn 0 rad: want 0 in the first"),
+        ("t_s,x_m\n0,0\n", r"a\.csv:1: header 't_s,x_m': expected t_s,distance_m"),
+        (HEADER + "0,0,0,0,0\n", r"a\.csv:2: 5 columns: expected 6"),
+        (HEADER + "0,0,0,0,0,nan\n", r"a\.csv:2: yaw_rad = nan: expected a finite number"),
+        (HEADER + "0,1,0,0,0,0\n", r"a\.csv:2: first line: expected distance and turn 0, got 1 m"),
         (HEADER + "0,0,0,0,0,0\n0,1,0,1,0,0\n", r"a\.csv:3: time 0 s repeats 0 s of line 2"),
         (HEADER + "0,0,0,0,0,0\n1,1,0,2,0,0\n", r"a\.csv:3: pose 1 m and 0 rad off what its"),
         (HEADER + "0,0,0,0,0,0\n1,1,0,1,0,1\n", r"a\.csv:3: pose 0 m and 1 rad off what its"),
-        (HEADER + "0,0,0,1e16,0,0\n", r"a\.csv:2: want numbers below 1e\+15"),
+        (HEADER + "0,0,0,1e16,0,0\n", r"a\.csv:2: expected numbers below 1e\+15"),
     ],
 )
 def test_bad_files(tmp_path, text, words):

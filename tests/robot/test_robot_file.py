@@ -111,7 +111,7 @@ def test_found_by_name_folder_and_path(tmp_path):
     [
         ("p2ta", "^p2ta: no such robot file, and no built-in robot; did you mean 'p2at'?"),
         ("zzz", "^zzz: no such robot file, and no built-in robot; built-in: p2at, superscout$"),
-        ("folder", "folder: is a folder without a robot.toml: want a robot file$"),
+        ("folder", "folder: is a folder without a robot.toml: expected a robot file$"),
         ("a" * 300, "^a{300}: cannot be read: File name too long$"),
         ("/dev/null", "^/dev/null: is not a regular file$"),
     ],
@@ -148,21 +148,24 @@ def test_not_found(name, words, tmp_path, monkeypatch):
             "[odometry]\ndistance_scale = 0",
             "odometry.distance_scale: expected a number > 0.*, got 0",
         ),
-        ("[odometry]\nturn_tick_deg = 1e-12", "want 0, or at least 1e-09"),
+        ("[odometry]\nturn_tick_deg = 1e-12", "expected 0, or at least 1e-09"),
         (
             "[footprint]\nlength_m = 1\nwidth_m = 1\nheight_m = inf",
             "footprint.height_m: expected.*, got inf",
         ),
         ("sensors = 3", r"sensors: expected tables, \[\[sensors\]\], got 3$"),
         ("sensors = [3]", r"sensors.0: expected a table, \[\[sensors\]\], got 3$"),
-        ('[[sensors]]\nname = "a"', "sensor 'a': type: missing; want one of omnicamera, lms200"),
+        (
+            '[[sensors]]\nname = "a"',
+            "sensor 'a': type: missing; expected one of omnicamera, lms200",
+        ),
         (SCANNER.replace("lms200", "lms2oo"), "type = 'lms2oo': unknown sensor type; did you mean"),
         (
             SCANNER.replace("lms200", "sonar"),
             "type = 'sonar': unknown sensor type; expected one of",
         ),
         (SCANNER.replace('"lms200"', "[]"), r"type = \[\]: unknown sensor type; expected one of"),
-        (SCANNER + SCANNER, "sensor 'scan': a second sensor of this name: want each name once"),
+        (SCANNER + SCANNER, "sensor 'scan': a second sensor of this name: expected each name once"),
         (
             SCANNER.replace("0.3", "nan"),
             "sensor 'scan': position_m.2: expected a finite number.*, got nan",

@@ -5,8 +5,8 @@ import pytest
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import pose, rotation_from_quaternion
-from omnisim.robot.drive_plan import drive_in_steps
-from omnisim.robot.kinematics import Kinematics, find_excess
+from omnisim.robot.kinematics import Kinematics, find_violation
+from omnisim.robot.motion_profile import drive_in_steps
 from omnisim.robot.timing import time_poses
 from omnisim.robot.trajectory import poses_on_ground
 
@@ -17,7 +17,7 @@ ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 def test_as_fast_as_a_plan_and_a_step_at_most_faster(step_m):
     plan = drive_in_steps([(0, 0), (5, 0), (5, 3), (0, 0)], ROBOT, step_m, 0.2)
     timed = time_poses(plan.world_from_base, ROBOT)
-    assert find_excess(timed, ROBOT) is None
+    assert find_violation(timed, ROBOT) is None
     slack = 3 * step_m / ROBOT.max_speed_mps + 2 * 0.2 / ROBOT.max_turn_rate_radps
     assert plan.duration_s - slack <= timed.duration_s <= plan.duration_s * (1 + 1e-9)
 
@@ -39,7 +39,7 @@ def test_circle_is_driven_at_the_limit_that_binds():
     angles = np.linspace(0.0, 20 * math.pi, 1001)
     points = 0.25 * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     timed = time_poses(poses_on_ground(points, angles + math.pi / 2), ROBOT)
-    assert find_excess(timed, ROBOT) is None
+    assert find_violation(timed, ROBOT) is None
     rates = np.diff(angles) / np.diff(timed.times_s)
     np.testing.assert_allclose(rates[300:700], 2.0)
 
@@ -58,7 +58,7 @@ def test_any_poses_are_within_the_limits(seed):
         poses = poses_on_ground(walk[:, :2], walk[:, 2])
     timed = time_poses(poses, robot)
     np.testing.assert_array_equal(timed.world_from_base, poses)
-    assert find_excess(timed, robot) is None
+    assert find_violation(timed, robot) is None
 
 
 def test_one_pose():
@@ -68,11 +68,11 @@ def test_one_pose():
 @pytest.mark.parametrize(
     ("poses", "words"),
     [
-        (np.zeros((0, 4, 4)), r"poses \(0, 4, 4\): want \(n, 4, 4\), n ≥ 1"),
+        (np.zeros((0, 4, 4)), r"poses \(0, 4, 4\): expected \(n, 4, 4\), n ≥ 1"),
         (pose(), r"poses \(4, 4\)"),
         (np.stack([pose(), pose((1, 0, 0)), pose((1, 0, 0))]), "poses 1 and 2 are the same"),
-        (np.stack([pose(), 2.0 * pose()]), "pose 1: want a rotation"),
-        (np.full((2, 4, 4), math.nan), "pose 0: want finite numbers"),
+        (np.stack([pose(), 2.0 * pose()]), "pose 1: expected a rotation"),
+        (np.full((2, 4, 4), math.nan), "pose 0: expected finite numbers"),
     ],
 )
 def test_bad_poses(poses, words):

@@ -118,13 +118,13 @@ def test_rate(tmp_path):
     path = tmp_path / "a.kitti"
     write_trajectory(path, _trajectory(5))
     np.testing.assert_allclose(read_trajectory(path, rate_hz=4.0).times_s, (0, 0.25, 0.5, 0.75, 1))
-    with pytest.raises(TrajectoryError, match=r"a\.kitti: has no times: want a rate in Hz, or"):
+    with pytest.raises(TrajectoryError, match=r"a\.kitti: has no times: expected a rate in Hz, or"):
         read_trajectory(path)
     for rate_hz in (0.0, -1.0, math.nan, math.inf, 1e-300):
-        with pytest.raises(TrajectoryError, match="want a finite number above 0"):
+        with pytest.raises(TrajectoryError, match="expected a finite number above 0"):
             read_trajectory(path, rate_hz=rate_hz)
     timed = _write(tmp_path, "b.tum", "0 0 0 0 0 0 0 1\n")
-    with pytest.raises(TrajectoryError, match=r"b\.tum: has times of its own: want no rate"):
+    with pytest.raises(TrajectoryError, match=r"b\.tum: has times of its own: expected no rate"):
         read_trajectory(timed, rate_hz=1.0)
 
 
@@ -150,46 +150,54 @@ KITTI = "1 0 0 0 0 1 0 0 0 0 1 0\n"
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.tum", "", r"a\.tum: empty: want at least one line of numbers"),
+        ("a.tum", "", r"a\.tum: empty: expected at least one line of numbers"),
         ("a.csv", "# only this\n\n", r"a\.csv: empty"),
         ("a.csv", "t_s,x_m,y_m\n", r"a\.csv: only a header"),
         ("a.tum", b"\x89PNG\r\n\x1a\n\0\0", r"a\.tum: not a text file"),
         ("a.txt", b"0 0 0\0 0 0 0 0 1", r"a\.txt: not a text file"),
         ("a.tum", b"\xff\xfe0\x000\x00", r"a\.tum: not a text file"),
-        ("a.tum", GOOD + "1 x 0 0 0 0 0 1", r"a\.tum:2: x = 'x': want a number"),
-        ("a.tum", GOOD + "1 1_0 0 0 0 0 0 1", r"a\.tum:2: x = '1_0': want a number"),
-        ("a.tum", GOOD + "1 ١ 0 0 0 0 0 1", r"a\.tum:2: x = '١': want a number"),
-        ("a.tum", GOOD + "1 0 nan 0 0 0 0 1", r"a\.tum:2: y = nan: want a finite number"),
-        ("a.tum", GOOD + "1 0 0 -inf 0 0 0 1", r"a\.tum:2: z = -inf: want a finite number"),
-        ("a.tum", GOOD + "1 0 0 1e999 0 0 0 1", r"a\.tum:2: z = 1e999: want less than 1e\+20"),
-        ("a.tum", GOOD + "1 0 0 1e16 0 0 0 1", r"a\.tum:2: position .*: want less than 1e\+15 m"),
-        ("a.tum", GOOD + "1 0 0 0 0 0 1", r"a\.tum:2: 7 columns: want 8: t x y z qx qy qz qw"),
+        ("a.tum", GOOD + "1 x 0 0 0 0 0 1", r"a\.tum:2: x = 'x': expected a number"),
+        ("a.tum", GOOD + "1 1_0 0 0 0 0 0 1", r"a\.tum:2: x = '1_0': expected a number"),
+        ("a.tum", GOOD + "1 ١ 0 0 0 0 0 1", r"a\.tum:2: x = '١': expected a number"),
+        ("a.tum", GOOD + "1 0 nan 0 0 0 0 1", r"a\.tum:2: y = nan: expected a finite number"),
+        ("a.tum", GOOD + "1 0 0 -inf 0 0 0 1", r"a\.tum:2: z = -inf: expected a finite number"),
+        ("a.tum", GOOD + "1 0 0 1e999 0 0 0 1", r"a\.tum:2: z = 1e999: expected less than 1e\+20"),
+        (
+            "a.tum",
+            GOOD + "1 0 0 1e16 0 0 0 1",
+            r"a\.tum:2: position .*: expected less than 1e\+15 m",
+        ),
+        ("a.tum", GOOD + "1 0 0 0 0 0 1", r"a\.tum:2: 7 columns: expected 8: t x y z qx qy qz qw"),
         ("a.tum", GOOD + "0 0 0 0 0 0 0 1", r"a\.tum:2: time 0 s repeats 0 s of line 1"),
         ("a.tum", GOOD + "-1 0 0 0 0 0 0 1", r"a\.tum:2: time -1 s is before 0 s of line 1"),
-        ("a.tum", "1e13 0 0 0 0 0 0 1", r"a\.tum:1: time 1e\+13 s: want less than 1e\+12 s"),
-        ("a.tum", "0 0 0 0 0 0 0 1.002", r"a\.tum:1: quaternion of length 1\.002: want 1"),
-        ("a.tum", "0 0 0 0 0 0 0 0", r"a\.tum:1: quaternion of length 0: want 1"),
-        ("a.tum", "0 0 0 0 1e19 0 0 0", r"a\.tum:1: quaternion of length 1e\+19: want 1"),
-        ("a.kitti", GOOD, r"a\.kitti:1: 8 columns: want 12: x0 y0 z0 t0 x1"),
+        ("a.tum", "1e13 0 0 0 0 0 0 1", r"a\.tum:1: time 1e\+13 s: expected less than 1e\+12 s"),
+        ("a.tum", "0 0 0 0 0 0 0 1.002", r"a\.tum:1: quaternion of length 1\.002: expected 1"),
+        ("a.tum", "0 0 0 0 0 0 0 0", r"a\.tum:1: quaternion of length 0: expected 1"),
+        ("a.tum", "0 0 0 0 1e19 0 0 0", r"a\.tum:1: quaternion of length 1e\+19: expected 1"),
+        ("a.kitti", GOOD, r"a\.kitti:1: 8 columns: expected 12: x0 y0 z0 t0 x1"),
         ("a.kitti", KITTI + KITTI.replace("1", "2"), r"a\.kitti:2: the matrix scales, shears"),
-        ("a.kitti", "-" + KITTI, r"a\.kitti:1: the matrix scales, shears or mirrors: want a rot"),
+        (
+            "a.kitti",
+            "-" + KITTI,
+            r"a\.kitti:1: the matrix scales, shears or mirrors: expected a rot",
+        ),
         ("a.kitti", KITTI.replace("1", "1e18"), r"a\.kitti:1: the matrix scales"),
         ("a.csv", EUROC + EUROC, r"a\.csv:2: time 0 ns repeats 0 ns of line 1"),
         ("a.csv", "5" + EUROC + EUROC, r"a\.csv:2: time 0 ns is before 50 ns of line 1"),
-        ("a.csv", "1.5" + EUROC, r"a\.csv:1: timestamp = 1\.50: want whole nanoseconds"),
-        ("a.csv", "-1" + EUROC, r"a\.csv:1: timestamp = -10: want whole nanoseconds"),
-        ("a.csv", EUROC + "1,2,3\n", r"a\.csv:2: 3 columns: want 17: timestamp p_x"),
+        ("a.csv", "1.5" + EUROC, r"a\.csv:1: timestamp = 1\.50: expected whole nanoseconds"),
+        ("a.csv", "-1" + EUROC, r"a\.csv:1: timestamp = -10: expected whole nanoseconds"),
+        ("a.csv", EUROC + "1,2,3\n", r"a\.csv:2: 3 columns: expected 17: timestamp p_x"),
         ("a.csv", "t_s,x_m,y_m\n0,0,0\n0,0,0\n", r"a\.csv:3: time 0 s repeats 0 s of line 2"),
-        ("a.csv", "t_s,x_m,y_m\n0,0\n", r"a\.csv:2: 2 columns: want 3: t_s x_m y_m"),
-        ("a.csv", "t_s,x_m\n0,0\n", r"a\.csv:1: no column 'y_m': want x_m and y_m at least"),
+        ("a.csv", "t_s,x_m,y_m\n0,0\n", r"a\.csv:2: 2 columns: expected 3: t_s x_m y_m"),
+        ("a.csv", "t_s,x_m\n0,0\n", r"a\.csv:1: no column 'y_m': expected x_m and y_m at least"),
         ("a.csv", "x_m,y_m,x_m\n0,0,0\n", r"a\.csv:1: column 'x_m' is there twice"),
         ("a.csv", "x_m,y_m,yaw\n0,0,0\n", r"a\.csv:1: column 'yaw': did you mean 'yaw_deg'\?"),
         ("a.csv", "x_m,y_m,!\n0,0,0\n", r"a\.csv:1: column '!': expected one of t_s, x_m, y_m"),
-        ("a.csv", "x_m,y_m\n0,\n", r"a\.csv:2: y_m = '': want a number"),
-        ("a.csv", "a;b\n", r"a\.csv:1: 1 column between blanks, first 'a;b': want 8 .*TUM"),
-        ("a.csv", GOOD, r"a\.csv:1: 8 columns between blanks, first '0': want 8"),
-        ("a.txt", "1 2 3\n", r"a\.txt:1: 3 columns between blanks, first '1': want 8 columns"),
-        ("a.txt", "0,0,0\n", r"a\.txt:1: 3 columns between commas, first '0': want"),
+        ("a.csv", "x_m,y_m\n0,\n", r"a\.csv:2: y_m = '': expected a number"),
+        ("a.csv", "a;b\n", r"a\.csv:1: 1 column between blanks, first 'a;b': expected 8 .*TUM"),
+        ("a.csv", GOOD, r"a\.csv:1: 8 columns between blanks, first '0': expected 8"),
+        ("a.txt", "1 2 3\n", r"a\.txt:1: 3 columns between blanks, first '1': expected 8 columns"),
+        ("a.txt", "0,0,0\n", r"a\.txt:1: 3 columns between commas, first '0': expected"),
         ("a.bvh", "HIERARCHY\nROOT Hips\n", r"a\.bvh:1: 1 column between blanks, first 'HIERA"),
         ("a.txt", "x" * 9999, r"a\.txt:1: 1 column between blanks, first 'x{40}…'"),
     ],
@@ -209,9 +217,11 @@ def test_file_that_is_not_there(tmp_path):
 
 
 def test_format_must_be_known(tmp_path):
-    with pytest.raises(TrajectoryError, match=r"suffix '\.txt' names no format: want \.tum"):
+    with pytest.raises(TrajectoryError, match=r"suffix '\.txt' names no format: expected \.tum"):
         write_trajectory(tmp_path / "a.txt", _trajectory(2))
-    with pytest.raises(TrajectoryError, match="format 'tumm': want one of tum, kitti, euroc, csv"):
+    with pytest.raises(
+        TrajectoryError, match="format 'tumm': expected one of tum, kitti, euroc, csv"
+    ):
         write_trajectory(tmp_path / "a.txt", _trajectory(2), "tumm")
     with pytest.raises(TrajectoryError, match="format 'tumm'"):
         read_trajectory(_write(tmp_path, "a.txt", GOOD), format_name="tumm")

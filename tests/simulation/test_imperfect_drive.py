@@ -9,7 +9,6 @@ import pytest
 from omnisim.errors import RunError
 from omnisim.image_files import read_image
 from omnisim.robot import Trajectory
-from omnisim.robot.interpolation import pose_at
 from omnisim.scene import load_scene
 from omnisim.sensors.degradations import Shutter, preset
 from omnisim.simulation.drive import Drive
@@ -120,8 +119,8 @@ def test_an_exposure_longer_than_a_step_is_refused(scene, vehicle):
 
 def test_poses_between_those_of_a_trajectory():
     path = Trajectory.on_ground([1.0, 2.0, 4.0], [[0, 0], [2, 0], [2, 0]], [0.0, 0.0, np.pi / 2])
-    np.testing.assert_allclose(pose_at(path, 1.25)[:3, 3], (0.5, 0.0, 0.0))
-    turned = pose_at(path, 3.0)
+    np.testing.assert_allclose(path.pose_at(1.25)[:3, 3], (0.5, 0.0, 0.0))
+    turned = path.pose_at(3.0)
     np.testing.assert_allclose(turned[:2, 0], (np.sqrt(0.5), np.sqrt(0.5)))
     for time_s, step in ((-5.0, 0), (1.0, 0), (2.0, 1), (4.0, 2), (9.0, 2)):
-        np.testing.assert_array_equal(pose_at(path, time_s), path.world_from_base[step])
+        np.testing.assert_array_equal(path.pose_at(time_s), path.world_from_base[step])

@@ -82,12 +82,12 @@ def test_ground_of_waypoints(scene, vehicle):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"step_m": 0.0}, "step 0 m: want more than 0"),
-        ({"step_m": math.nan}, "step nan m: want more than 0"),
-        ({"step_deg": 120.0}, "turn step 120°: want more than 0, at most 90"),
-        ({"rate_hz": math.nan}, "rate nan Hz: want a finite number above 0"),
-        ({"rate_hz": -1.0}, "rate -1 Hz: want a finite number above 0"),
-        ({"ground_m": math.nan}, "ground nan m: want a finite number"),
+        ({"step_m": 0.0}, "step 0 m: expected more than 0"),
+        ({"step_m": math.nan}, "step nan m: expected more than 0"),
+        ({"step_deg": 120.0}, "turn step 120°: expected more than 0, at most 90"),
+        ({"rate_hz": math.nan}, "rate nan Hz: expected a finite number above 0"),
+        ({"rate_hz": -1.0}, "rate -1 Hz: expected a finite number above 0"),
+        ({"ground_m": math.nan}, "ground nan m: expected a finite number"),
     ],
 )
 @pytest.mark.parametrize("path", ["corner", "a.tum"])
@@ -110,7 +110,9 @@ def test_a_file_without_a_suffix(scene, vehicle, tmp_path, monkeypatch):
 
 def test_poses_have_heights_of_their_own(scene, vehicle, tmp_path):
     (tmp_path / "my.csv").write_text("x_m,y_m,yaw_deg\n0,0,0\n0.1,0,0\n")
-    with pytest.raises(TrajectoryError, match=r"my\.csv: has poses.*want no --ground"):
+    with pytest.raises(
+        TrajectoryError, match=r"my\.csv: expected waypoints with --ground, got poses"
+    ):
         _drive(scene, vehicle, tmp_path / "my.csv", ground_m=0.2)
 
 
@@ -153,7 +155,7 @@ def test_bad_files_are_named(scene, vehicle, tmp_path, text, words):
 
 def test_times_and_a_rate_are_one_too_many(scene, vehicle, tmp_path):
     (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n1,0.5,0\n")
-    with pytest.raises(TrajectoryError, match=r"my\.csv: has times of its own: want no rate"):
+    with pytest.raises(TrajectoryError, match=r"my\.csv: has times of its own: expected no rate"):
         _drive(scene, vehicle, tmp_path / "my.csv", rate_hz=2.0)
 
 

@@ -35,7 +35,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 17 columns, with a header or without.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted.
+        TrajectoryError: naming file, line, what was found and expected.
     """
     if not is_number(table.lines[0].cells[0]):
         table = table.without_header()
@@ -49,7 +49,7 @@ def read(table: TextTable) -> ParsedTrajectory:
 
 def _stamp(table: TextTable, line: Line) -> int:
     if not STAMP.fullmatch(line.cells[0]):
-        raise table.fault(line, f"timestamp = {quote(line.cells[0])}: want whole nanoseconds")
+        raise table.fault(line, f"timestamp = {quote(line.cells[0])}: expected whole nanoseconds")
     return int(line.cells[0])
 
 

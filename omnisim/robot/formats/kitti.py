@@ -23,7 +23,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 12 columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted.
+        TrajectoryError: naming file, line, what was found and expected.
     """
     matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
     return parsed_trajectory(

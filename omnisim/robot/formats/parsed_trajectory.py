@@ -49,14 +49,14 @@ class ParsedTrajectory:
         if rate_hz is None:
             if self.times_s is None:
                 raise TrajectoryError(
-                    f"{self.source}: has no times: want a rate in Hz, or a robot that drives it"
+                    f"{self.source}: has no times: expected a rate in Hz, or a robot that drives it"
                 )
             return Trajectory(self.times_s, self.world_from_base)
         if self.times_s is not None:
-            raise TrajectoryError(f"{self.source}: has times of its own: want no rate")
+            raise TrajectoryError(f"{self.source}: has times of its own: expected no rate")
         count = len(self.world_from_base)
         if not (math.isfinite(rate_hz) and rate_hz > 0.0 and count < LARGEST_S * rate_hz):
-            raise TrajectoryError(f"rate {rate_hz:g} Hz: want a finite number above 0")
+            raise TrajectoryError(f"rate {rate_hz:g} Hz: expected a finite number above 0")
         return Trajectory(np.arange(count) / rate_hz, self.world_from_base)
 
 
@@ -80,7 +80,7 @@ def parsed_trajectory(
     _refuse(
         table,
         np.all(np.abs(positions_m) < LARGEST_M, axis=1),
-        lambda k: f"position {positions_m[k].tolist()}: want less than {LARGEST_M:g} m",
+        lambda k: f"position {positions_m[k].tolist()}: expected less than {LARGEST_M:g} m",
     )
     poses = pose_from_rotation(rotations, positions_m)
     return ParsedTrajectory(
@@ -96,7 +96,7 @@ def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.flo
     """
     for line, time in zip(table.lines, times_s, strict=True):
         if abs(time) >= LARGEST_S:
-            raise table.fault(line, f"time {time:g} s: want less than {LARGEST_S:g} s")
+            raise table.fault(line, f"time {time:g} s: expected less than {LARGEST_S:g} s")
     table.check_times(times_s, [f"{time:.9g} s" for time in times_s])
     return times_s
 
@@ -111,7 +111,7 @@ def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.
     _refuse(
         table,
         np.abs(lengths - 1.0) <= ROUNDING,
-        lambda k: f"quaternion of length {lengths[k]:.6g}: want 1 (within {ROUNDING:g})",
+        lambda k: f"quaternion of length {lengths[k]:.6g}: expected 1 (within {ROUNDING:g})",
     )
     return rotation_from_quaternion(xyzw)
 
@@ -125,7 +125,9 @@ def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[n
     _refuse(
         table,
         is_rotation(matrices, ROUNDING),
-        lambda k: f"the matrix scales, shears or mirrors: want a rotation (within {ROUNDING:g})",
+        lambda k: (
+            f"the matrix scales, shears or mirrors: expected a rotation (within {ROUNDING:g})"
+        ),
     )
     return nearest_rotation(matrices)
 

@@ -25,7 +25,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table whose first line names its columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted.
+        TrajectoryError: naming file, line, what was found and expected.
     """
     names = _header(table)
     table = table.without_header()
@@ -48,10 +48,10 @@ def _header(table: TextTable) -> list[str]:
             hint = did_you_mean(name, COLUMNS)
             raise table.fault(line, f"column {quote(name)!r}: {hint}")
         if name in line.cells[:k]:
-            raise table.fault(line, f"column {name!r} is there twice: want it once")
+            raise table.fault(line, f"column {name!r} is there twice: expected it once")
     missing = [name for name in ("x_m", "y_m") if name not in line.cells]
     if missing:
-        raise table.fault(line, f"no column {missing[0]!r}: want x_m and y_m at least")
+        raise table.fault(line, f"no column {missing[0]!r}: expected x_m and y_m at least")
     return line.cells
 
 

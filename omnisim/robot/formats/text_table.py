@@ -1,4 +1,4 @@
-"""Files of numbers in lines, with errors that name file, line, what was found and wanted."""
+"""Files of numbers in lines, with errors that name file, line, what was found and expected."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class TextTable:
         """
         if len(self.lines) == 1:
             raise TrajectoryError(
-                f"{self.source}: only a header: want at least one line of numbers"
+                f"{self.source}: only a header: expected at least one line of numbers"
             )
         return replace(self, lines=self.lines[1:])
 
@@ -75,7 +75,7 @@ class TextTable:
             raise self.fault(
                 line,
                 f"{len(line.cells)} column{'s' if len(line.cells) > 1 else ''}: "
-                f"want {len(names)}: {' '.join(names)}",
+                f"expected {len(names)}: {' '.join(names)}",
             )
 
     def _number(self, line: Line, name: str, cell: str) -> float:
@@ -83,10 +83,10 @@ class TextTable:
             value = float(cell)
             if abs(value) < LARGEST:
                 return value
-            raise self.fault(line, f"{name} = {quote(cell)}: want less than {LARGEST:g}")
+            raise self.fault(line, f"{name} = {quote(cell)}: expected less than {LARGEST:g}")
         if NOT_FINITE.fullmatch(cell):
-            raise self.fault(line, f"{name} = {cell}: want a finite number")
-        raise self.fault(line, f"{name} = {quote(cell)!r}: want a number")
+            raise self.fault(line, f"{name} = {cell}: expected a finite number")
+        raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
     def check_times(self, times_s: NDArray[np.float64], printed: list[str]) -> None:
         """Refuse times (lines,) that do not increase; `printed` is how the file has them."""
@@ -97,7 +97,7 @@ class TextTable:
             raise self.fault(
                 self.lines[k + 1],
                 f"time {printed[k + 1]} {words} {printed[k]} of line {self.lines[k].number}: "
-                "want times that increase",
+                "expected times that increase",
             )
 
 
@@ -114,11 +114,11 @@ def read_text_table(path: Path) -> TextTable:
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
-        raise TrajectoryError(f"{path}: not a text file: want lines of numbers")
+        raise TrajectoryError(f"{path}: not a text file: expected lines of numbers")
     numbered = [(k, line.strip()) for k, line in enumerate(text.split("\n"), start=1)]
     kept = [(k, line) for k, line in numbered if line and not line.startswith("#")]
     if not kept:
-        raise TrajectoryError(f"{path}: empty: want at least one line of numbers")
+        raise TrajectoryError(f"{path}: empty: expected at least one line of numbers")
     separator = "," if "," in kept[0][1] else None
     lines = [Line(k, [cell.strip() for cell in line.split(separator)]) for k, line in kept]
     return TextTable(str(path), lines, separator)

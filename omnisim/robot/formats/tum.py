@@ -26,7 +26,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 8 columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and what was wanted.
+        TrajectoryError: naming file, line, what was found and expected.
     """
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])

@@ -60,7 +60,7 @@ def read_ini(path: Path) -> dict[str, Section]:
     """Read the sections of a file, by their names in lower case.
 
     Raises:
-        RobotFileError: naming file, line, what was found and what was wanted.
+        RobotFileError: naming file, line, what was found and expected.
     """
     found: dict[str, tuple[str, int, list[Entry]]] = {}
     entries: list[Entry] | None = None
@@ -76,9 +76,9 @@ def read_ini(path: Path) -> dict[str, Section]:
             entries.append(Entry(entry[1].lstrip("+."), entry[2], path, number))
         else:
             wanted = "[section]" if entries is None else "[section] or key=value"
-            raise RobotFileError(f"{path}:{number}: {quote(content)!r}: want {wanted}")
+            raise RobotFileError(f"{path}:{number}: {quote(content)!r}: expected {wanted}")
     if not found:
-        raise RobotFileError(f"{path}:1: nothing in it: want a USARBot.ini with [sections]")
+        raise RobotFileError(f"{path}:1: nothing in it: expected a USARBot.ini with [sections]")
     return {
         key: Section(name, line, tuple(entries)) for key, (name, line, entries) in found.items()
     }
@@ -88,7 +88,7 @@ def parse_struct(entry: Entry) -> Struct:
     """The value in parentheses of an entry.
 
     Raises:
-        RobotFileError: naming file, line, what was found and what was wanted.
+        RobotFileError: naming file, line, what was found and expected.
     """
     return _Reader(entry).whole()
 
@@ -109,7 +109,7 @@ def _text(path: Path) -> str:
     odd = _CONTROL.search(text)
     if odd:
         number = text.count("\n", 0, odd.start()) + 1
-        raise RobotFileError(f"{path}:{number}: not a text file: want a USARBot.ini")
+        raise RobotFileError(f"{path}:{number}: not a text file: expected a USARBot.ini")
     return text
 
 
@@ -121,7 +121,7 @@ class _Reader:
 
     def whole(self) -> Struct:
         if self._next() != "(":
-            raise self._entry.fault(f"{self._entry.key}={quote(self._text)}: want (...)")
+            raise self._entry.fault(f"{self._entry.key}={quote(self._text)}: expected (...)")
         struct = self._struct(1)
         rest = self._text[self._at :].strip()
         if rest and not rest.startswith(COMMENTS):
@@ -153,14 +153,14 @@ class _Reader:
             else:
                 name, value = self._pair(depth)
                 if name.lower() in struct:
-                    raise self._entry.fault(f"{self._entry.key}: {name} twice: want it once")
+                    raise self._entry.fault(f"{self._entry.key}: {name} twice: expected it once")
                 struct[name.lower()] = (name, value)
 
     def _pair(self, depth: int) -> tuple[str, Value]:
         found = re.compile(r"([A-Za-z_][\w()\[\]]*)\s*=").match(self._text, self._at)
         if found is None:
             rest = quote(self._text[self._at :])
-            raise self._entry.fault(f"{self._entry.key}: {rest!r}: want name=value")
+            raise self._entry.fault(f"{self._entry.key}: {rest!r}: expected name=value")
         self._at = found.end()
         if self._next() == "(":
             return found[1], self._struct(depth + 1)

@@ -90,7 +90,7 @@ def read_part(entry: Entry, units: Units) -> Part:
     """The part of an entry.
 
     Raises:
-        RobotFileError: naming file, line, what was found and what was wanted.
+        RobotFileError: naming file, line, what was found and expected.
     """
     struct = parse_struct(entry)
     class_name = _word(entry, struct, "ItemClass")
@@ -125,7 +125,7 @@ def number(entry: Entry, name: str, value: Value) -> float:
         found = math.nan
     if not math.isfinite(found):
         shown = quote(value) if isinstance(value, str) else "(...)"
-        raise entry.fault(f"{name} = {shown}: want a finite number")
+        raise entry.fault(f"{name} = {shown}: expected a finite number")
     return found
 
 
@@ -147,12 +147,12 @@ def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
     found = number(entry, name, value)
     if units.are_unreal and found != round(found):
         raise entry.fault(
-            f"{name} = {found:g}: want whole numbers, 65536 to a turn; "
+            f"{name} = {found:g}: expected whole numbers, 65536 to a turn; "
             "radians are read without --unreal-units"
         )
     if not units.are_unreal and abs(found) > 2.0 * math.pi + 0.01:
         raise entry.fault(
-            f"{name} = {found:g}: want radians, at most a turn; "
+            f"{name} = {found:g}: expected radians, at most a turn; "
             "65536 to a turn are read with --unreal-units"
         )
     return found * units.radians
@@ -164,7 +164,7 @@ def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
         meters = length_m(entry, label, value, units)
         if abs(meters) > FARTHEST_M:
             hint = "" if units.are_unreal else "; 250 to a metre are read with --unreal-units"
-            raise entry.fault(f"{label} = {meters:g} m: want at most {FARTHEST_M:g} m{hint}")
+            raise entry.fault(f"{label} = {meters:g} m: expected at most {FARTHEST_M:g} m{hint}")
         place.append(meters)
     return place
 
@@ -178,13 +178,13 @@ def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
     """What X, Y and Z are called, and their values; what is not given is 0, as in the engine."""
     written, inner = struct.get(name.lower(), (name, {}))
     if isinstance(inner, str):
-        raise entry.fault(f"{written}={quote(inner)}: want {name}=(X=,Y=,Z=)")
+        raise entry.fault(f"{written}={quote(inner)}: expected {name}=(X=,Y=,Z=)")
     named = {"roll": "x", "pitch": "y", "yaw": "z"} if name == "Direction" else {}
     found: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
     for key, (label, value) in inner.items():
         axis = named.get(key, key)
         if axis not in found:
-            raise entry.fault(f"{written}: {label}: want X, Y and Z")
+            raise entry.fault(f"{written}: {label}: expected X, Y and Z")
         found[axis] = (f"{written} {label}", value)
     return list(found.values())
 
@@ -193,7 +193,7 @@ def _word(entry: Entry, struct: Struct, name: str) -> str:
     value = struct.get(name.lower(), (name, ""))[1]
     word = _bare(value) if isinstance(value, str) else ""
     if not word:
-        raise entry.fault(f"{entry.key}: no {name}: want {name}=...")
+        raise entry.fault(f"{entry.key}: no {name}: expected {name}=...")
     return word
 
 

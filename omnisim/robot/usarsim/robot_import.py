@@ -54,10 +54,10 @@ def import_robot(
         origin_height_m: of USARSim's origin of the robot above the ground.
 
     Raises:
-        RobotFileError: naming file, line, what was found and what was wanted.
+        RobotFileError: naming file, line, what was found and expected.
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
-        raise RobotFileError(f"origin height {origin_height_m:g} m: want a number up to 10")
+        raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
     sections = read_ini(path)
     section = _robot_section(path, sections, robot_class)
     units = UNREAL_UNITS if unreal_units else SI_UNITS
@@ -103,7 +103,7 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
     if len(robots) > 1:
         line = list(robots.values())[1].line
         raise RobotFileError(
-            f"{path}:{line}: a second robot: want --class with one of {', '.join(short)}"
+            f"{path}:{line}: a second robot: expected --class with one of {', '.join(short)}"
         )
     return next(iter(robots.values()))
 
@@ -177,6 +177,6 @@ def _check_names(sensors: list[Sensor]) -> None:
         if sensor.name in lines:
             raise sensor.entry.fault(
                 f"ItemName {sensor.name!r} again, as in line {lines[sensor.name]}: "
-                "want each name once"
+                "expected each name once"
             )
         lines[sensor.name] = sensor.entry.line

@@ -68,7 +68,7 @@ def find_scanner(part: Part, own: Section | None, units: Units, left_out: Notice
 def _check_above(entry: Entry, value: float, or_equal: bool) -> None:
     if value < 0.0 or (value == 0.0 and not or_equal):
         wanted = "0 or more" if or_equal else "more than 0"
-        raise entry.fault(f"{entry.key} = {quote(entry.value)}: want {wanted}")
+        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
 
 
 def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
@@ -77,9 +77,10 @@ def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
     if fov > TURN_RAD or fov / resolution >= 100_000.0:
         entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
         raise entry.fault(
-            f"{entry.key} = {quote(entry.value)}: want at most a turn, and fewer than 100000 beams"
+            f"{entry.key} = {quote(entry.value)}: expected at most a turn and "
+            "fewer than 100000 beams"
         )
     least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
     if not least < most:
         entry = settings["minrange"]
-        raise entry.fault(f"{entry.key} = {least:g} m: want less than MaxRange, {most:g} m")
+        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")

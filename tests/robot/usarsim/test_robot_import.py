@@ -214,7 +214,7 @@ def test_class_is_found_whatever_its_case():
 @pytest.mark.parametrize(
     ("wanted", "words"),
     [
-        (None, r":27: a second robot: want --class with one of OmniP2AT, P2DX$"),
+        (None, r":27: a second robot: expected --class with one of OmniP2AT, P2DX$"),
         ("P2DY", r":1: no robot of class 'P2DY'; did you mean 'P2DX'\?$"),
         ("Zzz", r":1: no robot of class 'Zzz'; it has OmniP2AT, P2DX$"),
         ("SICKLMS", r":30: \[USARBot\.SICKLMS\] has no Sensors= line$"),
@@ -234,23 +234,39 @@ SECTION = "[USARBot.SICKLMS]\n"
         (["Weight=1"], "", r":1: no section of it has a Sensors= line$"),
         ([part().rstrip(")")], "", r":2: Sensors: a parenthesis is not closed$"),
         (["JointParts=(A=1", part()], "", r":2: JointParts: a parenthesis is not closed$"),
-        (["Sensors=1"], "", r":2: Sensors=1: want \(\.\.\.\)$"),
-        (['Sensors=(ItemName="a")'], "", r":2: Sensors: no ItemClass: want ItemClass=\.\.\.$"),
-        (["Sensors=(ItemClass=class'a.b')"], "", r":2: Sensors: no ItemName: want ItemName="),
-        ([part(), part()], "", r":3: ItemName 'n' again, as in line 2: want each name once$"),
-        ([part(place="X=a")], "", r":2: Position X = a: want a finite number$"),
-        ([part(place="X=nan")], "", r":2: Position X = nan: want a finite number$"),
-        ([part(place="X=(Y=1)")], "", r":2: Position X = \(\.\.\.\): want a finite number$"),
-        ([part(place="W=1")], "", r":2: Position: W: want X, Y and Z$"),
-        ([part(more=",Parent=1").replace("(X=0,Y=0,Z=0)", "0")], "", r":2: Position=0: want Posi"),
-        ([part(place="X=40")], "", r"Position X = 40 m: want at most 10 m; 250 .* --unreal-units$"),
-        ([part(turn="Z=16384")], "", r"Direction Z = 16384: want radians, .* --unreal-units$"),
-        ([part()], SECTION + "ScanFov=32768", r":4: ScanFov = 32768: want radians, at most"),
-        ([part()], SECTION + "ScanFov=-1", r":4: ScanFov = -1: want more than 0$"),
-        ([part()], SECTION + "Noise=-1", r":4: Noise = -1: want 0 or more$"),
-        ([part()], SECTION + "Resolution=1e-9", r":4: Resolution = 1e-9: want at most a turn, and"),
-        ([part()], SECTION + "MinRange=30", r":4: MinRange = 30 m: want less than MaxRange, 20 m$"),
-        ([part()], SECTION + "MaxRange=far", r":4: MaxRange = far: want a finite number$"),
+        (["Sensors=1"], "", r":2: Sensors=1: expected \(\.\.\.\)$"),
+        (['Sensors=(ItemName="a")'], "", r":2: Sensors: no ItemClass: expected ItemClass=\.\.\.$"),
+        (["Sensors=(ItemClass=class'a.b')"], "", r":2: Sensors: no ItemName: expected ItemName="),
+        ([part(), part()], "", r":3: ItemName 'n' again, as in line 2: expected each name once$"),
+        ([part(place="X=a")], "", r":2: Position X = a: expected a finite number$"),
+        ([part(place="X=nan")], "", r":2: Position X = nan: expected a finite number$"),
+        ([part(place="X=(Y=1)")], "", r":2: Position X = \(\.\.\.\): expected a finite number$"),
+        ([part(place="W=1")], "", r":2: Position: W: expected X, Y and Z$"),
+        (
+            [part(more=",Parent=1").replace("(X=0,Y=0,Z=0)", "0")],
+            "",
+            r":2: Position=0: expected Posi",
+        ),
+        (
+            [part(place="X=40")],
+            "",
+            r"Position X = 40 m: expected at most 10 m; 250 .* --unreal-units$",
+        ),
+        ([part(turn="Z=16384")], "", r"Direction Z = 16384: expected radians, .* --unreal-units$"),
+        ([part()], SECTION + "ScanFov=32768", r":4: ScanFov = 32768: expected radians, at most"),
+        ([part()], SECTION + "ScanFov=-1", r":4: ScanFov = -1: expected more than 0$"),
+        ([part()], SECTION + "Noise=-1", r":4: Noise = -1: expected 0 or more$"),
+        (
+            [part()],
+            SECTION + "Resolution=1e-9",
+            r":4: Resolution = 1e-9: expected at most a turn and",
+        ),
+        (
+            [part()],
+            SECTION + "MinRange=30",
+            r":4: MinRange = 30 m: expected less than MaxRange, 20 m$",
+        ),
+        ([part()], SECTION + "MaxRange=far", r":4: MaxRange = far: expected a finite number$"),
     ],
 )
 def test_broken_input(of, tmp_path, lines, after, words):
@@ -261,7 +277,9 @@ def test_broken_input(of, tmp_path, lines, after, words):
 
 
 def test_units_that_cannot_be_the_engines(of):
-    with pytest.raises(RobotFileError, match=r"Direction Z = 1\.57: want whole numbers, 65536 to"):
+    with pytest.raises(
+        RobotFileError, match=r"Direction Z = 1\.57: expected whole numbers, 65536 to"
+    ):
         of(part(turn="Z=1.57"), unreal_units=True)
-    with pytest.raises(RobotFileError, match="origin height nan m: want a number up to 10"):
+    with pytest.raises(RobotFileError, match="origin height nan m: expected a number up to 10"):
         of(part(), origin_height_m=math.nan)

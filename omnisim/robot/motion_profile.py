@@ -99,7 +99,7 @@ def drive_in_steps(
     """
     for name, value, most in (("step_m", step_m, math.inf), ("step_rad", step_rad, math.pi / 2.0)):
         if not 0.0 < value <= most:
-            raise TrajectoryError(f"{name} = {value:g}: want more than 0, at most {most:.6g}")
+            raise TrajectoryError(f"{name} = {value:g}: expected more than 0, at most {most:.6g}")
     segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
     counts = [
         _count(segment.amount / (step_m if segment.move_m != (0.0, 0.0) else step_rad))
@@ -129,7 +129,7 @@ def drive_with_period(
         TrajectoryError: waypoints or a period that make no sense, or too many poses.
     """
     if not 0.0 < period_s < math.inf:
-        raise TrajectoryError(f"period_s = {period_s:g}: want a finite number above 0")
+        raise TrajectoryError(f"period_s = {period_s:g}: expected a finite number above 0")
     segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
     counts = [_count(segment.duration_s / period_s) for segment in segments]
     return _sampled(segments, counts, period_s)
@@ -143,7 +143,7 @@ def _segments(
     headings = np.arctan2(legs[:, 1], legs[:, 0])
     yaw = float(headings[0]) if start_yaw_rad is None else start_yaw_rad
     if not math.isfinite(yaw):
-        raise TrajectoryError(f"start_yaw_rad = {yaw}: want a finite number")
+        raise TrajectoryError(f"start_yaw_rad = {yaw}: expected a finite number")
     turning = (kinematics.max_turn_rate_radps, kinematics.max_turn_acceleration_radps2)
     driving = (kinematics.max_speed_mps, kinematics.max_acceleration_mps2)
     for point, leg, heading in zip(points, legs, headings.tolist(), strict=False):
@@ -160,7 +160,7 @@ def _segments(
 def _count(steps: float) -> int:
     """Whole steps; 5.4 m at 0.1 m are 54, whatever the rounding."""
     if steps > MOST_POSES:
-        raise TrajectoryError(f"{steps:.3g} steps: want at most {MOST_POSES}: make them longer")
+        raise TrajectoryError(f"{steps:.3g} steps: expected at most {MOST_POSES}: make them longer")
     return max(1, math.ceil(steps - 1e-9))
 
 
@@ -172,7 +172,9 @@ def _sampled(
     The steps are equal in time where a period is given, and else equally long.
     """
     if sum(counts) > MOST_POSES:
-        raise TrajectoryError(f"{sum(counts)} steps: want at most {MOST_POSES}: make them longer")
+        raise TrajectoryError(
+            f"{sum(counts)} steps: expected at most {MOST_POSES}: make them longer"
+        )
     times, poses, start_s = [np.zeros(1)], [np.array([segments[0].start])], 0.0
     for segment, count in zip(segments, counts, strict=True):
         shares = np.arange(1, count + 1) / count

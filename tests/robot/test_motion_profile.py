@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot.drive_plan import drive_in_steps, drive_with_period
-from omnisim.robot.kinematics import Kinematics, find_excess, steps_between
+from omnisim.robot.kinematics import Kinematics, find_violation, steps_between
+from omnisim.robot.motion_profile import drive_in_steps, drive_with_period
 from omnisim.robot.robot_file import load_robot
 from omnisim.robot.waypoints import check_waypoints, lap_and_diagonal
 
@@ -31,7 +31,7 @@ def test_paper_lap(robot, clockwise):
     assert 80 <= departure + 1 <= 85  # the paper's diagonal: steps 84 to 100
     turns = steps_between(lap.world_from_base).turns_rad[:departure]
     assert np.all(turns * (-1.0 if clockwise else 1.0) > -1e-12)
-    assert find_excess(lap, robot.kinematics) is None
+    assert find_violation(lap, robot.kinematics) is None
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
@@ -98,7 +98,7 @@ def test_any_path_is_within_the_limits_and_through_its_waypoints(seed):
     period_s = in_steps.duration_s / rng.uniform(20, 200)
     with_period = drive_with_period(points, robot, period_s)
     for plan in (in_steps, with_period):
-        assert find_excess(plan, robot) is None
+        assert find_violation(plan, robot) is None
         for point in points:
             gaps = np.linalg.norm(plan.positions_m[:, :2] - point, axis=1)
             assert np.min(gaps) < 1e-9 * (1 + np.max(np.abs(points)))
@@ -121,13 +121,13 @@ def test_whole_steps_whatever_the_rounding():
 @pytest.mark.parametrize(
     ("points", "words"),
     [
-        ([(0, 0)], r"shape \(1, 2\): want \(n, 2\), n ≥ 2"),
+        ([(0, 0)], r"shape \(1, 2\): expected \(n, 2\), n ≥ 2"),
         ([(0, 0, 0), (1, 1, 1)], r"shape \(2, 3\)"),
         ([], r"shape \(0,\)"),
-        ("abc", r"want a list of \[x, y\] in metres"),
-        ([(0, 0), (1,)], r"want a list of \[x, y\] in metres"),
-        ([(0, 0), (math.nan, 0)], r"waypoint 1 \[nan, 0\.0\]: want finite numbers"),
-        ([(0, 0), (1e300, 0)], "waypoint 1 .*: want finite numbers"),
+        ("abc", r"expected a list of \[x, y\] in metres"),
+        ([(0, 0), (1,)], r"expected a list of \[x, y\] in metres"),
+        ([(0, 0), (math.nan, 0)], r"waypoint 1 \[nan, 0\.0\]: expected finite numbers"),
+        ([(0, 0), (1e300, 0)], "waypoint 1 .*: expected finite numbers"),
         ([(0, 0), (1, 0), (1, 0)], "waypoints 1 and 2 are the same"),
     ],
 )
@@ -145,19 +145,21 @@ def test_no_rectangle(opposite):
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan])
 def test_bad_steps(value):
     path = [(0, 0), (1, 0)]
-    with pytest.raises(TrajectoryError, match=r"step_m = .*: want more than 0"):
+    with pytest.raises(TrajectoryError, match=r"step_m = .*: expected more than 0"):
         drive_in_steps(path, ROBOT, value, 0.1)
-    with pytest.raises(TrajectoryError, match=r"step_rad = .*: want more than 0"):
+    with pytest.raises(TrajectoryError, match=r"step_rad = .*: expected more than 0"):
         drive_in_steps(path, ROBOT, 0.1, value)
-    with pytest.raises(TrajectoryError, match=r"period_s = .*: want a finite number above 0"):
+    with pytest.raises(TrajectoryError, match=r"period_s = .*: expected a finite number above 0"):
         drive_with_period(path, ROBOT, value)
 
 
 def test_other_bad_requests():
     path = [(0, 0), (1, 0)]
-    with pytest.raises(TrajectoryError, match=r"step_rad = 3: want more than 0, at most 1\.5708"):
+    with pytest.raises(
+        TrajectoryError, match=r"step_rad = 3: expected more than 0, at most 1\.5708"
+    ):
         drive_in_steps(path, ROBOT, 0.1, 3.0)
-    with pytest.raises(TrajectoryError, match=r"1e\+09 steps: want at most 1000000"):
+    with pytest.raises(TrajectoryError, match=r"1e\+09 steps: expected at most 1000000"):
         drive_in_steps(path, ROBOT, 1e-9, 0.1)
-    with pytest.raises(TrajectoryError, match=r"start_yaw_rad = nan: want a finite number"):
+    with pytest.raises(TrajectoryError, match=r"start_yaw_rad = nan: expected a finite number"):
         drive_in_steps(path, ROBOT, 0.1, 0.1, math.nan)
