@@ -1,8 +1,8 @@
-"""Camera models: which ray of the scene each pixel sees.
+"""Camera models: rays of the scene from pixels, and back.
 
-A model is three files with one stem: `cameras/<model>.py` (NumPy, float64, the reference),
-`shaders/camera/<model>.glsl` (the same function for the GPU) and an entry in
-`tests/camera_examples.py`, over which one contract test runs; and its name in `cameras/models.py`.
+A model is two files with one stem, `cameras/<model>.py` (NumPy, float64, the reference) and
+`shaders/camera/<model>.glsl` (the same function for the GPU); an entry in
+`tests/camera_examples.py`, over which one contract test runs; and its class in this file.
 Conventions, for all models:
 
 - Pixels are (u, v), u right and v down, (0, 0) at the centre of the top left one.
@@ -11,6 +11,9 @@ Conventions, for all models:
 - A pixel outside the domain, or a direction that the camera cannot see, has `valid` False and
   some finite value; that is data, not an error.
 """
+
+from collections.abc import Mapping
+from typing import Any
 
 from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.cylindrical import CylindricalCamera
@@ -26,15 +29,16 @@ from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.models import CAMERA_MODELS, camera_from_parameters
 from omnisim.cameras.ocamcalib import OcamcalibCamera
 from omnisim.cameras.orthographic import OrthographicCamera
 from omnisim.cameras.parabolic import ParabolicCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.planar import PlanarCamera
 from omnisim.cameras.radial_table import RadialTableCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
+from omnisim.errors import OpticsError
 
 __all__ = [
     "CAMERA_MODELS",
@@ -55,6 +59,7 @@ __all__ = [
     "OcamcalibCamera",
     "OrthographicCamera",
     "ParabolicCamera",
+    "ParametricCamera",
     "PerspectiveCamera",
     "Pixels",
     "PlanarCamera",
@@ -65,3 +70,42 @@ __all__ = [
     "camera_from_parameters",
     "pixel_grid",
 ]
+
+CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
+    model.model_name: model
+    for model in (
+        HyperbolicCamera,
+        PerspectiveCamera,
+        CylindricalCamera,
+        EquidistantCamera,
+        StereographicCamera,
+        EquisolidCamera,
+        OrthographicCamera,
+        KannalaBrandtCamera,
+        EucmCamera,
+        DoubleSphereCamera,
+        UnifiedCamera,
+        EquirectangularCamera,
+        FThetaCamera,
+        FThetaInverseCamera,
+        ParabolicCamera,
+        OcamcalibCamera,
+        RadialTableCamera,
+        GazeboCamera,
+        PlanarCamera,
+        EllipticCamera,
+    )
+}
+
+
+def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
+    """Camera that a camera's `parameters()` describes.
+
+    Raises:
+        OpticsError: naming the key, the expected value and its own.
+    """
+    model = parameters.get("model")
+    if not isinstance(model, str) or model not in CAMERA_MODELS:
+        names = ", ".join(CAMERA_MODELS)
+        raise OpticsError(f"camera: model: expected one of {names}, got {model!r}")
+    return MirroredCamera.of(CAMERA_MODELS[model].from_parameters(parameters), parameters)
