@@ -66,7 +66,7 @@ def test_render_with_all_options(omnisim, tmp_path):
         (["courtyard", "-o", "a.png", "--size", "0"], "size: expected at least 1, got 0"),
         (["courtyard", "-o", "a.png", "--at", "nan", "0", "0"], "expected three finite numbers"),
         (["courtyard", "-o", "a.png", "--yaw", "inf"], "expected finite numbers in degrees"),
-        (["courtyard", "-o", "a.png", "--up", "w"], "up axis 'w': expected x, y or z"),
+        (["courtyard", "-o", "a.png", "--up", "w"], "up axis: expected x, y or z, got 'w'"),
         (
             ["courtyard", "-o", "a.png", "--sensor", "bad.toml"],
             "bad.toml: mirror.k: expected a number ≥ 2, got 1",
