@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -33,16 +33,16 @@ class GroundTruth:
     Args:
         stage: its context is current, here and in `channels`.
         sensor: the camera.
-        hidden: names of the body's instances that it does not see.
-        albedo: whether plain colours will be asked for.
+        cameras: depth range and hidden instances count.
+        albedo: whether albedo will be asked for.
 
     Attributes:
-        labels: what the numbers of classes and instances mean.
-        has_albedo: whether plain colours can be had.
+        labels: names of classes and instances, by number.
+        has_albedo: as given.
     """
 
     def __init__(
-        self, stage: Stage, sensor: OmniCamera, hidden: Collection[str], albedo: bool = False
+        self, stage: Stage, sensor: OmniCamera, cameras: VirtualCameras, albedo: bool = False
     ):
         self._stage = stage
         self.has_albedo = albedo
@@ -51,7 +51,7 @@ class GroundTruth:
         visibility = VisibilityPass(
             stage.buffers,
             sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL),
-            VirtualCameras(sensor.near_m, sensor.far_m, hidden=frozenset(hidden)),
+            cameras,
             albedo,
         )
         self._ray_hits = RayHitPass(visibility, self._pixels)

@@ -35,24 +35,15 @@ class CameraPasses:
     Args:
         stage: its context is current, here and in all methods.
         sensor: the camera.
-        hidden: names of the body's instances that are not drawn.
-        unlit: whether to show plain base colours, without lights.
+        cameras: the virtual cameras.
         seed: of the camera's noise.
 
     Attributes:
-        cube: the virtual cameras.
+        cube: pass of the virtual cameras.
     """
 
-    def __init__(
-        self,
-        stage: Stage,
-        sensor: OmniCamera,
-        hidden: Collection[str],
-        unlit: bool,
-        seed: int | str,
-    ):
-        self._stage, self._sensor = stage, sensor
-        self._hidden, self._unlit = hidden, unlit
+    def __init__(self, stage: Stage, sensor: OmniCamera, cameras: VirtualCameras, seed: int | str):
+        self._stage, self._sensor, self._cameras = stage, sensor, cameras
         self._ground_truth: GroundTruth | None = None
         camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
         check_picture_size(stage.context, camera.width_px, camera.height_px)
@@ -82,21 +73,13 @@ class CameraPasses:
     def ground_truth(self, albedo: bool) -> GroundTruth:
         """Ground truth, able to render albedo if it is asked for."""
         if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
-            self._ground_truth = GroundTruth(self._stage, self._sensor, self._hidden, albedo)
+            self._ground_truth = GroundTruth(self._stage, self._sensor, self._cameras, albedo)
             self._stage.context.gc()
         return self._ground_truth
 
     def _cube_pass(self, plan: TilePlan) -> CubePass:
-        stage, sensor = self._stage, self._sensor
-        cameras = VirtualCameras(
-            sensor.near_m,
-            sensor.far_m,
-            sensor.samples,
-            self._unlit,
-            stage.scene.background,
-            frozenset(self._hidden),
-        )
-        return CubePass(stage.buffers, stage.surface_programs, plan, cameras)
+        stage = self._stage
+        return CubePass(stage.buffers, stage.surface_programs, plan, self._cameras)
 
 
 class Renderer(SensorRenderer[CameraPasses]):
@@ -135,7 +118,15 @@ class Renderer(SensorRenderer[CameraPasses]):
         self._last_poses: ScenePoses | None = None
 
         def make_passes(stage: Stage) -> CameraPasses:
-            return CameraPasses(stage, self.camera, frozenset(hidden), unlit, seed)
+            cameras = VirtualCameras(
+                self.camera.near_m,
+                self.camera.far_m,
+                self.camera.samples,
+                unlit,
+                stage.scene.background,
+                self.hidden,
+            )
+            return CameraPasses(stage, self.camera, cameras, seed)
 
         super().__init__(scene, body, hidden, device, make_passes)
 
