@@ -8,7 +8,7 @@ NO_LIGHT = Lighting(ambient=(1.0, 1.0, 1.0), lights=())
 
 
 def scene_of(meshes, materials=None, poses=None, lighting=NO_LIGHT, background=(0.0, 0.0, 0.0)):
-    """A scene of meshes, one instance each."""
+    """Scene of meshes, one instance each."""
     poses = [np.eye(4)] * len(meshes) if poses is None else poses
     return Scene(
         name="test",
@@ -30,7 +30,7 @@ def room_color(points):
 
 
 def room_hit(origin, directions):
-    """Where rays from inside the room meet its walls."""
+    """Hit points of rays from inside the room on its walls."""
     directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
     distances = (np.sign(directions) * ROOM_HALF_M - origin) / directions
     return origin + directions * distances.min(axis=-1, keepdims=True)

@@ -186,7 +186,7 @@ def _opacity(extra: dict[str, Any], default: float) -> float:
             return _share(1.0 - float(extra["tr"][-1]))
     except (TypeError, ValueError, IndexError):
         return default
-    # COLLADA's ways to say transparent contradict each other; nobody models the invisible
+    # COLLADA's ways to state transparency contradict each other; invisible surfaces are mistakes
     return default if default > 0.0 else 1.0
 
 

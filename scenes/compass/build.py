@@ -42,7 +42,7 @@ SIDES = (
 
 
 def main() -> None:
-    """Build the scene and say how big it became."""
+    """Build the scene and print its size."""
     materials = {side.name: textured(side.name, picture(side), lossless=True) for side in SIDES}
     stage = Stage("compass", materials, unlit=frozenset(materials))
     for side in SIDES:
@@ -64,7 +64,7 @@ def picture(side: Side) -> np.ndarray:
 def surface(side: Side) -> Patch:
     """The rectangle of a side, its front to the inside; walls are made for the north side.
 
-    Corners run from the picture's lower left one, counter-clockwise for somebody inside.
+    Corners run from the picture's lower left one, counter-clockwise as seen from inside.
     """
     a, top = HALF_M, HEIGHT_M
     if side.name == "up":  # seen from below with north up, east is on the left

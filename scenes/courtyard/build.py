@@ -53,7 +53,7 @@ SIDES = (
 
 
 def main() -> None:
-    """Build the scene and say how big it became."""
+    """Build the scene and print its size."""
     rng = np.random.default_rng(SEED)
     stage = Stage("courtyard", make_materials(rng))
     lay_floor(stage)

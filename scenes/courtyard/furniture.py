@@ -1,4 +1,4 @@
-"""Things that stand in the court: fountain, benches, pots, bicycle, sundial, lanterns."""
+"""Furniture of the court: fountain, benches, pots, bicycle, sundial, lanterns."""
 
 from __future__ import annotations
 

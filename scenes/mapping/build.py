@@ -24,7 +24,7 @@ OUTPUT = Path(__file__).with_name("mapping.glb")
 
 
 def main() -> None:
-    """Build the scene and say how big it became."""
+    """Build the scene and print its size."""
     rng = np.random.default_rng(SEED)
     materials, atlas = make_materials(rng)
     stage = Stage("mapping", materials, unlit=frozenset({"lamp_white"}))

@@ -1,4 +1,4 @@
-"""What fills the openings of the plan: frames, door leaves, windows, panes, the broken wall.
+"""Fillings of the plan's openings: frames, door leaves, windows, panes, the broken wall.
 
 Modelled with x along the wall, y through it, z up; in outside walls +y is outside.
 """
@@ -119,7 +119,7 @@ def _leaf_pane() -> Patch:
 
 
 def _pose(hole: Opening) -> tuple[np.ndarray, bool]:
-    """World from opening, and whether its axis along the wall runs backwards."""
+    """Transform world from opening, and true where its axis along the wall runs backwards."""
     yaw = 0 if hole.axis == "y" else 90
     if hole.outside:
         to_larger = hole.line in (EAST, NORTH)

@@ -1,4 +1,4 @@
-"""What stands, hangs and lies in each room.  x, y in world metres, yaw counter-clockwise."""
+"""Furniture and props of each room.  x, y in world metres, yaw counter-clockwise."""
 
 from __future__ import annotations
 

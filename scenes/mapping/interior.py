@@ -1,4 +1,4 @@
-"""Putting things into rooms: models are made once, objects are numbered by their kind."""
+"""Placement of objects in rooms: models are made once, objects are numbered by their kind."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ SIZES = {**FLOORS, **WALLS, **CEILINGS}
 
 
 def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], Atlas]:
-    """Every material of the scene by name, and where things lie in the one called "props"."""
+    """Materials of the scene by name, and the rectangles of the atlas called "props"."""
     atlas, image = pack({**_swatches(rng), **make_pictures(rng)}, ATLAS)
     made = [textured("props", image, roughness=0.8), *_floors(rng), *_walls(rng)]
     panels = indoor.ceiling_panels
@@ -148,7 +148,7 @@ def _repeated(image: np.ndarray, size: int) -> np.ndarray:
 
 
 def _swatches(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Materials of small things."""
+    """Materials of props."""
     cloudy: dict[str, tuple[Colour, float]] = {
         "white": ((0.92, 0.92, 0.90), 0.05),
         "ivory": ((0.88, 0.84, 0.74), 0.06),

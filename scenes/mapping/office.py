@@ -1,7 +1,7 @@
 """Furniture of offices and halls.
 
 What stands against a wall has its back in the plane y = 0 and faces -y.  Heights are above the
-floor, or above what a thing stands on.
+floor, or above what an object stands on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is seen through the windows: lawn, road, trees, neighbours, far hills."""
+"""View through the windows: lawn, road, trees, neighbours, far hills."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What has come down in the collapsed room."""
+"""Rubble of the collapsed room."""
 
 from __future__ import annotations
 

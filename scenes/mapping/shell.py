@@ -52,11 +52,11 @@ class Side:
 
     @property
     def face(self) -> float:
-        """Where its surface is along `axis`."""
+        """Position of its surface along `axis`."""
         return self.line + self.inward * HALF
 
     def point(self, along: float, across: float, z: float) -> tuple[float, float, float]:
-        """From along the wall and across it to the world."""
+        """World coordinates of a point along the wall and across it."""
         return (across, along, z) if self.axis == "x" else (along, across, z)
 
     def quad(self, u0: float, u1: float, z0: float, z1: float, across: float) -> Patch:
@@ -68,7 +68,7 @@ class Side:
         return polygon([self.point(u, across, z) for u, z in corners])
 
     def openings(self) -> tuple[Opening, ...]:
-        """Those in this wall, in order."""
+        """Openings in this wall, in order."""
         found = [
             hole
             for hole in OPENINGS
@@ -220,7 +220,7 @@ def _build_facades(stage: Stage) -> None:
 
 
 def _build_stair_shaft(stage: Stage) -> None:
-    """What is seen through the hole above the stairs: four walls and a ceiling."""
+    """Shaft above the stairs: four walls and a ceiling."""
     x0, y0, x1, y1 = STAIR_HOLE
     walls = (
         Side("south", "y", y0, x0, x1, 1),

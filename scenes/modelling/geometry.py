@@ -263,7 +263,7 @@ def fit_to_rectangle(patch: Patch, left: float, bottom: float, side: float) -> P
 
 
 def _wall_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Right and up along a flat surface for somebody facing it."""
+    """Right and up along a flat surface for an observer facing it."""
     if abs(normal[2]) > 0.9:
         right = np.array([1.0, 0.0, 0.0])
     else:

@@ -14,7 +14,7 @@ MARGIN = 4  # pixels repeated around each picture against bleeding at coarse mip
 
 @dataclass(frozen=True)
 class Atlas:
-    """Where each picture lies: left, bottom, width, height as fractions of the square."""
+    """Rectangle of each picture: left, bottom, width, height as fractions of the square."""
 
     places: Mapping[str, tuple[float, float, float, float]]
 

@@ -101,7 +101,7 @@ def on_floor(scene: Scene) -> Scene:
 
 
 def soft_shadow(scene: Scene) -> np.ndarray:
-    """How much is taken from the light of the floor's texels, 0..1; rows along y, columns along x.
+    """Shadow on the floor's texels, 0..1: share of light lost; rows along y, columns along x.
 
     Lamps stand all around in the upper half of the sky; each casts the triangles onto the floor.
     """

@@ -1,4 +1,4 @@
-"""Closed solids with flat sides and bevelled edges, for things made of sheet metal."""
+"""Closed solids with flat sides and bevelled edges, for objects of sheet metal."""
 
 from __future__ import annotations
 

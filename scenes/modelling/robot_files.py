@@ -1,4 +1,4 @@
-"""What a robot's own files say, so that its body is built around the same numbers."""
+"""Dimensions from a robot's own files, for a body that matches them."""
 
 from __future__ import annotations
 

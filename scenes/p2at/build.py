@@ -49,7 +49,7 @@ PALETTE = Palette(
 
 
 def main() -> None:
-    """Build the robot and say how big it became."""
+    """Build the robot and print its size."""
     robot, sensors, mirror = read_robot(Path(__file__).parent)
     stage = Stage(
         "p2at", {"paint": PALETTE.material("paint"), "glass": omnidirectional_camera.GLASS}

@@ -29,7 +29,7 @@ COLOURS = {  # linear
 
 
 def main() -> None:
-    """Build the scene and say how big it became."""
+    """Build the scene and print its size."""
     materials = {name: plain(name, colour) for name, colour in COLOURS.items()}
     stage = Stage("rings", materials, unlit=frozenset(materials))
     strips = np.arange(2 * len(LINES_DEG) + 1)  # gap, line, gap, ..., gap

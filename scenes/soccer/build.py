@@ -13,7 +13,7 @@ import numpy as np
 
 from scenes.modelling.geometry import pose
 from scenes.modelling.stage import Model, Stage
-from scenes.soccer import field, furniture, pictures, things
+from scenes.soccer import field, furniture, pictures, props
 from scenes.soccer.hall import EAST, FLOOR, NORTH, SILL, SOUTH, WEST, build_hall
 from scenes.soccer.materials import UNLIT, make_materials
 
@@ -23,7 +23,7 @@ OUTPUT = FOLDER / "soccer.glb"
 
 
 def main() -> None:
-    """Build the scene and say how big it became."""
+    """Build the scene and print its size."""
     rng = np.random.default_rng(SEED)
     listed = tomllib.loads((FOLDER / "scene.toml").read_text(encoding="utf-8"))
     stage = Stage("soccer", make_materials(listed["palette"], rng), UNLIT)
@@ -35,7 +35,7 @@ def main() -> None:
     furnish_west(stage, rng)
     hang_pictures(stage)
     put_plants(stage, rng)
-    leave_things_about(stage)
+    scatter_props(stage)
     size = stage.write(OUTPUT)
     print(
         f"{OUTPUT.name}: {size} bytes, {stage.triangle_count()} triangles, "
@@ -84,16 +84,14 @@ def furnish_desks(stage: Stage, rng: np.random.Generator) -> None:
 def furnish_shelves(stage: Stage, rng: np.random.Generator) -> None:
     """Bookcases, a workbench and a cabinet along the south wall."""
     case = furniture.bookcase()
-    rows = [
-        things.books(f"books_{k}", width, rng) for k, width in enumerate((0.93, 0.6, 0.8, 0.45))
-    ]
+    rows = [props.books(f"books_{k}", width, rng) for k, width in enumerate((0.93, 0.6, 0.8, 0.45))]
     files = [
-        things.binders(f"binders_{hue}", count, hue)
+        props.binders(f"binders_{hue}", count, hue)
         for hue, count in (("slate", 5), ("wine", 4), ("mid_grey", 6))
     ]
-    small = things.cardboard_box("box_small", (0.32, 0.24, 0.2))
-    pale = things.cardboard_box("box_white", (0.36, 0.26, 0.24), "paper")
-    pink = things.folder("rose")
+    small = props.cardboard_box("box_small", (0.32, 0.24, 0.2))
+    pale = props.cardboard_box("box_white", (0.36, 0.26, 0.24), "paper")
+    pink = props.folder("rose")
     number = 0
     for index, x in enumerate((3.9, 2.85, -0.3, -1.35), start=1):
         stage.place(f"bookcase_{index:02}", case, SOUTH.place(x))
@@ -121,20 +119,20 @@ def furnish_shelves(stage: Stage, rng: np.random.Generator) -> None:
     stage.place("workbench_01", bench, SOUTH.place(1.25))
     stage.place("workbench_02", bench, SOUTH.place(-3.2))
     high = FLOOR + 0.9
-    stage.place("toolbox", things.toolbox(), SOUTH.place(0.75, -0.3, high, 10))
+    stage.place("toolbox", props.toolbox(), SOUTH.place(0.75, -0.3, high, 10))
     stage.place("folder_01", pink, SOUTH.place(1.3, -0.35, high, 25))
     stage.place("folder_02", pink, EAST.place(3.6, -0.75, FLOOR + furniture.DESK_TOP, -15))
     stage.place(
         "folder_03",
-        things.folder("straw"),
+        props.folder("straw"),
         EAST.place(-0.55, -0.8, FLOOR + furniture.DESK_TOP, 20),
     )
-    dog = things.robot_dog()
+    dog = props.robot_dog()
     for index, (x, y, yaw) in enumerate(
         ((1.75, -0.35, 70), (-2.7, -0.4, 100), (-3.2, -0.3, 130)), start=1
     ):
         stage.place(f"robot_dog_{index:02}", dog, SOUTH.place(x, y, high, yaw))
-    stage.place("ball_01", things.ball_of_the_league(), SOUTH.place(-3.7, -0.35, high))
+    stage.place("ball_01", props.ball_of_the_league(), SOUTH.place(-3.7, -0.35, high))
     stage.place("workbench_box_01", small, SOUTH.place(1.7, -0.35, FLOOR + 0.265, 8))
     stage.place("workbench_box_02", pale, SOUTH.place(-3.6, -0.35, FLOOR + 0.265, -6))
     stool = furniture.stool()
@@ -150,19 +148,19 @@ def furnish_west(stage: Stage, rng: np.random.Generator) -> None:
         ((-0.9, "navy", 1.0), (-0.4, "khaki", 0.85), (0.1, "plum", 0.9)), start=1
     ):
         at = WEST.place(x, -0.13, FLOOR + 1.68)
-        stage.place(f"coat_{index:02}", things.coat(hue, length), at)
-    stage.place("umbrella_stand", things.umbrella_stand(), WEST.place(-1.35, -0.25))
+        stage.place(f"coat_{index:02}", props.coat(hue, length), at)
+    stage.place("umbrella_stand", props.umbrella_stand(), WEST.place(-1.35, -0.25))
     whiteboard = furniture.board_frame("whiteboard", 2.0, 1.0, "steel", ledge=True)
     stage.place("whiteboard", whiteboard, WEST.place(2.0, 0, 1.55))
     face = Model(
         "whiteboard_face", "pictures", pictures.picture("whiteboard", 2.0, 1.0).shifted(y=-0.022)
     )
     stage.place("whiteboard_face", face, WEST.place(2.0, 0, 1.55))
-    stage.place("ladder", things.ladder(), WEST.place(3.6))
-    can = things.bin_with_paper(rng)
+    stage.place("ladder", props.ladder(), WEST.place(3.6))
+    can = props.bin_with_paper(rng)
     stage.place("bin_01", can, WEST.place(-3.4, -0.3))
     stage.place("bin_02", can, EAST.place(2.15, -0.45))
-    stage.place("rucksack", things.rucksack(), WEST.place(1.0, -0.2, FLOOR, 12))
+    stage.place("rucksack", props.rucksack(), WEST.place(1.0, -0.2, FLOOR, 12))
 
 
 def hang_pictures(stage: Stage) -> None:
@@ -190,10 +188,10 @@ def hang_pictures(stage: Stage) -> None:
 
 def put_plants(stage: Stage, rng: np.random.Generator) -> None:
     """Tall plants in corners, small ones on window boards."""
-    tall = things.leaves("leaves_tall", 26, 0.55, 1.1, rng)
-    low = things.leaves("leaves_low", 14, 0.28, 0.06, rng)
-    stem = things.plant_stem("stem_tall", 1.1)
-    tub, pot = things.plant_pot(0.2, "terracotta"), things.plant_pot(0.08, "white_board")
+    tall = props.leaves("leaves_tall", 26, 0.55, 1.1, rng)
+    low = props.leaves("leaves_low", 14, 0.28, 0.06, rng)
+    stem = props.plant_stem("stem_tall", 1.1)
+    tub, pot = props.plant_pot(0.2, "terracotta"), props.plant_pot(0.08, "white_board")
     spots = [(side, x, -0.55, FLOOR) for side, x in ((NORTH, 5.35), (SOUTH, 5.3), (NORTH, -5.3))]
     for index, (side, x, y, z) in enumerate(spots, start=1):
         stage.place(f"plant_{index:02}_pot", tub, side.place(x, y, z))
@@ -206,10 +204,10 @@ def put_plants(stage: Stage, rng: np.random.Generator) -> None:
         )
 
 
-def leave_things_about(stage: Stage) -> None:
+def scatter_props(stage: Stage) -> None:
     """Boxes, cables, a tripod: all more than half a metre from the field's lines."""
-    large = things.cardboard_box("box_large", (0.6, 0.45, 0.4))
-    middle = things.cardboard_box("box_middle", (0.45, 0.4, 0.3), "khaki")
+    large = props.cardboard_box("box_large", (0.6, 0.45, 0.4))
+    middle = props.cardboard_box("box_middle", (0.45, 0.4, 0.3), "khaki")
     for index, (model, x, y, z, yaw) in enumerate(
         (
             (large, -5.35, 3.55, 0.0, 12),
@@ -221,8 +219,8 @@ def leave_things_about(stage: Stage) -> None:
         start=1,
     ):
         stage.place(f"box_{index:02}", model, pose(x, y, FLOOR + z, yaw))
-    stage.place("tripod", things.tripod(), pose(-3.9, -2.9, FLOOR, -50))
-    strip = things.power_strip()
+    stage.place("tripod", props.tripod(), pose(-3.9, -2.9, FLOOR, -50))
+    strip = props.power_strip()
     stage.place("power_strip_01", strip, pose(4.55, 2.3, FLOOR, 80))
     stage.place("power_strip_02", strip, pose(-4.6, -3.2, FLOOR, 20))
     paths = (
@@ -233,7 +231,7 @@ def leave_things_about(stage: Stage) -> None:
     )
     for index, path in enumerate(paths, start=1):
         name = f"cable_{index:02}"
-        stage.place(name, things.floor_cable(name, path), pose(z=FLOOR))
+        stage.place(name, props.floor_cable(name, path), pose(z=FLOOR))
 
 
 if __name__ == "__main__":

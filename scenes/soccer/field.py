@@ -88,7 +88,7 @@ def _rectangles() -> Iterator[tuple[str, list[Corner]]]:
 
 
 def _name(x: float, y: float) -> str:
-    """What lies at a place outside the middle."""
+    """Material at a point outside the middle."""
     end, side = "blue" if x > 0 else "yellow", "left" if y > 0 else "right"
     if abs(x) > HALF_X or abs(y) > HALF_Y:
         return "carpet"

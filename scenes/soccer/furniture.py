@@ -1,4 +1,4 @@
-"""Furniture of the laboratory; what stands at a wall has it at y = 0 and faces -y."""
+"""Furniture of the laboratory; pieces at a wall have it at y = 0 and face -y."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ WALL_HUES: dict[str, Colour] = {
     "south": (0.91, 0.88, 0.82),
     "west": (0.86, 0.86, 0.89),
 }
-# Colours of small things, in sRGB, in the order of the atlas: 6 x 6 from the top left, by rows.
+# Colours of props, in sRGB, in the order of the atlas: 6 x 6 from the top left, by rows.
 # What comes near a landmark's colour is duller than it, none is the same.
 PAINTS: dict[str, Colour] = {
     "white_board": (0.90, 0.90, 0.88),

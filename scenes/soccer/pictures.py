@@ -1,4 +1,4 @@
-"""What hangs on the walls and shines on the screens, and where it is in its atlas.
+"""Pictures on the walls and screens, and their places in an atlas.
 
 Float images (rows, columns, 3) of sRGB values in 0..1.
 """

@@ -126,7 +126,7 @@ COMPASS = {
 }
 
 
-def test_sides_of_the_compass_are_where_their_names_say():
+def test_sides_of_the_compass_match_their_names():
     scene = load_scene("compass")
     corners = corners_by_node(scene)
     assert corners.keys() == COMPASS.keys()

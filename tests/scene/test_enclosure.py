@@ -1,4 +1,4 @@
-"""What wraps around a point, by hand."""
+"""Nodes that enclose a point, by hand."""
 
 import numpy as np
 import pytest
@@ -34,11 +34,11 @@ def halves(sides):
 
 
 def scene_of(parts, materials=PLAIN):
-    """A scene of nodes: name, triangles of the cube, scale, middle, material."""
+    """Scene of nodes: name, triangles of the cube, scale, center, material."""
     meshes, instances = [], []
-    for k, (name, triangles, scale, middle, material) in enumerate(parts):
+    for k, (name, triangles, scale, center, material) in enumerate(parts):
         matrix = np.diag((*np.broadcast_to(scale, 3).astype(float), 1.0))
-        matrix[:3, 3] = middle
+        matrix[:3, 3] = center
         meshes.append(Mesh(name, CORNERS, triangles, material))
         instances.append(Instance(name, k, matrix))
     light = Lighting((1.0, 1.0, 1.0), ())
@@ -46,8 +46,8 @@ def scene_of(parts, materials=PLAIN):
     return Scene("a", tuple(meshes), materials, tuple(instances), light, (0.0,) * 3, start)
 
 
-def box(name="box", scale=1.0, middle=(0, 0, 0), sides=SIDES, material=0):
-    return name, halves([SIDES[side] for side in sides]), scale, middle, material
+def box(name="box", scale=1.0, center=(0, 0, 0), sides=SIDES, material=0):
+    return name, halves([SIDES[side] for side in sides]), scale, center, material
 
 
 @pytest.mark.parametrize(
@@ -61,15 +61,15 @@ def box(name="box", scale=1.0, middle=(0, 0, 0), sides=SIDES, material=0):
         ((1e6, 1e6, 0), False),
     ],
 )
-@pytest.mark.parametrize("turned", [False, True])
-def test_box(point, inside, turned):
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_box(point, inside, inside_out):
     name, triangles, *rest = box()
-    scene = scene_of([(name, triangles[:, ::-1] if turned else triangles, *rest)])
+    scene = scene_of([(name, triangles[:, ::-1] if inside_out else triangles, *rest)])
     assert enclosing_nodes(scene, point) == (("box",) if inside else ())
 
 
-def test_names_are_those_around_the_point():
-    scene = scene_of([box("near"), box("far", middle=(5, 0, 0)), box("large", 3.0)])
+def test_all_nodes_around_a_point_enclose_it():
+    scene = scene_of([box("near"), box("far", center=(5, 0, 0)), box("large", 3.0)])
     assert enclosing_nodes(scene, (0, 0, 0)) == ("near", "large")
     assert enclosing_nodes(scene, (0, 0, 0), ignored=("near",)) == ("large",)
     assert enclosing_nodes(scene, (0, 0, 0), ignored=("near", "large")) == ()
@@ -95,7 +95,7 @@ def test_on_a_deck_is_not_inside_of_it():
         assert enclosing_nodes(plate, (0, 0, 1e3 + height)) == ()
 
 
-def test_what_is_not_drawn_does_not_enclose():
+def test_triangles_before_the_near_plane_do_not_enclose():
     cap = scene_of([box("cap", 0.02)])  # its corners are 35 mm away
     assert enclosing_nodes(cap, (0, 0, 0), near_m=0.03) == ("cap",)
     assert enclosing_nodes(cap, (0, 0, 0), near_m=0.04) == ()
@@ -103,13 +103,13 @@ def test_what_is_not_drawn_does_not_enclose():
     assert enclosing_nodes(scene_of([box("case")]), (0, 0, 0.99), near_m=0.05) == ("case",)
 
 
-def test_one_looks_out_of_glass():
+def test_blended_surfaces_do_not_enclose():
     glass = Material(alpha_mode=AlphaMode.BLEND)
     scene = scene_of([box("tube", material=1), box("case", 2.0)], (*PLAIN, glass))
     assert enclosing_nodes(scene, (0, 0, 0)) == ("case",)
 
 
-def test_triangles_without_area_and_points_on_them_are_no_trouble():
+def test_degenerate_triangles_and_points_on_surfaces():
     name, triangles, *rest = box()
     flat = np.array([(0, 0, 0), (1, 1, 2), (0, 7, 0)], dtype=np.uint32)
     scene = scene_of([(name, np.concatenate((triangles, flat)), *rest)])

@@ -61,7 +61,7 @@ def test_parts_of_one_name_are_one_instance_and_the_body_is_the_vehicle():
     assert alone.instances == driven.instances[:3]
 
 
-def test_the_first_table_that_claims_a_name_has_it():
+def test_the_first_table_that_matches_a_name_has_it():
     rules = label_rules(
         (
             LabelTable(name="goal", nodes=("goal_*",), id=7, color=(1, 2, 3)),
@@ -125,7 +125,7 @@ def test_soccers_landmarks_have_a_class_for_each_colour():
         ("", "labels: missing"),
     ],
 )
-def test_label_files_that_are_wrong_say_where(tmp_path, text, words):
+def test_faults_of_label_files_are_named(tmp_path, text, words):
     path = tmp_path / "labels.toml"
     path.write_text(text)
     with pytest.raises(SceneError) as refused:

@@ -1,4 +1,4 @@
-"""glTF as files have it: exact factors, transforms, instances, textures, lamps."""
+"""glTF as files have it: exact factors, transforms, instances, textures, lights."""
 
 import json
 import math
@@ -145,7 +145,7 @@ def test_samplers_and_mirrored_repeat(gltf, tmp_path):
     np.testing.assert_allclose(scene.meshes[0].texture_coordinates[1], [0.5, 0.0])
 
 
-def test_lamps_of_the_file(gltf, tmp_path):
+def test_punctual_lights(gltf, tmp_path):
     gltf.tree["extensionsUsed"] = ["KHR_lights_punctual"]
     gltf.tree["extensions"] = {
         "KHR_lights_punctual": {
@@ -172,19 +172,19 @@ def test_lamps_of_the_file(gltf, tmp_path):
     assert lighting.exposure > 0.0
 
 
-def test_lamp_on_a_node_with_several_primitives_shines_once(gltf, tmp_path):
+def test_light_on_a_node_with_several_primitives_shines_once(gltf, tmp_path):
     gltf.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
     mesh, other = gltf.triangle(), gltf.triangle()
     gltf.tree["meshes"][mesh]["primitives"] += gltf.tree["meshes"][other]["primitives"]
-    gltf.node(mesh=mesh, name="lamp", extensions={"KHR_lights_punctual": {"light": 0}})
+    gltf.node(mesh=mesh, name="bulb", extensions={"KHR_lights_punctual": {"light": 0}})
     scene = load_scene(gltf.write(tmp_path / "a.gltf"))
     assert len(scene.lighting.lights) == 1
-    assert [instance.name for instance in scene.instances] == ["lamp", "lamp"]
+    assert [instance.name for instance in scene.instances] == ["bulb", "bulb"]
 
 
-def test_only_the_strongest_lamps_shine(gltf, tmp_path):
-    lamps = [{"type": "point", "intensity": 1.0 + i} for i in range(40)]
-    gltf.tree["extensions"] = {"KHR_lights_punctual": {"lights": lamps}}
+def test_only_the_strongest_lights_shine(gltf, tmp_path):
+    lights = [{"type": "point", "intensity": 1.0 + i} for i in range(40)]
+    gltf.tree["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
     gltf.node(mesh=gltf.triangle())
     for i in range(40):
         gltf.node(extensions={"KHR_lights_punctual": {"light": i}}, translation=[0, 0, 2])
@@ -305,7 +305,7 @@ def test_file_without_scenes_shows_its_roots(gltf, tmp_path):
         ),
     ],
 )
-def test_header_faults_are_named(gltf, tmp_path, place, value, words):
+def test_json_faults_are_named(gltf, tmp_path, place, value, words):
     gltf.node(mesh=gltf.triangle())
     path = gltf.write(tmp_path / "a.gltf")
     holder = gltf.tree
@@ -319,7 +319,7 @@ def test_header_faults_are_named(gltf, tmp_path, place, value, words):
     assert str(info.value).startswith(f"{path}: ")
 
 
-def test_missing_texture_is_said_and_the_factor_drawn(gltf, tmp_path):
+def test_missing_texture_is_noticed_and_the_factor_drawn(gltf, tmp_path):
     gltf.tree["images"] = [{"uri": "not%20there.png"}]
     gltf.tree["textures"] = [{"source": 0}]
     gltf.tree["materials"] = [
@@ -373,7 +373,7 @@ def test_scene_without_triangles(gltf, tmp_path):
         load_scene(gltf.write(tmp_path / "a.gltf"))
 
 
-def test_required_extension_that_nothing_reads(gltf, tmp_path):
+def test_required_extension_that_is_not_supported(gltf, tmp_path):
     gltf.node(mesh=gltf.triangle())
     gltf.tree["extensionsRequired"] = ["EXT_meshopt_compression"]
     with pytest.raises(SceneError, match="requires the glTF extension EXT_meshopt_compression"):
@@ -412,7 +412,7 @@ def test_nodes_below_a_mesh_of_lines_are_drawn(gltf, tmp_path):
     assert scene.notices == ("a.gltf: points and lines are not drawn",)
 
 
-def test_binary_that_calls_itself_gltf(gltf, warehouse, tmp_path):
+def test_glb_data_in_a_gltf_file(gltf, warehouse, tmp_path):
     (tmp_path / "a.gltf").write_bytes(warehouse.read_bytes())
     assert load_scene(tmp_path / "a.gltf").triangle_count == 15003
 

@@ -96,7 +96,7 @@ def test_several_material_files_in_every_encoding(tmp_path):
     }
 
 
-def test_obj_indices_that_count_back(tmp_path):
+def test_obj_negative_indices(tmp_path):
     blocks = "".join(f"v {x} 0 0\nv {x} 1 0\nv {x} 0 1\nf -3 -2 -1\n" for x in (0, 5))
     (tmp_path / "a.obj").write_text(blocks)
     scene = load_scene(tmp_path / "a.obj", up_axis="z")
@@ -136,19 +136,19 @@ def test_hole_map_without_a_colour_map(tmp_path):
     assert material.texture.pixels[0].tolist() == [[255, 255, 255, 0], [255, 255, 255, 255]]
 
 
-def test_obj_with_missing_texture_says_so(tmp_path):
+def test_obj_with_missing_texture_is_noticed(tmp_path):
     scene = load_scene(_obj(tmp_path, "newmtl m\nKd 0.8 0.4 0.2\nmap_Kd gone.png\n"))
     assert scene.materials[0].texture is None
     assert scene.notices == ("a.obj: gone.png is not there: drawn without it",)
 
 
-def test_obj_with_missing_material_file_says_so(tmp_path):
+def test_obj_with_missing_material_file_is_noticed(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text(TRIANGLE_OBJ)
     assert load_scene(path).notices == ("a.obj: a.mtl is not there: drawn without it",)
 
 
-def test_damaged_texture_says_so(tmp_path):
+def test_damaged_texture_is_left_out(tmp_path):
     (tmp_path / "bad.png").write_bytes(b"\x89PNG\r\n\x1a\n not really")
     scene = load_scene(_obj(tmp_path, "newmtl m\nKd 0.8 0.4 0.2\nmap_Kd bad.png\n"))
     assert scene.triangle_count == 1
@@ -182,7 +182,7 @@ COLLADA_AXES = '<up_axis>{axis}_UP</up_axis><unit name="centimeter" meter="0.01"
 
 
 @pytest.mark.parametrize(("axis", "size"), [("X", (2, 3, 1)), ("Y", (1, 3, 2)), ("Z", (1, 2, 3))])
-def test_collada_says_its_axis_and_unit(tmp_path, axis, size):
+def test_collada_states_its_axis_and_unit(tmp_path, axis, size):
     path = tmp_path / "box.dae"
     trimesh.creation.box(extents=(100.0, 200.0, 300.0)).export(path)
     text = path.read_text()
@@ -254,7 +254,7 @@ def test_collada_unit_that_is_none(tmp_path, unit):
         load_scene(path)
 
 
-def test_what_is_no_regular_file(tmp_path):
+def test_irregular_files_are_refused(tmp_path):
     os.mkfifo(tmp_path / "a.glb")
     with pytest.raises(SceneError, match=r"a\.glb: is not a regular file"):
         load_scene(tmp_path / "a.glb")

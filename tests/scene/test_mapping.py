@@ -70,7 +70,7 @@ def test_floor_lies_beneath_start(triangles, start):
 
 
 def test_a_robot_can_drive_into_every_room(scene, triangles):
-    """From the first start, with a disc of its half width, past furniture and open doors."""
+    """A disc of its half width passes furniture and open doors, from the first start."""
     cell, margin = 0.05, 0.27  # the robot is 0.5 m wide
     low, size = np.array([-4.5, -9.5]), (320, 460)
     picture = Image.new("1", size)
@@ -110,7 +110,7 @@ def _spread(cells, offsets):
 
 
 def _between(triangles, low, high):
-    """What is left of each triangle between two heights, as polygons (k, 3)."""
+    """Parts of triangles between two heights, as polygons (k, 3)."""
     z = triangles[..., 2]
     kept = []
     for polygon in triangles[(z.min(axis=1) < high) & (z.max(axis=1) > low)]:
@@ -137,7 +137,7 @@ def _cut(polygon, heights):
 
 
 def _distance(polygon):
-    """From the origin to a convex polygon (k, 2); 0 inside."""
+    """Distance from the origin to a convex polygon (k, 2); 0 inside."""
     starts, edges = polygon, np.roll(polygon, -1, axis=0) - polygon
     turns = edges[:, 0] * -starts[:, 1] + edges[:, 1] * starts[:, 0]
     if np.abs(turns).max() > 1e-9 and ((turns >= 0).all() or (turns <= 0).all()):

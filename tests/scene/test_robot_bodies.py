@@ -118,7 +118,7 @@ def test_view_of_the_mirror_is_free(robot):
     assert np.all(np.arctan2(np.hypot(cap[:, 0], cap[:, 1]), -cap[:, 2]) > rim)
 
 
-def test_mirror_and_lens_are_where_the_sensor_file_says(robot):
+def test_mirror_and_lens_match_the_sensor_file(robot):
     name, corners = robot
     mirror = OmniCamera.from_file(SCENES / name / "omnicam.toml").model.mirror
     viewpoint = np.array(sensors_of(name)["omnicam"]["position_m"])
@@ -167,7 +167,7 @@ def test_only_the_glass_is_blended(name):
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_robot_file_says_what_it_must(name):
+def test_robot_file_names_its_sensors(name):
     robot = load_robot(name)
     assert robot.name == name
     wanted = {"p2at": ["omnicam", "lms200"], "superscout": ["omnicam"]}

@@ -48,7 +48,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_scene_file_says_what_the_mesh_cannot(folder):
+def test_scene_file_overrides_the_mesh_file(folder):
     path = folder / "scene.toml"
     path.write_text(
         'file = "box.stl"\nup_axis = "y"\nmeters_per_unit = 0.01\nbackground = [0, 0, 0]\n'
@@ -103,7 +103,7 @@ def test_a_scene_without_starts_and_landmarks_has_none(folder):
         ("top_m = 1.5", "height = 1.5", r"bands\.1\.height: unknown key; known keys: color, top_m"),
     ],
 )
-def test_bad_starts_and_landmarks_name_key_and_value(folder, old, new, words):
+def test_faults_of_starts_and_landmarks_name_key_and_value(folder, old, new, words):
     path = folder / "scene.toml"
     path.write_text(PLACES.replace(old, new))
     with pytest.raises(SceneError, match=words):

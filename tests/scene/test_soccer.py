@@ -24,7 +24,7 @@ LINE_AREA = (
     + np.pi * (0.18**2 - 0.155**2)  # circle, whose crossing by the halfway line is
     - 2 * 0.025**2  # counted twice: two squares but for their curved ends
 )
-# Beacons by the side on which somebody sees them who looks from the yellow goal to the blue one:
+# Beacons by their side, seen from the yellow goal towards the blue one:
 # x, y, and the bands that end at 0.2, 0.3 and 0.4.
 BEACONS = {
     "beacon_left_yellow": (-1.35, 1.95, ("white", "pink", "yellow")),

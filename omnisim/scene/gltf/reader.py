@@ -1,4 +1,4 @@
-"""From a glTF file to meshes, materials, instances and lights, exactly as it states them."""
+"""Importer: meshes, materials, instances and lights, exactly as a glTF file states them."""
 
 from __future__ import annotations
 

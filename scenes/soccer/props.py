@@ -1,4 +1,4 @@
-"""What lies, stands and hangs about: books, boxes, coats, plants, cables, robots."""
+"""Props: books, boxes, coats, plants, cables, robots."""
 
 from __future__ import annotations
 
