@@ -15,4 +15,4 @@ def read_robot(folder: Path) -> tuple[dict[str, Any], dict[str, Any], Hyperbolic
     robot = tomllib.loads((folder / "robot.toml").read_text(encoding="utf-8"))
     sensors = {sensor["name"]: sensor for sensor in robot["sensors"]}
     settings = read_sensor_file(folder / sensors["omnicam"]["file"])
-    return robot, sensors, settings.make_camera().mirror
+    return robot, sensors, settings.model.mirror
