@@ -1,9 +1,9 @@
 """Parts of a frame: their times, and what is drawn.
 
-The one place of the benchmarks that knows how a `Renderer` is made: its virtual cameras are drawn
-by `CameraPasses.cube`, which its pipeline calls; what comes after, up to the first read from the
-GPU, is the mirror pass and the capture; reads are readback. Reads and draws are noticed where
-moderngl has them, so that how the pipeline calls them does not matter.
+The only module of the benchmarks that depends on how a `Renderer` is made: `CameraPasses.cube`
+draws its virtual cameras, called by its pipeline; all after it, up to the first read from the GPU,
+is the mirror pass and the capture; reads are readback. Reads and draws are patched in moderngl, so
+that it does not matter how the pipeline calls them.
 """
 
 from __future__ import annotations

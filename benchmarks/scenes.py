@@ -8,7 +8,7 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from omnisim.scene import Scene, load_scene
 
-# A real scene that nobody made for omnisim; it is kept outside the project.
+# A real scene that was not made for omnisim; it is kept outside the project.
 WAREHOUSE = Path(__file__).resolve().parents[2] / "shared" / "assets" / "small_warehouse.glb"
 PAPERS_MAPS = ("soccer", "mapping")
 

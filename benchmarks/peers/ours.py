@@ -24,5 +24,5 @@ class Omnisim(PicturePeer):
         return self._renderer.render(world_from_rig @ self._rig_from_base).rgba
 
     def close(self) -> None:
-        """Close the renderer; the stage is somebody else's."""
+        """Close the renderer; the stage stays open."""
         self._renderer.close()

@@ -26,7 +26,7 @@ uniform float u_scale;  // texture coordinates a pixel
 layout(location = 0) out vec4 out_color;
 void main() { out_color = texture(u_texture, gl_FragCoord.xy * u_scale + 0.0003); }
 """
-# As a capture looks the virtual cameras up: the level is computed.
+# As a capture samples the virtual cameras: the level is computed.
 _ATLAS = """
 #version 430 core
 uniform sampler2D u_texture;

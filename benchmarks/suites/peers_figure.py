@@ -53,12 +53,12 @@ def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
     heights = _apart(np.array([row["psnr_db"] for row in pictures]), axes.get_ylim())
     for row, height in zip(pictures, heights, strict=True):
         color = OURS if row["racer"].startswith("omnisim") else THEIRS
-        place = (row["p50_ms"], row["psnr_db"])
-        axes.plot([place[0]] * 2, [row["psnr_worst_db"], place[1]], color=color, linewidth=1.0)
+        point = (row["p50_ms"], row["psnr_db"])
+        axes.plot([point[0]] * 2, [row["psnr_worst_db"], point[1]], color=color, linewidth=1.0)
         same = row["psnr_against"] == TRUTH
-        axes.plot(*place, "o", color=color, markerfacecolor=color if same else "white")
+        axes.plot(*point, "o", color=color, markerfacecolor=color if same else "white")
         axes.annotate(
-            row["racer"], place, (1.12 * place[0], height),
+            row["racer"], point, (1.12 * point[0], height),
             fontsize=8, color=color, va="center",
             arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.4},
         )  # fmt: skip

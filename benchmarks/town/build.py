@@ -1,4 +1,4 @@
-"""Houses, trees and lamps on their plots, in blocks, as a file that somebody exported has them."""
+"""Houses, trees and lamps on their plots, in blocks, as in an exported file."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ def second_experiment(real: Real) -> Section:
         "Experiment 2: real setting",
         "Super Scout, clockwise and across; landmarks within 3.5 m picked by hand with a noise of "
         "1.5 px; a start that is 0.14 m and 12° off and that the filter takes for certain; wheels "
-        "with bias. What the filter is told of the wheels is less than they deserve: only then "
+        "with bias. The filter's odometry noise is smaller than the true one: only then "
         "does it ignore landmarks for as long as the paper's did.",
         numbers,
         figures=(
@@ -168,7 +168,7 @@ def _typical(seeds: SeedRuns) -> int:
 
 
 def gains(simulated: Simulated) -> Section:
-    """The wheels alone, a camera that looks ahead, and one that looks all around."""
+    """Odometry alone, a camera with 90° ahead, and an omnidirectional one."""
     full = simulated.seeds
     ahead = run_seeds(
         simulated.run,

@@ -19,7 +19,7 @@ def check_plot_target(path: Path) -> None:
     """Refuse a file that cannot be written, before the work is done.
 
     Raises:
-        OutputError: an unknown format, or a place that cannot be written to.
+        OutputError: an unknown format, or a file that cannot be written.
     """
     _format(path)
     check_target(path)

@@ -21,7 +21,7 @@ def check_video_target(path: Path) -> None:
     """Refuse a file that cannot be written, before the work is done.
 
     Raises:
-        OutputError: an unknown format, PyAV is not installed, or a place that cannot be written.
+        OutputError: an unknown format, PyAV is not installed, or a file that cannot be written.
     """
     if path.suffix.lower() not in FORMATS:
         raise OutputError(

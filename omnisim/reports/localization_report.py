@@ -81,7 +81,7 @@ def _section(
     ]  # fmt: skip
     warnings = [*warnings, *notices(track, parameters)]
     if truth is None:
-        warnings.append("The run has no ground truth: nobody knows the errors, and none are shown.")
+        warnings.append("The run has no ground truth: no errors are shown.")
     else:
         figures.append(
             CaptionedFigure("fig13-errors", errors_figure([panel]),

@@ -54,8 +54,8 @@ def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDA
 def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the picture.
 
-    A disc's centre is not shown at the centroid of the disc's picture: the difference is 0.03 px
-    here.
+    A disc's centre is not shown at the centroid of the disc's picture: the difference is
+    0.03 px for markers.
     """
     start = rims_px.mean(axis=1, keepdims=True)
     local = rims_px - start

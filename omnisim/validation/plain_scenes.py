@@ -1,4 +1,4 @@
-"""Scenes made of a few plain shapes on black, whose places are known exactly."""
+"""Scenes of a few plain shapes at exactly known positions on black."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def discs(
     material: int = 0,
     corners: int = 24,
 ) -> Mesh:
-    """Discs around points (n, 3), world, that face the viewpoint and look equally large from it."""
+    """Discs around points (n, 3), world, of equal angular size that face the viewpoint."""
     toward = middles_m - np.asarray(viewpoint_m, dtype=np.float64)
     ranges = np.linalg.norm(toward, axis=1, keepdims=True)
     toward = toward / ranges
@@ -44,14 +44,14 @@ def discs(
     across = np.cross(helper, toward)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     up = np.cross(toward, across)
-    turn = 2.0 * np.pi * np.arange(corners) / corners
-    circle = np.cos(turn)[:, None, None] * across + np.sin(turn)[:, None, None] * up
+    angles = 2.0 * np.pi * np.arange(corners) / corners
+    circle = np.cos(angles)[:, None, None] * across + np.sin(angles)[:, None, None] * up
     rims = middles_m + circle * ranges * np.tan(angular_radius_rad)
     count = len(middles_m)
     positions = np.concatenate((middles_m, rims.reshape(-1, 3)))
-    here = np.arange(count)
+    disc = np.arange(count)
     triangles = [
-        np.stack((here, count * (1 + k) + here, count * (1 + (k + 1) % corners) + here), axis=1)
+        np.stack((disc, count * (1 + k) + disc, count * (1 + (k + 1) % corners) + disc), axis=1)
         for k in range(corners)
     ]
     return Mesh(name, positions.astype("f4"), np.concatenate(triangles).astype("u4"), material)

@@ -26,8 +26,8 @@ def ring_radii(
     Args:
         darkness: picture (height, width), 0 where there is no ring.
         centre_px: (u, v) of the rings' middle.
-        expected_px, reach_px: where to look; no other ring may be there.
-        azimuths: how many.
+        expected_px, reach_px: radius and half width of the search; no other ring may be there.
+        azimuths: their number.
     """
     angles = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
     radii = expected_px + np.arange(-reach_px, reach_px + 0.5 * STEP_PX, STEP_PX)

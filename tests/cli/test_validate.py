@@ -49,24 +49,24 @@ def test_a_missed_bound_is_printed_and_is_the_exit_status(omnisim, tmp_path, mon
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missing_oracle_is_skipped_and_reported_first(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not here: pip")
+    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not installed: pip")
     status, out, error = omnisim(
         "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
     )
     assert (status, error) == (0, "")
     assert "skipped  A calibration library" in out
-    assert "cv2.omnidir is not here: pip" in out
+    assert "cv2.omnidir is not installed: pip" in out
     assert "report/report.html: 1 passed, 1 skipped" in out
     report = json.loads((tmp_path / "report" / "report.json").read_text())
     reasons = {section["key"]: section["reason"] for section in report["sections"]}
-    assert reasons == {"omnidir": "cv2.omnidir is not here: pip", "viewpoint": ""}
+    assert reasons == {"omnidir": "cv2.omnidir is not installed: pip", "viewpoint": ""}
     page = (tmp_path / "report" / "report.html").read_text()
     assert page.index("Not checked") < page.index("<h2")
 
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_report_without_checks_does_not_claim_success(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not here: pip")
+    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not installed: pip")
     status, _, _ = omnisim("validate", "-o", "report", "--only", "omnidir")
     assert status == 0
     page = (tmp_path / "report" / "report.html").read_text()

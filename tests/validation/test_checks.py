@@ -53,10 +53,10 @@ def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     from omnisim.calibration import calibration_of
     from omnisim.validation.checks import boards
 
-    pinhole = boards.lenses()[0]
+    pinhole = boards.board_cameras()[0]
     focal_px = 1.005 * pinhole.camera.focal_length_px
     wrong = dataclasses.replace(pinhole.camera, focal_length_px=focal_px)
-    monkeypatch.setattr(boards, "lenses", lambda: (pinhole,))
+    monkeypatch.setattr(boards, "board_cameras", lambda: (pinhole,))
     monkeypatch.setattr(boards, "calibration_of", lambda camera: calibration_of(wrong))
     assert _missed("boards", fixture)
 
@@ -77,14 +77,14 @@ def test_a_turned_picture_is_found_out(fixture, monkeypatch):
     ("key", "written", "bent"),
     [
         ("markers", "gl_FragCoord.xy - 0.5, ray", "gl_FragCoord.xy, ray"),
-        ("markers", "captured(pixel, ivec2(column, row))", "captured(pixel, ivec2(column, 0))"),
+        ("markers", "sample_at(pixel, ivec2(column, row))", "sample_at(pixel, ivec2(column, 0))"),
         ("polygons", "pixel_times_depth + 0.5 * seen.z", "pixel_times_depth"),
-        ("rings", "tangent * u_tile_place", "1.003 * tangent * u_tile_place"),
+        ("rings", "tangent * u_uv_from_tangent", "1.003 * tangent * u_uv_from_tangent"),
         ("orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0"),
     ],
     ids=[
         "half a pixel",
-        "a row of captures",
+        "a row of samples",
         "half a pixel, mesh",
         "face tangent",
         "swapped faces",

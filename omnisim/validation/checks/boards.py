@@ -1,4 +1,4 @@
-"""Chessboards in pictures by every model that OpenCV has, and the calibration file beside them."""
+"""Chessboards in pictures by every model of OpenCV, projected by the saved calibration file."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ SAMPLES, TEXELS = 4, 1.5
 
 
 @dataclass(frozen=True)
-class Lens:
-    """A camera and how OpenCV is told of it.
+class BoardCamera:
+    """Camera and format of its calibration file.
 
     Attributes:
         name: in the report.
-        camera: it.
+        camera: model and parameters.
         format: of its calibration file.
-        boards_up_to_rad: angle from the axis that the boards' middles reach.
+        boards_up_to_rad: largest angle of the boards' centres from the axis.
     """
 
     name: str
@@ -57,18 +57,18 @@ class Lens:
     boards_up_to_rad: float
 
 
-def lenses() -> tuple[Lens, ...]:
+def board_cameras() -> tuple[BoardCamera, ...]:
     """One camera of each model that OpenCV has; published numbers where there are any."""
     mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 640, 640)
     narrow = math.radians(14.0)
     return (
-        Lens(
+        BoardCamera(
             "pinhole",
             PerspectiveCamera.with_field_of_view(800, 600, math.radians(85.0)),
             "opencv_pinhole",
             narrow,
         ),
-        Lens(
+        BoardCamera(
             "pinhole with distortion",
             UnifiedCamera(
                 800, 600, (540.0, 538.5), (402.25, 297.0), 0.0, (-0.25, 0.07, 1e-3, -5e-4)
@@ -76,7 +76,7 @@ def lenses() -> tuple[Lens, ...]:
             "opencv_pinhole",
             narrow,
         ),
-        Lens(  # TUM-VI cam0
+        BoardCamera(  # TUM-VI cam0
             "fisheye",
             KannalaBrandtCamera(
                 512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
@@ -85,7 +85,7 @@ def lenses() -> tuple[Lens, ...]:
             "opencv_fisheye",
             math.radians(45.0),
         ),
-        Lens(  # KITTI-360 image_02, at half its size
+        BoardCamera(  # KITTI-360 image_02, at half its size
             "omnidir with distortion",
             UnifiedCamera(
                 1400, 1400, (1336.322, 1335.788), (716.943, 705.764), 2.213404750785489,
@@ -94,7 +94,7 @@ def lenses() -> tuple[Lens, ...]:
             "opencv_omnidir",
             math.radians(65.0),
         ),
-        Lens("omnidir of a mirror", mirror, "opencv_omnidir", mirror.mirror.theta_max_rad),
+        BoardCamera("omnidir of a mirror", mirror, "opencv_omnidir", mirror.mirror.theta_max_rad),
     )  # fmt: skip
 
 
@@ -102,17 +102,17 @@ def check(fixture: Fixture, title: str) -> Section:
     """Find the corners in rendered pictures; project them by OpenCV with the saved calibration."""
     count = LEAST_BOARDS if fixture.is_quick else 10
     measures, counts, shown = [], [], {}
-    for lens in lenses():
-        off, boards, picture = _off_px(fixture, lens, count)
+    for board_camera in board_cameras():
+        off, boards, picture = _off_px(fixture, board_camera, count)
         rms = float(np.sqrt(np.mean(off**2))) if boards >= LEAST_BOARDS else math.nan
-        measures.append(Measure(f"{lens.name}: reprojection, RMS", rms, "px", RMS_BOUND_PX))
-        counts.append(Measure(f"{lens.name}: boards", boards))
+        measures.append(Measure(f"{board_camera.name}: reprojection, RMS", rms, "px", RMS_BOUND_PX))
+        counts.append(Measure(f"{board_camera.name}: boards", boards))
         if picture is not None:
-            shown[lens.name] = picture
+            shown[board_camera.name] = picture
     return Section(
         title,
-        "Chessboards were rendered, their corners found by OpenCV, and the corners' true places "
-        "projected by OpenCV's own functions, which were told nothing but the calibration file "
+        "Chessboards were rendered, their corners found by OpenCV, and the true corners "
+        "projected by OpenCV's own functions, which were given nothing but the calibration file "
         "that omnisim saved in OpenCV's format; nothing was fitted.",
         measures + counts,
         figures=(
@@ -124,10 +124,10 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _off_px(
-    fixture: Fixture, lens: Lens, count: int
+    fixture: Fixture, board_camera: BoardCamera, count: int
 ) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
-    """Distances (n,) between corners found and projected, boards found, and one of them."""
-    camera = lens.camera
+    """Distances (n,) between detected and projected corners, boards detected, and one picture."""
+    camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)
     rig_from_optical = camera.rig_from_optical
     if is_mirror:
@@ -137,7 +137,7 @@ def _off_px(
             optical_from_board[:3] = rig_from_optical.T @ rig_from_board[:3]
             optical_from_boards.append(optical_from_board)
     else:
-        optical_from_boards = board_poses_in_front(count, lens.boards_up_to_rad)
+        optical_from_boards = board_poses_in_front(count, board_camera.boards_up_to_rad)
     offs, shown = [np.empty(0)], None
     sensor = OmniCamera(camera, polygons=None, samples=SAMPLES, texels_per_pixel=TEXELS)
     with (
@@ -145,7 +145,7 @@ def _off_px(
         Renderer(board_scene(), sensor, unlit=True, device=fixture.device) as renderer,
     ):
         path = Path(folder) / "calibration.yaml"
-        calibration_of(camera).save(path, lens.format)
+        calibration_of(camera).save(path, board_camera.format)
         for optical_from_board in optical_from_boards:
             rig_from_board = np.eye(4)
             rig_from_board[:3] = rig_from_optical @ optical_from_board[:3]
@@ -153,23 +153,23 @@ def _off_px(
             found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
             points = board_corners_m() @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
             in_file = points @ omnidir.OMNIDIR_FROM_OPTICAL if is_mirror else points
-            if found is None or not _can_be_projected(lens, in_file):
+            if found is None or not _can_be_projected(board_camera, in_file):
                 continue
-            projected = opencv_projection.project(path, lens.format, in_file)
+            projected = opencv_projection.project(path, board_camera.format, in_file)
             offs.append(_distances_px(projected, found))
             shown = picture[..., :3]
     return np.concatenate(offs), len(offs) - 1, shown
 
 
-def _can_be_projected(lens: Lens, points: NDArray[np.float64]) -> bool:
+def _can_be_projected(board_camera: BoardCamera, points: NDArray[np.float64]) -> bool:
     theta = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
-    return lens.format != "opencv_fisheye" or bool(theta.max() <= LARGEST_FISHEYE_RAD)
+    return board_camera.format != "opencv_fisheye" or bool(theta.max() <= LARGEST_FISHEYE_RAD)
 
 
 def _distances_px(
     projected: NDArray[np.float64], found: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distances (n,), whichever corner OpenCV began to count at, and which way round."""
+    """Distances (n,), for any order in which OpenCV lists the corners."""
     columns, rows = PATTERN
     grid = found.reshape(rows, columns, 2)
     orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])

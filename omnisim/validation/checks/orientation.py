@@ -28,7 +28,7 @@ from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 
 # Where each side of the room shows nothing but its paint, between two lines: metres east, north
 # and up from the viewpoint.
-PLAIN_PLACES = {
+PLAIN_POINTS = {
     "east": (3.0, 0.25, -0.95),
     "north": (0.25, 3.0, -0.95),
     "west": (-3.0, 0.25, -0.95),
@@ -107,7 +107,7 @@ def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: fl
     front = np.array([math.cos(heading), math.sin(heading), 0.0])
     picture_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
     worst = 0.0
-    for side, aim in PLAIN_PLACES.items():
+    for side, aim in PLAIN_POINTS.items():
         theta = math.acos(-aim[2] / np.linalg.norm(aim))
         level = np.array([aim[0], aim[1], 0.0]) / math.hypot(aim[0], aim[1])
         radius = float(camera.image_radius(theta).radii_px)
@@ -147,7 +147,7 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
         middle = cylinder.principal_point_px[0] + quarter * 0.25 * cylinder.width_px
         u = (middle + column) % cylinder.width_px
         seen = sample(grey, np.stack(np.meshgrid(u, row), axis=-1))
-        # the same places on the wall, 3 m away, by plain trigonometry
+        # the same points on the wall, 3 m away, by plain trigonometry
         across_m = 3.0 * np.tan(azimuth)[None, :] * np.ones((121, 1))
         up_m = position[2] + 3.0 * tangent[:, None] / np.cos(azimuth)[None, :]
         pixel = np.stack(

@@ -1,4 +1,4 @@
-"""A physical mirror, traced by somebody else's renderer, against our captures."""
+"""Physical mirror, traced by an independent renderer, against our captures."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def measure_quality(
     return Section(
         title,
         f"The picture at default quality, {SIZE_PX} × {SIZE_PX} px, against {samples} samples a "
-        f"pixel; beside it a plain bilinear look into faces of {PLAIN_FACE_PX} px. Shimmer is how "
+        f"pixel; beside it a plain bilinear lookup in faces of {PLAIN_FACE_PX} px. Shimmer is how "
         f"much the difference from them changes from one to the next of {steps} pictures, "
         f"turned by {PAN_STEP_DEG}° each.",
         (
@@ -125,7 +125,7 @@ def _linear_pictures(
 def _plain(
     stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
-    """Linear pictures by a bilinear look into the faces at the middle of each pixel."""
+    """Linear pictures by bilinear lookups in the faces at the centre of each pixel."""
     camera = sensor.model
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     rig = rays.directions @ camera.rig_from_optical.T

@@ -86,7 +86,7 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera, polygons: int) -> NDArr
         context.release()
     shown = camera.pixel_from_ray(rays[seen].astype(np.float64))
     pixels = pixel_grid(camera.width_px, camera.height_px)[seen]
-    # directions past the rim, which a mesh may show, have no place in the mirror's picture
+    # directions past the rim, which a mesh may show, have no position in the mirror's picture
     errors: NDArray[np.float64] = np.linalg.norm(shown.positions_px - pixels, axis=-1)
     return errors[shown.valid]
 

@@ -120,7 +120,7 @@ def exact_radius_px(
 ) -> NDArray[np.float64]:
     """Image radii (n,) by the unified model's relation, r = f ψ sin θ/(ξ + cos θ).
 
-    Written out here from k and the focal length alone: the camera's own code is on trial.
+    From k and the focal length alone: the camera's own code is under test.
     """
     k, theta = camera.mirror.k, np.radians(angles_deg)
     xi, psi = math.sqrt(k * (k - 2.0)) / (k - 1.0), 1.0 / (k - 1.0)

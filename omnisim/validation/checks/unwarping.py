@@ -72,7 +72,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
-    """Pinhole camera's picture: the front face of another rig, turned to look that way."""
+    """Pinhole camera's picture: the front face of another rig, turned to that heading."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
     pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)

@@ -1,4 +1,4 @@
-"""A real mirror in front of a real pinhole camera, traced by Mitsuba 3.
+"""Physical mirror in front of a pinhole camera, traced by Mitsuba 3.
 
 Of omnisim's optics only Eq. 1 goes in: the mirror's surface with its normals, and the pinhole in
 its other focus. Which way a pixel looks is for Mitsuba to find out, by reflecting its own camera's
@@ -57,7 +57,7 @@ def trace_mirror(
     slip through between two facets.
 
     Args:
-        scene: what there is to see, see `opaque_only`.
+        scene: opaque surfaces, see `opaque_only`.
         camera: mirror and pinhole camera.
         world_from_optical: (4, 4) pose of the optical frame.
         samples: rays a pixel; a square, or Mitsuba warns that it rounds up to what it can stratify.
@@ -158,12 +158,12 @@ def mirror_mesh(
     azimuth = np.arange(sectors) * (2.0 * math.pi / sectors)
     x, y = radius_m * np.cos(azimuth), radius_m * np.sin(azimuth)
     z = np.broadcast_to(mirror.height_from_radius_m(radius_m), x.shape)
-    here = np.arange(sectors)
-    there = (here + 1) % sectors
+    sector = np.arange(sectors)
+    following = (sector + 1) % sectors
     inner = sectors * np.arange(rings)[:, None]
     outer = inner + sectors
-    lower = np.stack((inner + here, outer + here, outer + there), axis=-1)
-    upper = np.stack((inner + here, outer + there, inner + there), axis=-1)
+    lower = np.stack((inner + sector, outer + sector, outer + following), axis=-1)
+    upper = np.stack((inner + sector, outer + following, inner + following), axis=-1)
     upper = upper[1:]  # at the axis all azimuths are one point
     triangles = np.concatenate((lower.reshape(-1, 3), upper.reshape(-1, 3)))
     return np.stack((x, y, z), axis=-1).reshape(-1, 3), triangles

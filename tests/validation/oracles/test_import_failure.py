@@ -13,7 +13,7 @@ def test_what_is_there_is_not_missing():
 
 def test_what_is_not_there():
     assert import_failure("no_such_module") == (
-        "no_such_module is not here: pip install omnisim[oracles]"
+        "no_such_module is not installed: pip install omnisim[oracles]"
     )
     assert import_failure("json.omnidir") == (
         "json.omnidir is not in this json: pip install omnisim[oracles]"
@@ -28,6 +28,6 @@ def test_what_is_broken(monkeypatch, broken):
     monkeypatch.setattr(oracles, "import_module", import_module)
     message = import_failure("mitsuba")
     assert message.startswith(
-        "mitsuba is here and cannot be imported; sudo apt-get install libatomic1"
+        "mitsuba is installed and cannot be imported; sudo apt-get install libatomic1"
     )
     assert "\n" not in message
