@@ -198,7 +198,7 @@ def _expected(fault: Any, model: type[pydantic.BaseModel], names: list[str], key
     if kind in _RELATIONS:
         words, limit = _RELATIONS[kind]
         return f"{words} {fault['ctx'][limit]:g}"
-    begin = r"^(expected|want|Input should be|(String|Tuple) should have) "
+    begin = r"^(expected|Input should be|(String|Tuple) should have) "
     expected = re.sub(begin, "", message)
     return "" if expected == message else re.sub(r" after validation, not \d+$", "", expected)
 

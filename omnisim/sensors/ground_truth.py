@@ -46,7 +46,7 @@ class GroundTruth:
     ):
         self._stage = stage
         self.has_albedo = albedo
-        self.labels = find_labels(stage.scene, stage.moving)
+        self.labels = find_labels(stage.scene, stage.objects)
         self._pixels = PixelMap(stage.context, sensor.model, sensor.polygons)
         visibility = VisibilityPass(
             stage.buffers,
@@ -55,7 +55,7 @@ class GroundTruth:
             albedo,
         )
         self._ray_hits = RayHitPass(visibility, self._pixels)
-        object_names = list(stage.moving)
+        object_names = list(stage.objects)
         ids = {(label.object_name, label.name): label.id for label in self.labels.instances}
         instances = [
             ids[None if draw.object_index is None else object_names[draw.object_index], draw.name]

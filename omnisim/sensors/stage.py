@@ -80,14 +80,14 @@ class Stage(Closing):
         self._closed = False
         try:
             with self.context:
-                self.buffers = SceneBuffers(self.context, scene, tuple(self.moving.values()))
+                self.buffers = SceneBuffers(self.context, scene, tuple(self.objects.values()))
                 self.surface_programs = SurfacePrograms(self.buffers, scene.lighting)
         except BaseException:
             self.close()
             raise
 
     @property
-    def moving(self) -> dict[str, Scene]:
+    def objects(self) -> dict[str, Scene]:
         """Body and dynamic objects by name, in the order of `object_poses_at`."""
         return ({} if self.body is None else {BODY: self.body}) | self.dynamic_objects
 

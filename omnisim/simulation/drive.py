@@ -130,7 +130,7 @@ class PlannedDrive:
             content = self._manifest(graphics_info(stage.context).renderer)
             run = stack.enter_context(open_run(folder, content, force))
             self._write_records(run)
-            labels = find_labels(drive.scene, stage.moving)
+            labels = find_labels(drive.scene, stage.objects)
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             there = len(self.truth) - len(missing)
