@@ -1,1 +1,1 @@
-"""What a robot makes of the pictures: views unwarped from them."""
+"""Perception: views unwarped from omnidirectional pictures, colour models and landmarks."""

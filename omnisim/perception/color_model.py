@@ -1,4 +1,4 @@
-"""Which colours are a landmark's: 3-D colour histograms and the likelihood ratio between them.
+"""Colour model of landmarks: 3-D colour histograms and their likelihood ratio.
 
 One histogram for each landmark colour and one, *neg*, for everything else. A colour is a
 landmark's where it is Θ times as likely there as elsewhere:
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +28,14 @@ NEG = 0  # the class of everything else; a model's colours are 1, 2, ...
 def bin_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Index (...) into a flat histogram of sRGB pixels (..., 3)."""
     binned = pixels.astype(np.uint16) >> _SHIFT
-    return (binned[..., 0] << 10) | (binned[..., 1] << 5) | binned[..., 2]
+    index = (binned[..., 0] << 10) | (binned[..., 1] << 5) | binned[..., 2]
+    return index.astype(np.uint16, copy=False)
 
 
-def count_colors(pixels: NDArray[np.uint8], labels: NDArray[np.integer], classes: int) -> NDArray:
-    """How often each colour is seen in each class.
+def count_colors(
+    pixels: NDArray[np.uint8], labels: NDArray[np.integer[Any]], classes: int
+) -> NDArray[np.float64]:
+    """Count colours by class.
 
     Args:
         pixels: (n, 3) sRGB.
@@ -58,7 +62,8 @@ def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[
     shares = counts[1:] / np.maximum(counts[1:].sum(axis=1, keepdims=True), 1.0)
     spread = smoothing / counts.shape[1]
     neg = (counts[NEG] + spread) / (counts[NEG].sum() + smoothing)
-    return shares / neg
+    ratios: NDArray[np.float64] = shares / neg
+    return ratios
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +119,7 @@ class ColorModel:
 
     @cached_property
     def table(self) -> NDArray[np.uint8]:
-        """The class of each bin (BINS³,): `NEG`, or 1 + the index of a colour.
+        """Class of each bin (BINS³,): `NEG`, or 1 + the index of a colour.
 
         Where more than one colour passes its threshold, the one that passes it by most.
         """
@@ -124,17 +129,17 @@ class ColorModel:
         return np.where(passed, best + 1, NEG).astype(np.uint8)
 
     def classify(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The class (...) of sRGB pixels (..., 3)."""
+        """Class (...) of sRGB pixels (..., 3)."""
         return self.table[bin_of(pixels)]
 
     def color_class(self, name: str) -> int:
-        """The class of a colour, or `NEG` for one that the model does not know."""
+        """Class of a colour; `NEG`: the model lacks it."""
         return self.colors.index(name) + 1 if name in self.colors else NEG
 
 
 @dataclass(frozen=True, eq=False)
 class Roc:
-    """What a threshold costs: both rates at every Θ where one of them changes.
+    """Receiver operating characteristic: both rates at every Θ where one of them changes.
 
     Attributes:
         thresholds: (n,) descending.
@@ -154,8 +159,10 @@ class Roc:
         return float(np.sum(np.diff(x) * 0.5 * (y[1:] + y[:-1])))
 
 
-def roc(ratios: NDArray[np.float64], positives: NDArray, negatives: NDArray) -> Roc:
-    """The curve of one colour.
+def roc(
+    ratios: NDArray[np.float64], positives: NDArray[np.float64], negatives: NDArray[np.float64]
+) -> Roc:
+    """ROC of one colour.
 
     Args:
         ratios: (BINS³,) Eq. 3's, learned from some pictures.
@@ -174,7 +181,7 @@ def roc(ratios: NDArray[np.float64], positives: NDArray, negatives: NDArray) -> 
 
 @dataclass(frozen=True)
 class Costs:
-    """What mistakes cost, in any unit: only their ratio counts.
+    """Costs of mistakes, in any unit: only their ratio counts.
 
     Attributes:
         missed: one pixel of a landmark that is taken for something else.
@@ -186,7 +193,7 @@ class Costs:
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:
-    """The Θ that costs least on pictures with so many pixels of the colour and of neg.
+    """Choose the Θ of least cost on pictures with so many pixels of the colour and of neg.
 
     Between two thresholds that cost the same the one in their middle, on a logarithmic scale.
     """

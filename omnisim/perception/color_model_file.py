@@ -1,4 +1,4 @@
-"""A colour model and the landmarks that it is for, in one `.npz` file.
+"""File of a colour model and its landmarks: `.npz`.
 
 It holds `counts` (1 + colours, 32³), `colors`, `thresholds`, `smoothing`, and `landmarks` as JSON,
 so that a picture alone is enough to look for them; nothing in it is pickled.
@@ -55,7 +55,7 @@ def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -
         OutputError: another suffix, or it cannot be written.
     """
     check_suffix(path, SUFFIX)
-    told = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
+    encoded = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
     with atomic_write(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
@@ -64,7 +64,7 @@ def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -
             colors=np.array(model.colors),
             thresholds=np.array(model.thresholds),
             smoothing=model.smoothing,
-            landmarks=told,
+            landmarks=encoded,
         )
 
 
@@ -97,14 +97,14 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
             f"{path}: is no model: expected the .npz file of omnisim landmarks train"
         ) from None
     except LocalizationError as reason:
-        told = str(reason)
-        raise LocalizationError(told if str(path) in told else f"{path}: {told}") from None
+        message = str(reason)
+        raise LocalizationError(message if str(path) in message else f"{path}: {message}") from None
     return model, landmarks
 
 
-def _landmarks(told: object) -> tuple[Landmark, ...]:
+def _landmarks(content: object) -> tuple[Landmark, ...]:
     try:
-        stored = parse_table({"landmarks": told}, _StoredLandmarks, LocalizationError, "it")
+        stored = parse_table({"landmarks": content}, _StoredLandmarks, LocalizationError, "it")
     except LocalizationError as faults:  # one is enough: nobody mends such a file by hand
         first = str(faults).partition("\n")[0].removeprefix("it: ")
         raise LocalizationError(f"{first}: train it again") from None

@@ -32,7 +32,7 @@ def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) ->
             found.range_sigma_m,
         )
         box = (found.left, found.right, found.top, found.bottom, found.area_px)
-        told = (*(f"{number:.6f}" for number in numbers), *map(str, box))
-        lines.append(",".join((str(step), found.landmark, *told)))
+        cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
+        lines.append(",".join((str(step), found.landmark, *cells)))
     with atomic_write(path) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,13 @@ from omnisim.perception.regions import Region, find_regions, wrapped_around
 from omnisim.poses import wrap_angle
 from omnisim.scene.model import Landmark
 
+Key = TypeVar("Key")
 SMALLEST_PX = 4  # of a region: less is a speck
 
 
 @dataclass(frozen=True)
 class Detection:
-    """A landmark in a picture.
+    """Landmark detected in a picture.
 
     Attributes:
         landmark: its name.
@@ -60,20 +62,19 @@ class Detection:
 
 
 class LandmarkDetector:
-    """Finds the landmarks of one scene in one camera's pictures.
+    """Detects the landmarks of one scene in one camera's pictures.
 
     Args:
         model: their colours.
-        landmarks: what to look for; those that the model's
-            colours do not tell are left out.
+        landmarks: of the scene; those whose colours the model lacks are ignored.
         mount: the camera.
 
     Attributes:
-        panorama: that they are looked for in.
-        ignored: names of landmarks that are left out.
+        panorama: that they are detected in.
+        ignored: names of landmarks that are not detected.
 
     Raises:
-        LocalizationError: nothing to look for, or two landmarks that look the same.
+        LocalizationError: no landmark to detect, or two that look the same.
     """
 
     def __init__(self, model: ColorModel, landmarks: Sequence[Landmark], mount: CameraMount):
@@ -97,15 +98,15 @@ class LandmarkDetector:
             )
 
     def classes(self, panorama: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The class of each pixel (height, width) of a panorama."""
+        """Classify the pixels (height, width) of a panorama."""
         return self.model.classify(panorama)
 
     def __call__(self, picture: NDArray[np.uint8]) -> list[Detection]:
-        """The landmarks in a picture (height, width, 3), sRGB; each at most once."""
+        """Detect landmarks in a picture (height, width, 3), sRGB; each at most once."""
         return self.find(self.panorama(picture))
 
     def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
-        """The landmarks in a panorama of the detector's own."""
+        """Detect landmarks in a panorama of the detector's own."""
         classes = self.classes(panorama)
         regions = find_regions(classes, len(self.model.colors), SMALLEST_PX)
         doubled = wrapped_around(panorama)
@@ -147,7 +148,7 @@ class LandmarkDetector:
         )
 
 
-def _add(known: dict, key: object, landmark: Landmark) -> None:
+def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
     if key in known:
         raise LocalizationError(
             f"landmarks {known[key].name!r} and {landmark.name!r}: look the same: expected other "
@@ -176,7 +177,7 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
 def _best_of_each(
     found: list[tuple[Landmark, LandmarkMeasurement]],
 ) -> list[tuple[Landmark, LandmarkMeasurement]]:
-    """Of several places for one landmark the one of most pixels: there is one of each."""
+    """Keep the measurement of most pixels for each landmark: there is one of each."""
     best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
     for landmark, finding in found:
         other = best.get(landmark.name)

@@ -1,4 +1,4 @@
-"""How far and in which direction something is, from the edges of its colours in a panorama.
+"""Range and bearing of landmarks, from the edges of their colours in a panorama.
 
 An edge is found to a fraction of a pixel by how much of the one and of the other colour the pixels
 across it have, in linear light, where they mix as areas do.
@@ -30,10 +30,10 @@ LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
 
 @dataclass(frozen=True)
 class LandmarkMeasurement:
-    """What was measured of one landmark; columns may run past the panorama's right edge.
+    """Measurement of one landmark; columns may run past the panorama's right edge.
 
     Attributes:
-        column: in its direction.
+        column: of its bearing.
         column_sigma_px: of that.
         range_m, range_eq2_m, range_sigma_m: along the ground, as in `Detection`.
         left, right, top, bottom: box.
@@ -139,7 +139,7 @@ def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> flo
     if contrast < 1e-3:
         return math.nan
     share = np.clip((end - profile[first : last + 1]) @ change / contrast, 0.0, 1.0)
-    return first - 0.5 + float(share.sum())
+    return float(first - 0.5 + float(share.sum()))
 
 
 def _fit_range(
@@ -228,4 +228,5 @@ def _lower_edges(
     change = inside - outside
     contrast = np.maximum((change * change).sum(axis=-1), 1e-3)
     share = np.clip(((profile - outside) * change).sum(axis=-1) / contrast, 0.0, 1.0)
-    return bottom - 2.5 + share.sum(axis=1)
+    edges: NDArray[np.float64] = bottom - 2.5 + share.sum(axis=1)
+    return edges

@@ -1,4 +1,4 @@
-"""The level panorama that landmarks are looked for in, and what its rows and columns mean."""
+"""Level panorama for landmark detection, and the geometry of its rows and columns."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _LEVEL = 1e-9  # how far a rotation may be off one about the upright axis
 
 @dataclass(frozen=True, eq=False)
 class CameraMount:
-    """A camera on a vehicle.
+    """Camera on a vehicle.
 
     Attributes:
-        camera: what it sees.
+        camera: its model.
         base_from_optical: (4, 4) where it is.
         covered: (height, width) pixels that show the scene, or None: all that the model sees.
     """
@@ -37,17 +37,17 @@ class CameraMount:
 
     @property
     def height_m(self) -> float:
-        """Of the effective viewpoint above the ground that the vehicle stands on."""
+        """Height of the effective viewpoint above the ground."""
         return float(self.base_from_optical[2, 3])
 
     @property
     def position_m(self) -> tuple[float, float]:
-        """x and y of the effective viewpoint, base."""
+        """Effective viewpoint x, y in the base frame."""
         return float(self.base_from_optical[0, 3]), float(self.base_from_optical[1, 3])
 
 
 class Panorama:
-    """A whole turn around a vehicle on the ground, from the horizon down.
+    """Panorama of a whole turn around a vehicle on the ground, from the horizon down.
 
     Rows and columns count from the centre of the first pixel and may lie in between.
 
@@ -81,12 +81,12 @@ class Panorama:
         )
 
     def __call__(self, picture: NDArray[Any]) -> NDArray[Any]:
-        """The panorama (height, width, 3) of a picture; black where it shows nothing."""
+        """Unwarp a picture to a panorama (height, width, 3); black where it shows nothing."""
         return self._unwarp(picture)
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which pixels show the scene."""
+        """Mask (height, width) of the pixels that show the scene."""
         return self._unwarp.valid
 
     def bearings_rad(self, columns: ArrayLike) -> NDArray[np.float64]:
@@ -95,7 +95,7 @@ class Panorama:
         return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
 
     def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """How far along the ground something is whose height is known: r = (H − z) tan θ.
+        """Ranges along the ground of points of known height: r = (H − z) tan θ.
 
         Infinite at and above the camera's own horizon.
         """
@@ -104,14 +104,14 @@ class Panorama:
         return np.where(down > 0.0, drop_m / np.where(down > 0.0, down, 1.0), np.inf)
 
     def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Where something is seen whose range and height are known."""
+        """Rows of points of known range and height."""
         tangents = (self.mount.height_m - height_m) / np.asarray(ranges_m, dtype=np.float64)
         return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
 
     def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """The same by the inverse of the paper's Eq. 2 from the radius in the picture.
+        """Ranges by the inverse of the paper's Eq. 2 from the radius in the picture.
 
-        NaN for a camera that Eq. 2 is not about: no such mirror, or not upright.
+        NaN for a camera outside of Eq. 2: without such a mirror, or not upright.
         """
         down = self._tangents(rows)
         camera = self.mount.camera
@@ -127,29 +127,29 @@ class Panorama:
     def range_sigmas_m(
         self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float
     ) -> NDArray[np.float64]:
-        """What an error of a row does to a range: dr/dv = r²/((H − z) f)."""
+        """Standard deviations of ranges by that of a row: dr/dv = r²/((H − z) f)."""
         drop_m = self.mount.height_m - height_m
         squared = np.square(np.asarray(ranges_m, dtype=np.float64))
         return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
 
     def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float64]:
-        """How high above the ground something is whose range is known."""
+        """Heights above the ground of points of known range."""
         return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
 
     def _tangents(self, rows: ArrayLike) -> NDArray[np.float64]:
-        """Of the angle below the horizon."""
+        """Tangents of the angles below the horizon."""
         v = np.asarray(rows, dtype=np.float64)
         return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
 
     @cached_property
     def _is_upright(self) -> bool:
-        """Whether the camera looks straight up, turned about its axis or not."""
+        """The camera looks straight up, turned about its axis or not."""
         rotation = self.mount.base_from_optical[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP.T
         return bool(abs(rotation[2, 2] - 1.0) < _LEVEL)
 
 
 def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> int:
-    """How many of the picture's pixels the horizon is long, by the densest part that is seen."""
+    """Length of the horizon in pixels of the picture."""
     step_rad = 1e-3
     headings = np.linspace(-math.pi, math.pi, 72, endpoint=False)
 

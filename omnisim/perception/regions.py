@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 _EIGHT = np.ones((3, 3), dtype=np.int8)
 
 
@@ -29,21 +31,21 @@ class Region:
     @property
     def bottom(self) -> int:
         """First row below."""
-        return self.top + self.mask.shape[0]
+        return self.top + int(self.mask.shape[0])
 
     @property
     def right(self) -> int:
         """First column to the right."""
-        return self.left + self.mask.shape[1]
+        return self.left + int(self.mask.shape[1])
 
     @property
     def area_px(self) -> int:
-        """How many pixels."""
+        """Number of pixels."""
         return int(np.count_nonzero(self.mask))
 
 
-def wrapped_around(panorama: NDArray) -> NDArray:
-    """A panorama (height, width, ...) with its left half again at its right."""
+def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Append the left half of a panorama (height, width, ...) at its right."""
     return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
 
 

@@ -19,15 +19,15 @@ from omnisim.errors import OpticsError
 from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 
 MOST_SAMPLES = 8  # to a side of a view's pixel
-# A view is made in bands of rows, so that what is in between stays small, at 24 bytes a sample.
-BAND_SAMPLES = 1 << 21
+# A view is made in blocks of rows, so that what is in between stays small, at 24 bytes a sample.
+BLOCK_SAMPLES = 1 << 21
 MOST_KEPT_SAMPLES = 1 << 24
 _STEPS = 65535  # linear steps of 1/65535 are finer than any step of 8-bit sRGB
 _SRGB = srgb8_from_linear(np.arange(_STEPS + 1) / _STEPS)
 
 
-class _Band(NamedTuple):
-    """Rows of a view, and where in the picture its pixels look."""
+class _RowBlock(NamedTuple):
+    """Rows of a view, and the lookups of their pixels in the picture."""
 
     rows: slice
     valid: NDArray[np.bool_]  # (rows, width)
@@ -35,9 +35,9 @@ class _Band(NamedTuple):
 
 
 class Unwarping:
-    """The table of lookups from a view's pixels into a picture.
+    """Remap table from a view's pixels into a picture.
 
-    Of a very large view the table is not kept but made again for each picture.
+    That of a very large view is not kept but made again for each picture.
 
     A view's pixel is valid where everything that it blends is: seen by the picture's camera and
     inside the picture.
@@ -76,13 +76,13 @@ class Unwarping:
             samples = _samples_needed(camera, view, self._rotation)
         self._samples = samples
         self.valid = np.zeros((view.height_px, view.width_px), dtype=bool)
-        self._kept: list[_Band] | None = []
+        self._kept: list[_RowBlock] | None = []
         if self.valid.size * samples**2 > MOST_KEPT_SAMPLES:
             self._kept = None
-        for band in self._make_bands():
-            self.valid[band.rows] = band.valid
+        for block in self._make_blocks():
+            self.valid[block.rows] = block.valid
             if self._kept is not None:
-                self._kept.append(band)
+                self._kept.append(block)
         if not self.valid.any():
             raise OpticsError("the picture shows nothing of this view")
 
@@ -106,22 +106,20 @@ class Unwarping:
         flat = linear.reshape(-1, picture.shape[2])
         result = np.zeros((*self.valid.shape, picture.shape[2]), dtype=picture.dtype)
         width = self._shape[1]
-        for rows, valid, lookups in self._make_bands() if self._kept is None else self._kept:
+        for rows, valid, lookups in self._make_blocks() if self._kept is None else self._kept:
             total = np.zeros((*valid.shape, picture.shape[2]), dtype=np.float32)
             for corner, weights in lookups:
                 for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
                     total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
             seen = total[valid] / np.float32(len(lookups))
-            if is_encoded:
-                seen = _SRGB[np.rint(np.clip(seen, 0.0, 1.0) * _STEPS).astype(np.int32)]
-            result[rows][valid] = seen
+            result[rows][valid] = _encode(seen) if is_encoded else seen
         return result
 
-    def _make_bands(self) -> Iterator[_Band]:
+    def _make_blocks(self) -> Iterator[_RowBlock]:
         """All rows of the view, from top to bottom."""
         height, width = self.valid.shape
         offsets = (np.arange(self._samples) + 0.5) / self._samples - 0.5
-        step = max(1, BAND_SAMPLES // (width * self._samples**2))
+        step = max(1, BLOCK_SAMPLES // (width * self._samples**2))
         for first in range(0, height, step):
             rows = slice(first, min(first + step, height))
             grid = pixel_grid(width, rows.stop - first) + (0.0, first)
@@ -132,7 +130,7 @@ class Unwarping:
                     corner, weights, seen = self._look_up(grid + (right, down))
                     valid &= seen
                     lookups.append((corner, weights))
-            yield _Band(rows, valid, lookups)
+            yield _RowBlock(rows, valid, lookups)
 
     def _look_up(
         self, positions_px: NDArray[np.float64]
@@ -145,6 +143,12 @@ class Unwarping:
         for step in (0, 1, self._shape[1], self._shape[1] + 1):
             inside &= self._covered.take(corner + step, mode="clip")
         return corner, weights, inside & pixels.valid & rays.valid
+
+
+def _encode(linear: NDArray[Any]) -> NDArray[np.uint8]:
+    """Encode linear light as 8-bit sRGB."""
+    encoded: NDArray[np.uint8] = _SRGB[np.rint(np.clip(linear, 0.0, 1.0) * _STEPS).astype(np.int32)]
+    return encoded
 
 
 def _samples_needed(

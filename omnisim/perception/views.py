@@ -1,4 +1,4 @@
-"""The views that an omnidirectional picture can be unwarped to: cylinder, perspective, bird's eye.
+"""Views to unwarp an omnidirectional picture to: cylinder, perspective, bird's eye.
 
 Each is a camera at the effective viewpoint of the picture, and where it looks from the vehicle.
 The bird's eye view, too: a plane ground seen from straight above is a map of it.
@@ -22,7 +22,7 @@ STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infi
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera at the effective viewpoint and where it looks.
+    """Camera at the effective viewpoint and its orientation.
 
     Attributes:
         camera: the view's own camera model.
@@ -36,7 +36,7 @@ class View:
 def cylinder_view(
     width_px: int, lowest_rad: float, highest_rad: float, yaw_rad: float = 0.0
 ) -> View:
-    """A whole turn on a cylinder, as a person turning on the spot to the right would see it.
+    """Cylindrical view of a whole turn, left to right clockwise.
 
     Args:
         width_px: columns of the whole turn; the middle one looks towards `yaw_rad`, the left and
@@ -67,7 +67,7 @@ def perspective_view(
     yaw_rad: float = 0.0,
     pitch_rad: float = 0.0,
 ) -> View:
-    """A pinhole camera's view.
+    """Perspective view of a pinhole camera.
 
     Args:
         width_px, height_px: size of the picture.
@@ -85,7 +85,7 @@ def perspective_view(
 def birdseye_view(
     size_px: int, half_extent_m: float, height_m: float, yaw_rad: float = 0.0
 ) -> View:
-    """The ground as a square map with the vehicle in the middle and its front at the top.
+    """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
 
     Args:
         size_px: of a side.

@@ -1,4 +1,4 @@
-"""The robot: its file, where it goes, how it drives there, and what its wheels report.
+"""Robots: robot files, trajectories, motion planning and wheel odometry.
 
 Poses are world_from_base (`omnisim.frames`); turns and headings count counter-clockwise, seen from
 above. Nothing here knows of pictures or of the GPU.

@@ -20,7 +20,7 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A robot that drives straight, in arcs, and turns on the spot, but never sideways.
+    """Limits of a robot that drives straight, in arcs, and turns on the spot, but never sideways.
 
     Attributes:
         drive: two wheels and a castor, or wheels that skid when the robot turns. Both drive alike;

@@ -1,6 +1,6 @@
-"""From waypoints to a trajectory: turn on the spot, drive straight, and rest in between.
+"""Motion profiles along waypoints: turn on the spot, drive straight, and rest in between.
 
-Every turn and every leg starts and ends at rest and is as fast as the limits allow: constant
+Every turn and every leg has a trapezoidal velocity profile from rest to rest: constant
 acceleration, the top speed where there is room for it, constant braking. A half turn goes left.
 """
 
@@ -26,7 +26,7 @@ SMALLEST_TURN_RAD = 1e-9
 
 @dataclass(frozen=True)
 class _Segment:
-    """A leg or a turn on the spot, from rest to rest."""
+    """Leg or turn on the spot, from rest to rest."""
 
     start: tuple[float, float, float]  # x, y, yaw
     move_m: tuple[float, float]  # of a leg, or (0, 0)
@@ -49,7 +49,7 @@ class _Segment:
         return self.ramp_s + self.amount / (self.acceleration * self.ramp_s)
 
     def amounts_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far it has come (n,) at times (n,) since its start."""
+        """Distances or angles (n,) at times (n,) since its start."""
         ramp, a = self.ramp_s, self.acceleration
         left = self.duration_s - times_s
         cruising = a * ramp * (times_s - 0.5 * ramp)
@@ -58,7 +58,7 @@ class _Segment:
         return np.where(times_s < ramp, speeding, np.where(left < ramp, braking, cruising))
 
     def times_at(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """When it has come so far (n,): what `amounts_at` is the inverse of."""
+        """Times (n,) at distances or angles (n,): the inverse of `amounts_at`."""
         ramp, a = self.ramp_s, self.acceleration
         ramp_amount = 0.5 * a * ramp * ramp
         left = np.maximum(self.amount - amounts, 0.0)
@@ -71,8 +71,9 @@ class _Segment:
 
     def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
         """x, y, yaw (n, 3) at shares (n,) of the way."""
-        change = (*self.move_m, self.turn_rad)
-        return np.array(self.start) + shares[:, None] * np.array(change)
+        change = np.array((*self.move_m, self.turn_rad))
+        poses: NDArray[np.float64] = np.array(self.start) + shares[:, None] * change
+        return poses
 
 
 def drive_in_steps(
@@ -105,7 +106,7 @@ def drive_in_steps(
         _count(segment.amount / (step_m if segment.move_m != (0.0, 0.0) else step_rad))
         for segment in segments
     ]
-    return _sampled(segments, counts)
+    return _sample(segments, counts)
 
 
 def drive_with_period(
@@ -132,7 +133,7 @@ def drive_with_period(
         raise TrajectoryError(f"period_s = {period_s:g}: expected a finite number above 0")
     segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
     counts = [_count(segment.duration_s / period_s) for segment in segments]
-    return _sampled(segments, counts, period_s)
+    return _sample(segments, counts, period_s)
 
 
 def _segments(
@@ -164,10 +165,10 @@ def _count(steps: float) -> int:
     return max(1, math.ceil(steps - 1e-9))
 
 
-def _sampled(
+def _sample(
     segments: list[_Segment], counts: list[int], period_s: float | None = None
 ) -> Trajectory:
-    """Poses of segments one after the other, each cut into a count of steps.
+    """Sample segments one after the other, each in its number of steps.
 
     The steps are equal in time where a period is given, and else equally long.
     """

@@ -1,4 +1,4 @@
-"""What a robot's wheels report: how far it went and how much it turned, step by step.
+"""Wheel odometry: distances and turns, step by step.
 
 Between two readings the robot is taken to follow an arc, with a line and a turn on the spot as
 its limits. Dead reckoning follows the same arcs, exactly.
@@ -19,7 +19,7 @@ from omnisim.robot.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """How wheel readings differ from the truth. By default they do not.
+    """Errors of wheel readings; by default none.
 
     The noise is a random walk: its variance grows with the way, so that cutting the way into more
     steps changes nothing. All values are our assumptions: nothing is published for the
@@ -112,7 +112,7 @@ class Odometry:
         return np.column_stack((positions, yaws))
 
     def dead_reckoned(self) -> Trajectory:
-        """Where the robot believes to be: level, at z = 0.
+        """Trajectory by dead reckoning: level, at z = 0.
 
         Raises:
             TrajectoryError: times that do not increase.
@@ -140,7 +140,7 @@ def wheel_readings(truth: Trajectory) -> Odometry:
 
 
 def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> Odometry:
-    """What the wheels report along a trajectory.
+    """Simulate wheel readings along a trajectory.
 
     The noise is NumPy's PCG64, seeded by SeedSequence(seed): two normal numbers a step, in order,
     so that a longer trajectory begins with the readings of a shorter one. They are scaled by +, −,

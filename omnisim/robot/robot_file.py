@@ -1,4 +1,4 @@
-"""The robot file: how a robot drives, what its wheels report, its body and its sensors, in TOML.
+"""Robot files: kinematics, odometry, body and sensors of a robot, in TOML.
 
 `scenes/p2at/robot.toml` has every table.
 """
@@ -70,7 +70,7 @@ class _RobotTable(Table):
 
 @dataclass(frozen=True)
 class Footprint:
-    """What a robot takes up, about its base.
+    """Footprint of a robot about its base.
 
     Attributes:
         length_m, width_m: on the ground, along x and y.
@@ -84,17 +84,17 @@ class Footprint:
 
 @dataclass(frozen=True)
 class Robot:
-    """What a robot file says.
+    """Robot of a robot file.
 
     Attributes:
         source: the file, or what the table was called.
         folder: that its other files are relative to.
         name: short, as in file names.
         title: what people call it.
-        body: name of its mesh file, or None: nothing to be seen.
-        kinematics: its limits, or None: nobody plans its ways.
+        body: name of its mesh file, or None: invisible.
+        kinematics: its limits, or None: unknown.
         odometry: the errors of its wheels.
-        footprint: what it takes up, or None: not said.
+        footprint: about its base, or None: unknown.
         mounts: its sensors and where they are.
     """
 

@@ -1,4 +1,4 @@
-"""From what a user calls a robot to the file that describes it."""
+"""Lookup of robot files by path, folder or built-in name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def builtin_robots() -> list[str]:
 
 
 def find_robot(source: str | Path) -> Path:
-    """The robot file of a path, of a folder with a `robot.toml`, or of a built-in name.
+    """Find the robot file of a path, of a folder with a `robot.toml`, or of a built-in name.
 
     Raises:
         RobotFileError: there is none, or it is not a file that can be read.

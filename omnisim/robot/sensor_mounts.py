@@ -1,4 +1,4 @@
-"""What a robot file says of its sensors: which they are, and where.
+"""Sensors of a robot file and their mounts.
 
 The tables of `[[sensors]]`, by `type`. What they describe is built where sensors are known, in
 `omnisim.simulation`; here they are numbers and names.
@@ -22,7 +22,7 @@ FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
 
 
 def folder_name(name: str) -> str:
-    """The nearest name that a sensor may have: `_` for what is not allowed."""
+    """Nearest valid name of a sensor: `_` replaces invalid characters."""
     return re.sub(r"[^\w -]", "_", name)[:60].strip(" -") or "_"
 
 
@@ -30,6 +30,12 @@ def _check_folder_name(name: str) -> str:
     if not FOLDER_NAME.fullmatch(name):
         raise ValueError("expected letters, digits, _, and - or blanks between them, at most 60")
     return name
+
+
+def _check_resolution(resolution_deg: float) -> float:
+    if resolution_deg not in (1.0, 0.5, 0.25):
+        raise ValueError("expected 1, 0.5 or 0.25")
+    return resolution_deg
 
 
 Name = Annotated[str, Field(min_length=1, strict=True)]
@@ -42,7 +48,7 @@ Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
 
 class SensorMount(Table):
-    """The keys that all sensors have.
+    """Keys of all sensors.
 
     Attributes:
         type: key of its class.
@@ -67,7 +73,7 @@ class SensorMount(Table):
 
 
 class OmniCameraMount(SensorMount):
-    """A catadioptric camera.
+    """Catadioptric camera.
 
     Attributes:
         file: its sensor file, relative to the robot file; without one it is the paper's camera.
@@ -78,17 +84,17 @@ class OmniCameraMount(SensorMount):
 
 
 class Lms200Mount(SensorMount):
-    """A SICK LMS200, set up by `resolution_deg` and `mode`; `seed` says which device."""
+    """SICK LMS200, set up by `resolution_deg` and `mode`; `seed` says which device."""
 
     type: Literal["lms200"]
-    resolution_deg: Literal[1.0, 0.5, 0.25] = 0.5
+    resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
     mode: Literal["mm", "cm"] = "mm"
     noise: Annotated[bool, Field(strict=True)] = True
     seed: Seed = 0
 
 
 class RangeScannerMount(SensorMount):
-    """A range scanner as USARSim's configuration has it; by default its SICK LMS200.
+    """Range scanner as USARSim's configuration has it; by default its SICK LMS200.
 
     Attributes:
         scan_fov_rad, resolution_rad: ScanFov, Resolution.

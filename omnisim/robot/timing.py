@@ -1,4 +1,4 @@
-"""When a robot is where, if it goes as fast as it can through given poses."""
+"""Time-optimal timing of given poses, within the limits of a robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trajectory: where the robot's base is, and when."""
+"""Trajectory of the robot's base: poses and times."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Trajectory:
     def on_ground(
         cls, times_s: ArrayLike, positions_m: ArrayLike, yaw_rad: ArrayLike
     ) -> Trajectory:
-        """A level trajectory at z = 0.
+        """Build a level trajectory at z = 0.
 
         Args:
             times_s: (n,).
@@ -102,12 +102,12 @@ class Trajectory:
 
     @property
     def path_length_m(self) -> float:
-        """The steps' lengths, added up."""
+        """Sum of the steps' lengths."""
         return float(np.sum(self.step_lengths_m))
 
     @property
     def duration_s(self) -> float:
-        """From the first pose to the last."""
+        """Time from the first pose to the last."""
         return float(self.times_s[-1] - self.times_s[0])
 
     def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> NDArray[np.intp]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import TrajectoryError
@@ -13,7 +14,18 @@ from omnisim.robot.formats.parsed_trajectory import ParsedTrajectory
 from omnisim.robot.formats.text_table import TextTable, is_number, quote, read_text_table
 from omnisim.robot.trajectory import Trajectory, check_continuous
 
-FORMATS = {"tum": tum, "kitti": kitti, "euroc": euroc, "csv": pose_csv}
+
+class TrajectoryFormat(Protocol):
+    """Module of a format."""
+
+    def read(self, table: TextTable) -> ParsedTrajectory:
+        """Read a table."""
+
+    def lines(self, trajectory: Trajectory) -> Iterator[str]:
+        """Lines of a file."""
+
+
+FORMATS: dict[str, TrajectoryFormat] = {"tum": tum, "kitti": kitti, "euroc": euroc, "csv": pose_csv}
 WANTED = (
     f"expected 8 columns between blanks (TUM), 12 (KITTI), 17 between commas (EuRoC), "
     f"or a header with some of {', '.join(pose_csv.COLUMNS)}"

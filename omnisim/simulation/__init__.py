@@ -1,4 +1,4 @@
-"""Where robots and sensors meet: what a robot file describes, as objects that can be driven."""
+"""Simulation: vehicles with sensors, driven along paths through scenes."""
 
 from omnisim.simulation.vehicle import MountedCamera, MountedScanner, Vehicle
 

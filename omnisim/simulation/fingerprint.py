@@ -1,4 +1,4 @@
-"""What something contains, as one short text: equal contents, equal fingerprints."""
+"""Fingerprints of plain data: equal contents, equal fingerprints."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class PictureSource:
         mount: the camera.
         count: how many pictures.
         picture: the one of a step.
-        unfinished: what somebody should know of a run that is not whole, or None: it is.
+        unfinished: notice about a run that is not whole, or None.
     """
 
     mount: CameraMount
@@ -35,7 +35,7 @@ class PictureSource:
 
 
 def run_source(folder: Path, scene: str | None = None, camera: str | None = None) -> PictureSource:
-    """The pictures of a run.
+    """Pictures of a run.
 
     Raises:
         OmnisimError: anything that `read_run` refuses.
@@ -47,7 +47,7 @@ def run_source(folder: Path, scene: str | None = None, camera: str | None = None
 def picture_source(
     path: Path, height_m: float | None = None, sensor: OmniCamera | None = None
 ) -> PictureSource:
-    """A single picture, which says by what camera it was taken.
+    """Single picture, whose metadata names its camera.
 
     Only how the camera sits on its vehicle is taken from it, not where the vehicle was.
 

@@ -1,4 +1,4 @@
-"""Where a vehicle drives in a scene: a path of the scene, or one from a file."""
+"""Routes of a vehicle through a scene: a path of the scene, or one from a file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ROOM_M = 1.0
 
 @dataclass(frozen=True)
 class Route:
-    """What path to drive, and how finely.
+    """Path to drive, and the size of its steps.
 
     Attributes:
         path: name of one of the scene's paths, or a file with poses or waypoints.
@@ -53,7 +53,7 @@ class Route:
 
 
 def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
-    """The poses of the vehicle's base along a route.
+    """Plan the trajectory of the vehicle's base along a route.
 
     A file without a suffix is one only where the scene has no path of its name.
 
@@ -78,7 +78,7 @@ def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
 
 
 def _check_numbers(route: Route) -> None:
-    """Refuse what no path is driven by, in the units of the command line; NaN, too."""
+    """Refuse impossible steps, rates and ground heights; NaN, too."""
     if not route.step_m > 0.0:
         raise TrajectoryError(f"step {route.step_m:g} m: expected more than 0")
     if not 0.0 < route.step_deg <= LARGEST_STEP_DEG:

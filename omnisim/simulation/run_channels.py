@@ -48,7 +48,7 @@ def write_labels(run: RunFolder, labels: Labels) -> None:
 
 
 def write_boxes(run: RunFolder, labels: Labels) -> None:
-    """Put the boxes of all steps of each camera into one file, where the run has them.
+    """Merge the boxes of all steps of each camera into one file, where the run has them.
 
     Raises:
         RunError: boxes of a step are damaged.

@@ -1,4 +1,4 @@
-"""What a recorded run gives to those who look for landmarks in it."""
+"""Recorded runs as data for landmark detection and localization."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """A run with one of its cameras.
+    """Run with one of its cameras.
 
     Attributes:
         folder: of the run.
@@ -30,7 +30,7 @@ class RunData:
         mount: the camera on the vehicle, from its calibration file: no pose of the vehicle.
         scene: that it was driven in.
         odometry: what the wheels reported, from the known start on.
-        truth: poses of the base, or None: nobody knows.
+        truth: poses of the base, or None: unknown.
         steps: how many have their picture.
     """
 
@@ -49,16 +49,16 @@ class RunData:
 
     @property
     def landmarks(self) -> tuple[Landmark, ...]:
-        """Those of the scene."""
+        """Landmarks of the scene."""
         return self.scene.landmarks
 
     @property
     def true_poses(self) -> NDArray[np.float64] | None:
-        """x, y, yaw (steps, 3), or None: nobody knows."""
+        """x, y, yaw (steps, 3), or None: unknown."""
         return None if self.truth is None else planar_poses(self.truth)[: self.steps]
 
     def picture(self, step: int) -> NDArray[np.uint8]:
-        """What the camera saw (height, width, 3), sRGB.
+        """Read the picture (height, width, 3) of a step, sRGB.
 
         Raises:
             OutputError: the picture is damaged.
@@ -78,9 +78,9 @@ class RunData:
 
     @property
     def unfinished(self) -> str | None:
-        """What somebody should know of a run that is not whole, or None: it is.
+        """Notice about a run that is not whole, or None.
 
-        Steps after the first that misses a file are not looked at, though they may have theirs.
+        Steps after the first that misses a file are not used, though they may have theirs.
         """
         total = self.folder.manifest.steps
         if self.steps == total:

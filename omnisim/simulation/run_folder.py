@@ -85,7 +85,7 @@ class RunFolder:
         return self.path / sensor / f"{step:06d}{suffix}"
 
     def has(self, name: str) -> bool:
-        """Whether a file of the run is there, such as `GROUND_TRUTH`."""
+        """A file of the run is there, such as `GROUND_TRUTH`."""
         return is_written(self.path / name)
 
     def write_text(self, name: str, text: str) -> None:
@@ -103,7 +103,7 @@ class RunFolder:
         return next((step for step in steps if not self.is_done(step)), len(steps))
 
     def is_done(self, step: int) -> bool:
-        """Whether a step has all its files."""
+        """A step has all its files."""
         return self.missing_file(step) is None
 
     def missing_file(self, step: int) -> Path | None:
@@ -226,7 +226,7 @@ def _clear(run: RunFolder) -> None:
 
 
 def is_written(path: Path) -> bool:
-    """Whether a file is there and not empty."""
+    """A file is there and not empty."""
     try:
         return path.stat().st_size > 0
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""A camera as the text of its sensor file."""
+"""Sensor file of a camera, as text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnisim.sensors import OmniCamera
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
-    """The sensor file that describes a camera, mounting included; every key is there."""
+    """Write the sensor file of a camera, mounting included, with every key."""
     x, y, z = (float(value) for value in sensor.base_from_rig[:3, 3])
     angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.base_from_rig[:3, :3]))
     # 1e-12°: what the way through radians leaves behind is not worth printing
@@ -66,7 +66,7 @@ principal_point_px = [{u!r}, {v!r}]
 
 
 def _degradation(sensor: OmniCamera) -> str:
-    """The tables of what is switched on, none of an ideal camera."""
+    """Tables of the degradations, none for an ideal camera."""
     return "".join(
         f"\n[degradation.{name}]\n{_keys(values)}"
         for name, values in sensor.degradation.tables().items()

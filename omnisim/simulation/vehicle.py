@@ -1,4 +1,4 @@
-"""A vehicle: a robot with its body and its sensors, ready to be driven through a scene."""
+"""Vehicles: robots with their bodies and sensors, ready to be driven through a scene."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from omnisim.sensors.degradations import Degradation
 
 @dataclass(frozen=True, eq=False)
 class MountedCamera:
-    """A camera on its vehicle.
+    """Camera on its vehicle.
 
     Attributes:
         name: no two sensors of a vehicle have the same.
@@ -49,7 +49,7 @@ class MountedCamera:
 
 @dataclass(frozen=True, eq=False)
 class MountedScanner:
-    """A laser scanner on its vehicle.
+    """Laser scanner on its vehicle.
 
     Attributes:
         name: no two sensors of a vehicle have the same.
@@ -65,7 +65,7 @@ class MountedScanner:
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Where its beams start (3,), base."""
+        """Origin of its beams (3,), base."""
         return self.base_from_scanner[:3, 3]
 
 
@@ -74,15 +74,15 @@ Mounted = TypeVar("Mounted", MountedCamera, MountedScanner)
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A robot with its body and its sensors.
+    """Robot with its body and its sensors.
 
     Attributes:
         name: short, as in file names.
         title: what people call it.
-        body: in the base frame, or None: nothing to be seen.
-        kinematics: its limits, or None: nobody plans its ways.
+        body: in the base frame, or None: invisible.
+        kinematics: its limits, or None: unknown.
         odometry: the errors of its wheels.
-        footprint: what it takes up, or None: not said.
+        footprint: about its base, or None: unknown.
         cameras, scanners: its sensors, in the order of the robot file.
     """
 
@@ -139,7 +139,7 @@ class Vehicle:
         )
 
     def camera(self, name: str | None = None) -> MountedCamera:
-        """The camera of a name; without one, the first.
+        """Camera of a name; without one, the first.
 
         Raises:
             RobotFileError: there is none.
@@ -147,7 +147,7 @@ class Vehicle:
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
     def scanner(self, name: str | None = None) -> MountedScanner:
-        """The laser scanner of a name; without one, the first.
+        """Laser scanner of a name; without one, the first.
 
         Raises:
             RobotFileError: there is none.
@@ -162,7 +162,7 @@ class Vehicle:
         degradation: Degradation | None = None,
         quality: str | None = None,
     ) -> Vehicle:
-        """The vehicle with other pictures; by default they stay as they are.
+        """Copy with other camera settings; by default they stay as they are.
 
         Args:
             size_px: pixels of the shorter side.
@@ -188,7 +188,7 @@ class Vehicle:
         return dataclasses.replace(self, cameras=tuple(cameras))
 
     def body_seen_by(self, mounted: MountedCamera | MountedScanner) -> Scene | None:
-        """The body without what a sensor hides, or None: nothing is left."""
+        """Body without the nodes that a sensor hides, or None: nothing is left."""
         if self.body is None:
             return None
         shown = tuple(i for i in self.body.instances if i.name not in mounted.hides)
@@ -272,7 +272,7 @@ def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
 
 
 def _check_outside(body: Scene | None, mounted: MountedCamera | MountedScanner, where: str) -> None:
-    """Refuse a sensor in a part that it would see from within."""
+    """Refuse a sensor inside a part that it does not hide."""
     if body is None:
         return
     if isinstance(mounted, MountedCamera):

@@ -93,11 +93,11 @@ def test_fine_patterns_are_averaged_and_not_skipped():
     assert np.abs(pixels[2:-2, 2:-2] - 0.5).max() < 0.01
 
 
-def test_bands_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
+def test_blocks_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
     view, picture = VIEWS["perspective"], _picture()
     rotation = BASE_FROM_OPTICAL.T @ view.base_from_view
     whole = Unwarping(CAMERA, view.camera, rotation, samples=2)
-    monkeypatch.setattr("omnisim.perception.unwarping.BAND_SAMPLES", 7 * 300 * 4 + 1)
+    monkeypatch.setattr("omnisim.perception.unwarping.BLOCK_SAMPLES", 7 * 300 * 4 + 1)
     monkeypatch.setattr("omnisim.perception.unwarping.MOST_KEPT_SAMPLES", 1000)
     banded = Unwarping(CAMERA, view.camera, rotation, samples=2)
     np.testing.assert_array_equal(banded.valid, whole.valid)

@@ -191,7 +191,7 @@ def test_not_found(name, words, tmp_path, monkeypatch):
         ),
         (SCANNER.replace('"scan"', '"vorne links_2-ü"'), None),
         (SCANNER.replace('"scan"', "7"), r"sensors\.0: name: expected a valid string.*, got 7"),
-        (SCANNER + "resolution_deg = 0.3", "resolution_deg: expected 1.0, 0.5 or 0.25.*, got 0.3"),
+        (SCANNER + "resolution_deg = 0.3", "resolution_deg: expected 1, 0.5 or 0.25, got 0.3"),
         (SCANNER + 'mode = "km"', "sensor 'scan': mode: expected 'mm' or 'cm'.*, got 'km'"),
         (SCANNER + "seed = -1", "sensor 'scan': seed: expected a number ≥ 0.*, got -1"),
         (SCANNER + "noise = 1", "sensor 'scan': noise: expected a valid boolean.*, got 1"),

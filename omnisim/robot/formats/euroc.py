@@ -54,7 +54,7 @@ def _stamp(table: TextTable, line: Line) -> int:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """The lines of a file."""
+    """Lines of a file."""
     check_printed_times(trajectory.times_s)
     names = (f"{name} [{unit}]" for name, unit in zip(COLUMNS, UNITS, strict=True))
     yield "#" + ",".join(names)

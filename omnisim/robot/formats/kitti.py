@@ -32,6 +32,6 @@ def read(table: TextTable) -> ParsedTrajectory:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """The lines of a file; the times are lost."""
+    """Lines of a file, without times."""
     for row in trajectory.world_from_base[:, :3].reshape(-1, 12):
         yield " ".join(f"{value:.9f}" for value in row)

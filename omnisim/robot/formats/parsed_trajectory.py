@@ -1,4 +1,4 @@
-"""What a trajectory file says: poses, and times where it has any."""
+"""Poses parsed from a trajectory file, with times where it has any."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ParsedTrajectory:
     world_from_base: NDArray[np.float64]
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
-        """The poses at their times, or at `rate_hz` from 0 s on where they have none.
+        """Trajectory at the poses' times, or at `rate_hz` from 0 s on where they have none.
 
         Raises:
             TrajectoryError: neither times nor a rate, or both.
@@ -66,7 +66,7 @@ def parsed_trajectory(
     positions_m: NDArray[np.float64],
     rotations: NDArray[np.float64],
 ) -> ParsedTrajectory:
-    """Put together what a format's module has read from a table, a line a pose.
+    """Assemble poses that a format's module has read from a table, a line a pose.
 
     Args:
         table: where it comes from.

@@ -64,13 +64,14 @@ def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
     moving = np.flatnonzero(np.any(steps != 0.0, axis=1))
     if not len(moving):
         return np.zeros(len(positions_m))
-    headings = np.arctan2(steps[moving, 1], steps[moving, 0])
+    headings: NDArray[np.float64] = np.arctan2(steps[moving, 1], steps[moving, 0])
     following = np.searchsorted(moving, np.arange(len(positions_m)))
-    return headings[np.minimum(following, len(moving) - 1)]
+    along: NDArray[np.float64] = headings[np.minimum(following, len(moving) - 1)]
+    return along
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """The lines of a file, with all columns."""
+    """Lines of a file, with all columns."""
     check_printed_times(trajectory.times_s)
     yield ",".join(COLUMNS)
     angles = roll_pitch_yaw_from_rotation(trajectory.world_from_base[:, :3, :3])

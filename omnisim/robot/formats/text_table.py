@@ -19,7 +19,7 @@ LONGEST_QUOTE = 40
 
 @dataclass(frozen=True)
 class Line:
-    """A line's number in the file, from 1, and its cells."""
+    """Line of a file: its number, from 1, and its cells."""
 
     number: int
     cells: list[str]
@@ -27,7 +27,7 @@ class Line:
 
 @dataclass(frozen=True)
 class TextTable:
-    """The lines of a file that are neither empty nor comments.
+    """Lines of a file that are neither empty nor comments.
 
     Attributes:
         source: the file, for messages.
@@ -40,11 +40,11 @@ class TextTable:
     separator: str | None
 
     def fault(self, line: Line, words: str) -> TrajectoryError:
-        """An error at a line of this file."""
+        """Error at a line of this file."""
         return TrajectoryError(f"{self.source}:{line.number}: {words}")
 
     def without_header(self) -> TextTable:
-        """The lines but the first.
+        """Drop the first line.
 
         Raises:
             TrajectoryError: nothing is left.
@@ -125,7 +125,7 @@ def read_text_table(path: Path) -> TextTable:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number, finite or not, and not a word."""
+    """A cell is a number, finite or not, and not a word."""
     return bool(NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
 
 

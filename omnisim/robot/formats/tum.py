@@ -36,7 +36,7 @@ def read(table: TextTable) -> ParsedTrajectory:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """The lines of a file."""
+    """Lines of a file."""
     check_printed_times(trajectory.times_s)
     yield "# " + " ".join(COLUMNS)
     quaternions = quaternion_from_rotation(trajectory.world_from_base[:, :3, :3])

@@ -1,4 +1,4 @@
-"""The omnidirectional camera in USARBot.ini: one part, or the paper's three groups (section 2.4).
+"""Omnidirectional cameras in USARBot.ini: one part, or the paper's three groups (section 2.4).
 
 They are the mirror, the virtual cameras at the effective viewpoint, and the camera that looks up at
 the mirror from below. What Position means of a whole camera or a mirror is taken to be the
@@ -57,7 +57,7 @@ def _rank(part: Part) -> int | None:
 
 
 def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
-    """The camera that looks up at the mirror from below."""
+    """Find the camera that looks up at the mirror from below."""
     x, y, z = group[0].position_m
     for part in parts:
         px, py, pz = part.position_m

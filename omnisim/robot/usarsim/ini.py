@@ -1,4 +1,4 @@
-"""The syntax of USARBot.ini: sections of keys, and values in parentheses within values.
+"""Syntax of USARBot.ini: sections of keys, and values in parentheses within values.
 
     [USARBot.P2AT]
     Sensors=(ItemClass=class'USARBot.SICKLMS',ItemName="Scanner1",Position=(X=0.1,Y=0,Z=-0.2))
@@ -31,7 +31,7 @@ Struct = dict[str, tuple[str, Value]]
 
 @dataclass(frozen=True)
 class Entry:
-    """A line of a section: key, value, and where it is."""
+    """Line of a section: key, value, file and line number."""
 
     key: str
     value: str
@@ -39,13 +39,13 @@ class Entry:
     line: int
 
     def fault(self, words: str) -> RobotFileError:
-        """An error that names file and line."""
+        """Error that names file and line."""
         return RobotFileError(f"{self.source}:{self.line}: {words}")
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section with all its lines; those of one name are one section."""
+    """Section with all its lines; those of one name are one section."""
 
     name: str
     line: int
@@ -85,7 +85,7 @@ def read_ini(path: Path) -> dict[str, Section]:
 
 
 def parse_struct(entry: Entry) -> Struct:
-    """The value in parentheses of an entry.
+    """Parse the value in parentheses of an entry.
 
     Raises:
         RobotFileError: naming file, line, what was found and expected.
@@ -132,7 +132,7 @@ class _Reader:
         return struct
 
     def _next(self) -> str:
-        """The character that comes next but for blanks, or none."""
+        """Skip blanks; the next character, or none."""
         while self._at < len(self._text) and self._text[self._at].isspace():
             self._at += 1
         return self._text[self._at : self._at + 1]
@@ -167,7 +167,7 @@ class _Reader:
         return found[1], "".join(self._pieces(found[1])).strip()
 
     def _pieces(self, name: str) -> Iterator[str]:
-        """A plain value; quotes may have commas and parentheses within."""
+        """Pieces of a plain value; quotes may hold commas and parentheses."""
         while self._at < len(self._text) and self._text[self._at] not in ",()":
             letter = self._text[self._at]
             end = self._at + 1

@@ -1,16 +1,16 @@
-"""What an import has to tell."""
+"""Notices of an import."""
 
 from __future__ import annotations
 
 
 class Notices:
-    """Lines of a file and what is to be said of them; the same is said once."""
+    """Notices about lines of a file, each once."""
 
     def __init__(self) -> None:
         self._lines: dict[tuple[int, str], None] = {}
 
     def add(self, line: int, words: str) -> None:
-        """Take a notice."""
+        """Add a notice."""
         plain = "".join(letter if letter.isprintable() else " " for letter in words)
         self._lines[line, plain] = None
 

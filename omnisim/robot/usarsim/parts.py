@@ -1,4 +1,4 @@
-"""The parts of a robot in USARBot.ini: class, name, and place, in our axes and units.
+"""Parts of a robot in USARBot.ini: class, name, and place, in our axes and units.
 
 USARSim: metres and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and yaw
 (Z) in that frame. Ours has the same x, and y and z the other way round: roll stays, pitch and yaw
@@ -25,7 +25,7 @@ ON_CHASSIS = {"", "hard", "none"}
 
 @dataclass(frozen=True)
 class Units:
-    """What a file's numbers mean.
+    """Units of a file's numbers.
 
     Attributes:
         meters: of a unit of length.
@@ -50,7 +50,7 @@ UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, up=True)
 
 @dataclass(frozen=True)
 class Part:
-    """Something that is mounted on a robot.
+    """Part mounted on a robot.
 
     Attributes:
         entry: the line that says so.
@@ -74,12 +74,12 @@ class Part:
 
     @property
     def short_class(self) -> str:
-        """The class without its package, in lower case."""
+        """Class without its package, in lower case."""
         return self.class_name.rpartition(".")[2].lower()
 
     @property
     def forward(self) -> NDArray[np.float64]:
-        """Where it looks (3,), unit."""
+        """Viewing direction (3,), unit."""
         return poses.pose((0, 0, 0), self.roll_deg, self.pitch_deg, self.yaw_deg)[:3, 0]
 
     def __str__(self) -> str:
@@ -87,7 +87,7 @@ class Part:
 
 
 def read_part(entry: Entry, units: Units) -> Part:
-    """The part of an entry.
+    """Read the part of an entry.
 
     Raises:
         RobotFileError: naming file, line, what was found and expected.
@@ -114,7 +114,7 @@ def read_part(entry: Entry, units: Units) -> Part:
 
 
 def number(entry: Entry, name: str, value: Value) -> float:
-    """A finite number.
+    """Parse a finite number.
 
     Raises:
         RobotFileError: naming file, line, what was found.
@@ -130,7 +130,7 @@ def number(entry: Entry, name: str, value: Value) -> float:
 
 
 def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """A length in metres.
+    """Parse a length in metres.
 
     Raises:
         RobotFileError: naming file, line, what was found.
@@ -139,7 +139,7 @@ def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
 
 
 def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """An angle in radians.
+    """Parse an angle in radians.
 
     Raises:
         RobotFileError: not a number, or one that is in the other unit.
@@ -175,7 +175,7 @@ def _direction_rad(entry: Entry, struct: Struct, units: Units) -> list[float]:
 
 
 def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
-    """What X, Y and Z are called, and their values; what is not given is 0, as in the engine."""
+    """Names and values of X, Y and Z; a missing one is 0, as in the engine."""
     written, inner = struct.get(name.lower(), (name, {}))
     if isinstance(inner, str):
         raise entry.fault(f"{written}={quote(inner)}: expected {name}=(X=,Y=,Z=)")
@@ -198,12 +198,12 @@ def _word(entry: Entry, struct: Struct, name: str) -> str:
 
 
 def _bare(value: str) -> str:
-    """A value without its quotes: "a", class'a', a."""
+    """Strip quotes: "a", class'a', a."""
     found = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
     word = (found[1] or found[2] or "") if found else value
     return "".join(letter if letter.isprintable() else " " for letter in word).strip()
 
 
 def _clean(value: float) -> float:
-    """Without what converting has added in the last digits, and without −0."""
+    """Round off conversion errors, and −0."""
     return round(value, 9) + 0.0

@@ -1,4 +1,4 @@
-"""From a robot's section in USARBot.ini to a robot file.
+"""Import of a robot's section in USARBot.ini as a robot file.
 
 Laser scanners become `usarsim_range_scanner`, the parts of an omnidirectional camera together one
 `omnicamera`. Everything else is named in the notices.
@@ -26,7 +26,7 @@ _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNOREC
 
 @dataclass(frozen=True)
 class ImportedRobot:
-    """A robot file's text, and what it leaves out.
+    """Text of a robot file, and notices about what is left out.
 
     Attributes:
         section: where it comes from.
@@ -45,7 +45,7 @@ def import_robot(
     unreal_units: bool = False,
     origin_height_m: float | None = None,
 ) -> ImportedRobot:
-    """Turn a robot of USARBot.ini into a robot file.
+    """Import a robot of USARBot.ini as a robot file.
 
     Args:
         path: the configuration.
@@ -109,7 +109,7 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
 
 
 def _parts(section: Section, units: Units, left_out: Notices) -> list[Part]:
-    """Everything with a class and a place; what is no such thing is noted."""
+    """Read all parts with a class and a position; note the others."""
     parts, plain = [], []
     for entry in section.entries:
         if entry.key.lower() in SENSOR_KEYS:
@@ -131,7 +131,7 @@ def _parts(section: Section, units: Units, left_out: Notices) -> list[Part]:
 
 
 def _other_part(entry: Entry, units: Units) -> Part | None:
-    """A part that is not listed as a sensor, or None: it has no class, or no place that is one."""
+    """Read a part that is not listed as a sensor; None: without a class or a position."""
     if "itemclass" not in parse_struct(entry) or entry.key.startswith(("-", "!")):
         return None
     try:
@@ -163,7 +163,7 @@ def _sensors(
 
 
 def _named(sensor: Sensor, left_out: Notices) -> Sensor:
-    """The sensor under a name that a robot file takes."""
+    """Give a sensor a name that is valid in a robot file."""
     name = folder_name(sensor.name)
     if name == sensor.name:
         return sensor

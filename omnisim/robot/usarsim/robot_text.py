@@ -1,4 +1,4 @@
-"""The text of a robot file for a robot that comes from elsewhere."""
+"""Text of a robot file for an imported robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from omnisim.robot.usarsim.ini import Entry
 
 @dataclass(frozen=True)
 class Sensor:
-    """A table of `[[sensors]]`.
+    """Table of `[[sensors]]`.
 
     Attributes:
         name: its own.
@@ -34,7 +34,7 @@ class Sensor:
 def robot_text(
     section: str, source: str, sensors: list[Sensor], raised_m: float, left_out: list[str]
 ) -> str:
-    """A robot file in TOML.
+    """Write a robot file in TOML.
 
     Args:
         section: that the robot comes from; its class without the package becomes the name.
@@ -77,5 +77,5 @@ def _plain(text: str) -> str:
 
 
 def _word(text: str) -> str:
-    """A TOML string: its escapes are those of JSON."""
+    """TOML string: its escapes are those of JSON."""
     return json.dumps(_plain(text), ensure_ascii=False)

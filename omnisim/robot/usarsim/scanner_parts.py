@@ -18,7 +18,7 @@ TURN_RAD = 6.2832  # as it is written there
 
 
 def find_scanner(part: Part, own: Section | None, units: Units, left_out: Notices) -> Sensor | None:
-    """A laser scanner, or None and a notice: it is none, or nothing says what it measures."""
+    """Read a laser scanner; None with a notice where a part is none, or lacks its settings."""
     settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
     is_sick = _SICK.search(part.short_class)
@@ -72,7 +72,7 @@ def _check_above(entry: Entry, value: float, or_equal: bool) -> None:
 
 
 def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
-    """Refuse what no scanner can have, at the line that says so."""
+    """Refuse impossible settings, at their line."""
     fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
     if fov > TURN_RAD or fov / resolution >= 100_000.0:
         entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
