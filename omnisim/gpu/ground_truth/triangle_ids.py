@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.static_geometry import StaticGeometry
 from omnisim.gpu.scene.triangle_table import ROW_BITS
 
@@ -26,34 +27,36 @@ class TriangleIds:
     """Table of a frame's triangle IDs: first of items drawn one by one, then of clusters.
 
     Args:
-        context: where.
-        draw_items: all of the scene.
-        one_by_one: (n,) into `draw_items`.
+        buffers: the scene and its dynamic objects.
+        one_by_one: (n,) draw items.
 
     Attributes:
         first_of_item: ID of the first triangle of each item that is drawn one by one.
         texture: two integers an ID: 1 + number of the draw item, and number of its triangle.
     """
 
-    def __init__(
-        self,
-        context: moderngl.Context,
-        draw_items: Sequence[DrawItem],
-        one_by_one: NDArray[np.intp],
-    ):
-        self._context = context
-        entries = [_entries(draw_items[index], index) for index in one_by_one.tolist()]
-        counts = np.array([len(part) for part in entries], dtype=np.int64)
-        firsts = np.cumsum(counts) - counts
-        self.first_of_item = dict(zip(one_by_one.tolist(), firsts.tolist(), strict=True))
-        self._fixed = np.concatenate([np.empty(0, dtype=_ENTRY), *entries])
+    def __init__(self, buffers: SceneBuffers, one_by_one: NDArray[np.intp]):
+        self._context, self._geometry = buffers.context, buffers.static_geometry
+        items = one_by_one.tolist()
+        counts = np.array([buffers.draw_items[item].triangles for item in items], dtype=np.int64)
+        self.first_of_item = dict(zip(items, (np.cumsum(counts) - counts).tolist(), strict=True))
+        self._fixed = _entries(buffers.draw_items, items)
         self._fixed_rows = -(-len(self._fixed) // _ROW)
+        self._of_geometry = self._fixed[:0]
+        if self._geometry is not None:
+            self._of_geometry = static_triangle_entries(self._geometry, buffers.draw_items)
         self._appended: list[NDArray[np.void]] = []
         self.texture = self._allocate(max(1, self._fixed_rows))
 
     def begin(self) -> None:
         """Begin a frame."""
         self._appended = []
+
+    def append_clusters(self, clusters: NDArray[np.intp]) -> int:
+        """Give the next IDs to the triangles of clusters (n,), and return the first."""
+        if self._geometry is None:
+            raise ValueError("no static geometry, no clusters")
+        return self.append(self._of_geometry[self._geometry.triangles_of(clusters)])
 
     def append(self, entries: NDArray[np.void]) -> int:
         """Give the next IDs to triangles (n,), see `static_triangle_entries`; return the first."""
@@ -82,13 +85,15 @@ def static_triangle_entries(
     geometry: StaticGeometry, draw_items: Sequence[DrawItem]
 ) -> NDArray[np.void]:
     """Table entries (n,) of the static geometry's triangles, in its order."""
-    contained = np.flatnonzero(geometry.contains).tolist()
-    entries = np.concatenate([_entries(draw_items[index], index) for index in contained])
+    entries = _entries(draw_items, np.flatnonzero(geometry.contains).tolist())
     ordered: NDArray[np.void] = entries[geometry.hierarchy.order]
     return ordered
 
 
-def _entries(item: DrawItem, index: int) -> NDArray[np.void]:
-    entries = np.empty(item.triangles, dtype=_ENTRY)
-    entries["item_plus_one"], entries["triangle"] = index + 1, np.arange(item.triangles)
+def _entries(draw_items: Sequence[DrawItem], items: list[int]) -> NDArray[np.void]:
+    """Table entries (n,) of the triangles of some items."""
+    counts = [draw_items[item].triangles for item in items]
+    entries = np.empty(sum(counts), dtype=_ENTRY)
+    entries["item_plus_one"] = np.repeat(np.array(items, dtype=np.intp) + 1, counts)
+    entries["triangle"] = np.concatenate([np.empty(0, int), *map(np.arange, counts)])
     return entries

@@ -63,12 +63,13 @@ class VisibilityProgram:
                     *repeats, filter=(minify, moderngl.LINEAR)
                 )
 
-    def set_first_id(self, first: int) -> None:
-        """Set the ID of the first triangle of the next draw call."""
-        self._first_plus_one.value = first + 1
-
-    def set_matrix(self, clip_from_mesh: NDArray[np.float32]) -> None:
-        """Set the matrix (4, 4), columns first, of the next draw call."""
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrix (4, 4), columns first, of the next draw calls; IDs need no others."""
         self._clip_from_mesh.write(clip_from_mesh)
 
     def bind_material(self, material: Material, texture: moderngl.Texture) -> None:
@@ -79,6 +80,11 @@ class VisibilityProgram:
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
         if self._alpha_cutoff is not None:
             self._alpha_cutoff.value = alpha_cutoff(material)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw some of a vertex array's indices; the first triangle has this ID."""
+        self._first_plus_one.value = first_id + 1
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
     def end(self) -> None:
         """Leave the textures to their own filters."""

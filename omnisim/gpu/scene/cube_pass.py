@@ -15,13 +15,9 @@ from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.static_drawer import ClusterIndices
-from omnisim.gpu.scene.static_geometry import StaticGeometry
-from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
+from omnisim.gpu.scene.scene_drawer import SceneDrawer
+from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
-from omnisim.gpu.uniforms import columns_first
-
-_NORMAL_FROM_ANCHOR = columns_first(np.eye(3))
 
 
 class CubePass:
@@ -77,15 +73,13 @@ class CubePass:
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
         self._is_multisampled = samples > 1
-        variants = [variant_of(item.material, cameras.unlit) for item in buffers.draw_items]
-        self._programs = [programs[variant] for variant in variants]
-        arrays = {one: buffers.vertex_array(one.program) for one in set(self._programs)}
-        self._vertex_arrays = [arrays[program] for program in self._programs]
-        geometry = buffers.static_geometry
-        self._clusters, self._used_programs = None, set(self._programs)
-        if geometry is not None:
-            self._clusters = SurfaceClusters(geometry, programs, cameras.unlit)
-            self._used_programs |= set(self._clusters.programs)
+        self._drawer = SceneDrawer(
+            buffers,
+            buffers.indices,
+            lambda material, shading: programs[variant_of(material, cameras.unlit, shading)],
+            id_of_item={},
+            assign_ids=lambda clusters: 0,
+        )
         shown = buffers.shown_one_by_one(cameras.hidden)
         blended = np.array([item.is_blended for item in buffers.draw_items])
         self._blended = np.flatnonzero(shown & blended)
@@ -101,23 +95,12 @@ class CubePass:
         context, target, tiles = self._context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
         transforms = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
-        for program in self._used_programs:
+        for program in self._drawer.programs:
             program.set_viewpoint(viewpoint_m)
         views = tiles.views(world_from_rig)
         blended = self._back_to_front(views, transforms)
-        viewpoint_matrices = columns_first(transforms.viewpoint_from_mesh)
-        normal_matrices = columns_first(transforms.normal_from_mesh)
-
-        def draw_item(index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-            item, program = self._buffers.draw_items[index], self._programs[index]
-            program.set_matrices(clip_from_mesh, viewpoint_matrices[index], normal_matrices[index])
-            program.bind_material(item.material, item.texture)
-            self._vertex_arrays[index].render(
-                moderngl.TRIANGLES, vertices=item.count, first=item.first
-            )
-
         tiles.begin(target, (*self._background, 1.0))
-        tiles.draw(target, views, viewpoint_m, transforms, draw_item, self._clusters)
+        tiles.draw(target, views, viewpoint_m, transforms, self._drawer)
         if blended.size:
             context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
                 moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
@@ -125,7 +108,7 @@ class CubePass:
             target.depth_mask = False
             context.enable(moderngl.BLEND)
             for view in views:
-                tiles.draw_items(target, view, transforms, blended, draw_item)
+                tiles.draw_items(target, view, transforms, blended, self._drawer)
         tiles.end(target)
         if self._is_multisampled:
             context.copy_framebuffer(self._resolved, target)
@@ -159,47 +142,3 @@ class CubePass:
                 self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index]
             )
         return blended
-
-
-class SurfaceClusters:
-    """Draws clusters of the static geometry in colour.
-
-    Args:
-        geometry: the clusters.
-        programs: lit by the scene's lights.
-        unlit: show plain base colours.
-
-    Attributes:
-        programs: of the batches.
-    """
-
-    def __init__(self, geometry: StaticGeometry, programs: SurfacePrograms, unlit: bool):
-        self._batches = geometry.batches
-        self.programs = [
-            programs[variant_of(batch.material, unlit, batch.shading)] for batch in geometry.batches
-        ]
-        self._indices = ClusterIndices(geometry, [one.program for one in self.programs])
-        self._matrices = (columns_first(np.eye(4)), columns_first(np.eye(4)))
-        self._placed: set[SurfaceProgram] = set()
-
-    def load(self, clusters: NDArray[np.intp]) -> None:
-        """See `ClusterDrawer`."""
-        self._indices.load(clusters)
-
-    def begin_tile(
-        self,
-        clip_from_anchor: NDArray[np.float32],
-        viewpoint_from_anchor: NDArray[np.float32],
-    ) -> None:
-        """See `ClusterDrawer`."""
-        self._matrices = clip_from_anchor, viewpoint_from_anchor
-        self._placed.clear()
-
-    def draw(self, batch: int, first: int, count: int) -> None:
-        """See `ClusterDrawer`."""
-        program = self.programs[batch]
-        if program not in self._placed:
-            self._placed.add(program)
-            program.set_matrices(*self._matrices, _NORMAL_FROM_ANCHOR)
-        program.bind_material(self._batches[batch].material, self._batches[batch].texture)
-        self._indices.render(program.program, first, count)

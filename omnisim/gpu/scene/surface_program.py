@@ -130,6 +130,10 @@ class SurfaceProgram:
         if self._is_textured:
             texture.use(0)
 
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw some of a vertex array's indices; colours need no IDs."""
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+
 
 class SurfacePrograms:
     """Variants of the surface shader that were asked for, each compiled once.

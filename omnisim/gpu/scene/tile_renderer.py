@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,11 +16,9 @@ from omnisim.gpu.gl_functions import flush
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.static_drawer import ClusterDrawer, StaticDrawer, cull_back_faces
+from omnisim.gpu.scene.scene_drawer import P, SceneDrawer
+from omnisim.gpu.scene.static_drawer import StaticDrawer
 from omnisim.gpu.uniforms import columns_first
-
-# Draws the item of an index by its matrix clip_from_mesh (4, 4), columns first.
-ItemDrawer = Callable[[int, NDArray[np.float32]], None]
 
 
 @dataclass(frozen=True)
@@ -77,15 +75,14 @@ class TileRenderer:
         """Views of the tiles from a pose (4, 4)."""
         return self._views.at(world_from_rig)
 
-    def begin(self, target: moderngl.Framebuffer, color: Iterable[float]) -> None:
+    def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
         """Clear a target and use it, with depth."""
         context = self._context
         target.use()
         _draw_everywhere(target)
         target.viewport = (0, 0, *target.size)
         target.depth_mask = True
-        red, green, blue, alpha = color
-        target.clear(red, green, blue, alpha, depth=CLEARED_DEPTH)
+        target.clear(color=color, depth=CLEARED_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = DEPTH_FUNCTION
         # y of the clip space runs down the picture, so triangles are wound the other way round
@@ -97,8 +94,7 @@ class TileRenderer:
         views: Sequence[TileView],
         viewpoint_m: NDArray[np.float64],
         transforms: InstanceTransforms,
-        draw_item: ItemDrawer,
-        clusters: ClusterDrawer | None,
+        drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items and the static geometry, tile by tile and pass by pass.
 
@@ -107,27 +103,25 @@ class TileRenderer:
             views: of the tiles.
             viewpoint_m: (3,), world.
             transforms: of the items.
-            draw_item: draws one of them.
-            clusters: draws the static geometry, where there is some.
+            drawer: draws one item, or clusters.
         """
+        drawer.begin(transforms)
         order = self._buffers.front_to_back(self._items, transforms)
-        if self.static is None or clusters is None:
+        if self.static is None:
             for view in views:
-                self.draw_items(target, view, transforms, order, draw_item)
+                self.draw_items(target, view, transforms, order, drawer)
             return
         read_depth = partial(_read_depth, target)
-        passes = self.static.passes(views, viewpoint_m, clusters, read_depth)
+        passes = self.static.passes(views, viewpoint_m, drawer.load_clusters, read_depth)
         for pass_index, tiles in enumerate(passes):
             for view, tile in zip(views, tiles, strict=True):
-                if pass_index == 0:
-                    self.draw_items(target, view, transforms, order, draw_item)
-                else:
-                    _set_viewport(target, view)
-                self.static.draw(tile, clusters)
+                self.draw_items(target, view, transforms, order, drawer)
+                drawer.draw_clusters(tile)
                 if pass_index == 0:
                     # tile by tile: a software renderer keeps the commands of all tiles in memory
                     # otherwise, and is slower by up to a seventh
                     flush()
+            order = order[:0]
 
     def draw_items(
         self,
@@ -135,21 +129,16 @@ class TileRenderer:
         view: TileView,
         transforms: InstanceTransforms,
         order: NDArray[np.intp],
-        draw_item: ItemDrawer,
+        drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items of `order` (n,) that a tile may show, in that order."""
-        _set_viewport(target, view)
-        if not order.size:
-            return
-        order = order[self.cull_items(view, transforms, order)]
-        clip_matrices = columns_first(
-            view.clip_from_viewpoint @ transforms.viewpoint_from_mesh[order]
-        )
-        for index, clip_from_mesh in zip(order, clip_matrices, strict=True):
-            item = self._buffers.draw_items[index]
-            self._context.front_face = "ccw" if item.flips_winding else "cw"
-            cull_back_faces(self._context, item.material)
-            draw_item(index, clip_from_mesh)
+        tile = view.tile
+        target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
+        if order.size:
+            order = order[self.cull_items(view, transforms, order)]
+            clips = columns_first(view.clip_from_viewpoint @ transforms.viewpoint_from_mesh[order])
+            for index, clip_from_mesh in zip(order.tolist(), clips, strict=True):
+                drawer.draw_item(index, clip_from_mesh)
 
     def cull_items(
         self, view: TileView, transforms: InstanceTransforms, items: NDArray[np.intp]
@@ -164,12 +153,6 @@ class TileRenderer:
         _draw_everywhere(target)
         target.depth_mask = True
         self._context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
-
-
-def _set_viewport(target: moderngl.Framebuffer, view: TileView) -> None:
-    """Draw into a tile from now on."""
-    tile = view.tile
-    target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
 
 
 def _draw_everywhere(target: moderngl.Framebuffer) -> None:
