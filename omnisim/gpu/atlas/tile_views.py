@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 
-_MAX_FAR_M = 1e30
+_MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has none
 
 
 class TileView(NamedTuple):
@@ -41,16 +41,17 @@ class TileViews:
         self._tiles = plan.tiles
         self._faces_from_rig = FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
         self._clips_from_face = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
-        self._planes = np.stack([_frustum_planes(one, near_m, far_m) for one in plan.tiles])
 
     def at(self, world_from_rig: NDArray[np.float64]) -> list[TileView]:
         """Views from a pose (4, 4)."""
         faces_from_viewpoint = self._faces_from_rig @ world_from_rig[:3, :3].T
-        clips_from_viewpoint = self._clips_from_face.copy()
-        clips_from_viewpoint[..., :3] = self._clips_from_face[..., :3] @ faces_from_viewpoint
-        planes = self._planes.copy()
-        planes[..., :3] = self._planes[..., :3] @ faces_from_viewpoint
-        return list(map(TileView, self._tiles, clips_from_viewpoint, planes))
+        clips = self._clips_from_face.copy()
+        clips[..., :3] = self._clips_from_face[..., :3] @ faces_from_viewpoint
+        x, y, z, w = np.moveaxis(clips, 1, 0)
+        planes = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
+        lengths = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
+        planes /= np.maximum(lengths, _MIN_LENGTH)
+        return list(map(TileView, self._tiles, clips, planes))
 
 
 def _projection(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
@@ -73,20 +74,3 @@ def _projection(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
             [0.0, 0.0, 1.0, 0.0],
         ]
     )
-
-
-def _frustum_planes(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
-    """Frustum planes (6, 4) of a tile in the face's frame, see `TileView`."""
-    (left, top), (right, bottom) = tile.padded_region
-    planes = np.array(
-        [
-            [1.0, 0.0, -left, 0.0],
-            [-1.0, 0.0, right, 0.0],
-            [0.0, 1.0, -top, 0.0],
-            [0.0, -1.0, bottom, 0.0],
-            [0.0, 0.0, 1.0, -near_m],
-            [0.0, 0.0, -1.0, min(far_m, _MAX_FAR_M)],
-        ]
-    )
-    planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-    return planes

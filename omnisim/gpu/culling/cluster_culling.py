@@ -7,7 +7,6 @@ is left out of the passes that follow. A group that waits for a later pass is no
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from omnisim.gpu.culling.clusters import ClusterGroups, ClusterHierarchy, Cluste
 from omnisim.gpu.culling.frustum_culling import (
     EDGE_PX,
     FrustumCuller,
-    ProjectedBoxes,
     ScreenBounds,
 )
 from omnisim.gpu.culling.hi_z import HiZ
@@ -58,24 +56,6 @@ class VisibleClusters(NamedTuple):
         )
 
 
-class _Candidates(NamedTuple):
-    """Nodes of one level (n,) in the frusta of views."""
-
-    view: NDArray[np.intp]
-    node: NDArray[np.intp]
-    pass_index: NDArray[np.int8]
-    distances_m: NDArray[np.float32]
-    radii_m: NDArray[np.float32]
-    boxes: ProjectedBoxes
-
-
-class _Frame(NamedTuple):
-    """Views of one frame; and where the hierarchy's origin is (3, 1), in the viewpoint frame."""
-
-    frusta: FrustumCuller
-    origin_m: NDArray[np.float64]
-
-
 class ClusterCuller:
     """Culls the clusters of a hierarchy for one camera, pass by pass.
 
@@ -85,6 +65,11 @@ class ClusterCuller:
         origin_m: (3,) of the hierarchy's positions, world.
         plan: the tiles.
         samples: of a texel. Depth of several cannot be read: then nothing is tested for occlusion.
+
+    Attributes:
+        groups, levels: of the hierarchy; levels begin with the clusters.
+        roots: view, node and pass of the largest groups, in all views.
+        hi_z: depth of the passes before.
     """
 
     def __init__(
@@ -95,17 +80,17 @@ class ClusterCuller:
         plan: TilePlan,
         samples: int,
     ):
-        self._groups = hierarchy.cluster_groups
-        self._levels: tuple[Clusters | ClusterGroups, ...] = (hierarchy.clusters, *self._groups)
+        self.groups = hierarchy.cluster_groups
+        self.levels: tuple[Clusters | ClusterGroups, ...] = (hierarchy.clusters, *self.groups)
         self._cone_axes, sines = hierarchy.clusters.cone_axes, hierarchy.clusters.cone_sines
         self._cone_sines = np.where(double_sided, np.float32(2.0), sines)
         self._origin_m = origin_m
         self._reads_depth = samples <= 1
         self._radius_px = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
-        self._hi_z = HiZ(plan.width_px, plan.height_px)
-        roots = np.arange(len(self._levels[-1].first))
+        self.hi_z = HiZ(plan.width_px, plan.height_px)
+        roots = np.arange(len(self.levels[-1].first))
         view = np.repeat(np.arange(len(plan.tiles)), len(roots))
-        self._roots = view, np.tile(roots, len(plan.tiles)), np.zeros(len(view), dtype=np.int8)
+        self.roots = view, np.tile(roots, len(plan.tiles)), np.zeros(len(view), dtype=np.int8)
 
     def passes(
         self,
@@ -120,119 +105,24 @@ class ClusterCuller:
             viewpoint_m: (3,), world.
             read_depth: reads the depth (height, width) of all that was drawn.
         """
-        frame = _Frame(
-            FrustumCuller(views, self._radius_px), (self._origin_m - viewpoint_m)[:, None]
-        )
-        top = len(self._levels) - 1
-        candidates = self._cull(frame, top, *self._roots)
-        left = int(self._levels[top].triangles[candidates.node].sum())
-        is_last = not self._is_worthwhile(0, left)
-        roots = self._schedule(frame, top, candidates, 0, is_last)
-        waiting = [*([] for _ in range(top)), [roots]]
-        for pass_index in count():
-            visible, waiting = self._descend(frame, waiting, pass_index, is_last)
-            yield visible
-            if is_last:
-                return
-            self._hi_z.update(read_depth())
-            waiting = [[self._cull_occluded(one) for one in level] for level in waiting]
-            left = sum(
-                int(level.triangles[one.node].sum())
-                for level, nodes in zip(self._levels, waiting, strict=True)
-                for one in nodes
-            )
-            is_last = not self._is_worthwhile(pass_index + 1, left)
+        frusta = FrustumCuller(views, self._radius_px)
+        descent = _Descent(self, frusta, (self._origin_m - viewpoint_m)[:, None])
+        yield descent.open_groups()
+        while not descent.is_last_pass:
+            self.hi_z.update(read_depth())
+            descent.begin_pass()
+            yield descent.open_groups()
 
-    def _is_worthwhile(self, pass_index: int, triangles: int) -> bool:
-        """Test of a number of triangles, still to be drawn, against the cost of one more pass."""
+    def is_worthwhile(self, pass_index: int, triangles: int) -> bool:
+        """Test a number of triangles, still to be drawn, against the cost of one more pass."""
         limits = MIN_TRIANGLES_PER_PASS if self._reads_depth else ()
         return pass_index < len(limits) and triangles >= limits[pass_index]
 
-    def _descend(
-        self,
-        frame: _Frame,
-        waiting: list[list[VisibleClusters]],
-        pass_index: int,
-        is_last: bool,
-    ) -> tuple[VisibleClusters, list[list[VisibleClusters]]]:
-        """Open the groups of this pass, level by level; the last pass opens all.
+    def cull_occluded(self, nodes: VisibleClusters) -> VisibleClusters:
+        """Cull nodes that are behind the depth of the passes before."""
+        return nodes if nodes.bounds is None else nodes.where(~self.hi_z.occludes(nodes.bounds))
 
-        Args:
-            frame: to draw.
-            waiting: of each level, from the pass before.
-            pass_index: of this pass.
-            is_last: no other pass follows.
-
-        Returns:
-            The clusters of this pass, and what waits.
-        """
-        opened: list[VisibleClusters] = []
-        left: list[list[VisibleClusters]] = [[] for _ in waiting]
-        for level in reversed(range(len(waiting))):
-            visible = _concatenate(waiting[level] + opened)
-            if not is_last:
-                now = visible.pass_index <= pass_index
-                left[level], visible = [visible.where(~now)], visible.where(now)
-            if level == 0:
-                break
-            groups = self._groups[level - 1]
-            first, children = groups.first[visible.node], groups.children[visible.node]
-            view = np.repeat(visible.view, children)
-            of_pass = np.repeat(visible.pass_index, children)
-            candidates = self._cull(frame, level - 1, view, ranges(first, children), of_pass)
-            found = self._schedule(frame, level - 1, candidates, pass_index, is_last)
-            opened = [self._cull_occluded(found) if pass_index else found]
-        return visible, left
-
-    def _cull_occluded(self, nodes: VisibleClusters) -> VisibleClusters:
-        return nodes if nodes.bounds is None else nodes.where(~self._hi_z.occludes(nodes.bounds))
-
-    def _cull(
-        self,
-        frame: _Frame,
-        level: int,
-        view: NDArray[np.intp],
-        node: NDArray[np.intp],
-        pass_index: NDArray[np.int8],
-    ) -> _Candidates:
-        """Cull nodes (n,) of a level that the views do not see, whatever is in front of them."""
-        nodes = self._levels[level]
-        low_m, high_m = (
-            (np.take(ends, node, axis=0).T + frame.origin_m).astype(np.float32, order="C")
-            for ends in (nodes.aabb_min, nodes.aabb_max)
-        )
-        centres_m, half_extents_m = 0.5 * (low_m + high_m), 0.5 * (high_m - low_m)
-        distances_m, radii_m = _norms(centres_m), _norms(half_extents_m)
-        if level == 0:
-            kept = np.flatnonzero(~self._faces_away(node, centres_m, distances_m, radii_m))
-            view, node, pass_index = view[kept], node[kept], pass_index[kept]
-            centres_m, half_extents_m = (
-                np.take(part, kept, axis=1) for part in (centres_m, half_extents_m)
-            )
-            distances_m, radii_m = distances_m[kept], radii_m[kept]
-        kept, boxes = frame.frusta.cull(view, centres_m, half_extents_m)
-        return _Candidates(
-            view[kept], node[kept], pass_index[kept], distances_m[kept], radii_m[kept], boxes
-        )
-
-    def _schedule(
-        self, frame: _Frame, level: int, candidates: _Candidates, pass_index: int, is_last: bool
-    ) -> VisibleClusters:
-        """Bound nodes on the screen where depth is tested, and find their passes."""
-        view, node, of_pass, distances_m, radii_m, boxes = candidates
-        bounds = None
-        if pass_index or not is_last:
-            kept, bounds = frame.frusta.screen_bounds(boxes)
-            view, node, of_pass = view[kept], node[kept], of_pass[kept]
-            distances_m, radii_m = distances_m[kept], radii_m[kept]
-        if not is_last:
-            near_m = np.maximum(distances_m - radii_m, 1e-3)
-            widths_m = self._levels[level].widths[node]
-            own = sum(widths_m <= limit * near_m for limit in map(np.float32, OCCLUDERS_RAD))
-            of_pass = np.maximum(of_pass, own).astype(np.int8)
-        return VisibleClusters(view, node, of_pass, distances_m + radii_m, bounds)
-
-    def _faces_away(
+    def faces_away(
         self,
         clusters: NDArray[np.intp],
         centres_m: NDArray[np.float32],
@@ -248,6 +138,95 @@ class ClusterCuller:
         sines = self._cone_sines[clusters] + np.float32(_TOLERANCE)
         away: NDArray[np.bool_] = along_m > sines * distances_m + radii_m
         return away
+
+
+class _Descent:
+    """One frame's descent from the largest groups to the clusters, pass by pass.
+
+    Args:
+        culler: of the camera.
+        frusta: of the frame's views.
+        origin_m: (3, 1) of the hierarchy, in the viewpoint frame.
+
+    Attributes:
+        is_last_pass: the current pass draws all that is left.
+    """
+
+    def __init__(self, culler: ClusterCuller, frusta: FrustumCuller, origin_m: NDArray[np.float64]):
+        self._culler, self._frusta, self._origin_m = culler, frusta, origin_m
+        self._pass_index, self.is_last_pass = 0, True
+        self._waiting: list[list[VisibleClusters]] = [[] for _ in culler.levels]
+        self._waiting[-1] = [self._visit(len(culler.levels) - 1, *culler.roots)]
+
+    def begin_pass(self) -> None:
+        """Begin the next pass: cull what waits by the depth so far."""
+        culler = self._culler
+        self._pass_index += 1
+        self._waiting = [[culler.cull_occluded(one) for one in nodes] for nodes in self._waiting]
+        triangles = sum(
+            int(level.triangles[one.node].sum())
+            for level, nodes in zip(culler.levels, self._waiting, strict=True)
+            for one in nodes
+        )
+        self.is_last_pass = not culler.is_worthwhile(self._pass_index, triangles)
+
+    def open_groups(self) -> VisibleClusters:
+        """Open the groups of this pass, level by level, and return its clusters."""
+        opened: list[VisibleClusters] = []
+        for level in reversed(range(len(self._waiting))):
+            visible = _concatenate(self._waiting[level] + opened)
+            if not self.is_last_pass:
+                is_due = visible.pass_index <= self._pass_index
+                self._waiting[level] = [visible.where(~is_due)]
+                visible = visible.where(is_due)
+            if level == 0:
+                break
+            groups = self._culler.groups[level - 1]
+            first, children = groups.first[visible.node], groups.children[visible.node]
+            view = np.repeat(visible.view, children)
+            of_pass = np.repeat(visible.pass_index, children)
+            found = self._visit(level - 1, view, ranges(first, children), of_pass)
+            opened = [self._culler.cull_occluded(found) if self._pass_index else found]
+        return visible
+
+    def _visit(
+        self,
+        level: int,
+        view: NDArray[np.intp],
+        node: NDArray[np.intp],
+        pass_index: NDArray[np.int8],
+    ) -> VisibleClusters:
+        """Cull nodes (n,) of a level by cones and frusta, and find their passes."""
+        nodes = self._culler.levels[level]
+        low_m, high_m = (
+            (np.take(ends, node, axis=0).T + self._origin_m).astype(np.float32, order="C")
+            for ends in (nodes.aabb_min, nodes.aabb_max)
+        )
+        centres_m, half_extents_m = 0.5 * (low_m + high_m), 0.5 * (high_m - low_m)
+        distances_m, radii_m = _norms(centres_m), _norms(half_extents_m)
+        if level == 0:
+            away = self._culler.faces_away(node, centres_m, distances_m, radii_m)
+            kept = np.flatnonzero(~away)
+            view, node, pass_index = view[kept], node[kept], pass_index[kept]
+            centres_m, half_extents_m = (
+                np.take(part, kept, axis=1) for part in (centres_m, half_extents_m)
+            )
+            distances_m, radii_m = distances_m[kept], radii_m[kept]
+        kept, boxes = self._frusta.cull(view, centres_m, half_extents_m)
+        if level == len(self._waiting) - 1:
+            triangles = int(nodes.triangles[node[kept]].sum())
+            self.is_last_pass = not self._culler.is_worthwhile(0, triangles)
+        bounds = None
+        if self._pass_index or not self.is_last_pass:
+            covering, bounds = self._frusta.screen_bounds(boxes)
+            kept = kept[covering]
+        view, node, pass_index = view[kept], node[kept], pass_index[kept]
+        distances_m, radii_m = distances_m[kept], radii_m[kept]
+        if not self.is_last_pass:
+            near_m, widths_m = np.maximum(distances_m - radii_m, 1e-3), nodes.widths[node]
+            own = sum(widths_m <= limit * near_m for limit in map(np.float32, OCCLUDERS_RAD))
+            pass_index = np.maximum(pass_index, own).astype(np.int8)
+        return VisibleClusters(view, node, pass_index, distances_m + radii_m, bounds)
 
 
 def _concatenate(parts: list[VisibleClusters]) -> VisibleClusters:

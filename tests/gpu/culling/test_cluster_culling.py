@@ -92,7 +92,7 @@ def test_clusters_that_face_away_show_no_front_to_the_viewpoint(context):
         radii_m = 0.5 * np.linalg.norm(clusters.aabb_max - clusters.aabb_min, axis=1)
         distances_m = np.linalg.norm(centres_m, axis=1)
         everything = np.arange(len(radii_m))
-        away = culler._faces_away(everything, centres_m.T, distances_m, radii_m)
+        away = culler.faces_away(everything, centres_m.T, distances_m, radii_m)
         corner_m = corners_m[:, 0] + (geometry.anchor_m - viewpoint_m)
         is_front = np.sum(normals * corner_m, axis=1) < 0.0
         has_front = np.logical_or.reduceat(is_front, clusters.first)

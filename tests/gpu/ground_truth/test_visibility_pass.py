@@ -89,7 +89,7 @@ def test_triangles_of_clusters_are_found_again_in_their_instances(context):
 def test_the_table_grows_with_the_ids_of_a_frame(context):
     buffers = SceneBuffers(context, _scene())
     one_by_one = np.flatnonzero(~buffers.static_geometry.contains)
-    ids = TriangleIds(context, buffers.draw_items, one_by_one)
+    ids = TriangleIds(buffers, one_by_one)
     some = static_triangle_entries(buffers.static_geometry, buffers.draw_items)
     many = np.resize(some, 3 << ROW_BITS)
     for _ in range(2):

@@ -89,7 +89,7 @@ def test_the_picture_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypa
         drawn = renderer._passes.cube.tiles.static.triangles
         monkeypatch.setattr(
             cluster_culling.ClusterCuller,
-            "_faces_away",
+            "faces_away",
             lambda *given: np.zeros(len(given[-1]), dtype=np.bool_),
         )
         monkeypatch.setattr(
