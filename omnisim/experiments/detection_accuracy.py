@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.localization.observations import LandmarkMap, expect
+from omnisim.localization.observations import LandmarkMap, predict_measurement
 from omnisim.perception.landmark_detector import Detection
 from omnisim.poses import wrap_angle
 
@@ -59,7 +59,7 @@ def compare(
     for step, (pose, found) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
         by_name = {detection.landmark: detection for detection in found}
         for name, corners in landmarks.corners_m.items():
-            expected = expect(tuple(pose), camera_m, corners)
+            expected = predict_measurement(tuple(pose), camera_m, corners)
             range_m, bearing_rad = expected[0], expected[4]
             detection = by_name.get(name)
             if detection is None:

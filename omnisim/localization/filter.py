@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import LocalizationError
 from omnisim.localization.motion import move
-from omnisim.localization.observations import LandmarkMap, Observation, expect
+from omnisim.localization.observations import LandmarkMap, Observation, predict_measurement
 from omnisim.localization.parameters import FilterParameters
 from omnisim.poses import wrap_angle
 
@@ -251,7 +251,7 @@ class LocalizationFilter:
         covariance: list[list[float]],
     ) -> _Hypothesis:
         """Innovation of an observation of a landmark, in plain floats: NumPy is slow one by one."""
-        range_m, a0, a1, a2, bearing, b0, b1, b2 = expect(
+        range_m, a0, a1, a2, bearing, b0, b1, b2 = predict_measurement(
             pose, self._camera_m, self._landmarks.corners(landmark)
         )
         extra = self._parameters.measurement

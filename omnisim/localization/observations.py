@@ -103,7 +103,7 @@ class LandmarkMap:
             ) from None
 
 
-def expect(
+def predict_measurement(
     pose: tuple[float, float, float], camera_m: tuple[float, float], corners_m: Corners
 ) -> tuple[float, ...]:
     """Expected range and bearing of a landmark from a pose, and their Jacobian by the pose.

@@ -93,7 +93,7 @@ class LandmarkDetector:
         self.ignored = tuple(each.name for each in landmarks if each.name not in known)
         if not self._pillars and not self._wide:
             raise LocalizationError(
-                "landmarks: none can be told by its colours: expected pillars whose upper bands, "
+                "landmarks: none has colours of the model: expected pillars whose upper bands, "
                 f"or wide ones whose only band, are of {', '.join(model.colors)}"
             )
 

@@ -40,7 +40,7 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
         k = int(np.argmax(still))
         raise TrajectoryError(
             f"trajectory: poses {k} and {k + 1} are the same: how long the robot waits there "
-            "cannot be told without times: expected one of them"
+            "is unknown without times: expected one of them"
         )
     limits = (
         (kinematics.max_speed_mps, kinematics.max_acceleration_mps2),

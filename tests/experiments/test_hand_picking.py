@@ -7,7 +7,7 @@ import numpy as np
 import omnisim
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
 from omnisim.experiments.real_setting import cluttered, with_wrong_start
-from omnisim.localization.observations import LandmarkMap, expect
+from omnisim.localization.observations import LandmarkMap, predict_measurement
 from omnisim.perception.panorama import CameraMount
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import load_scene
@@ -27,7 +27,9 @@ def test_a_hand_is_as_good_as_it_says():
     exact = pick_landmarks(pose, mount, landmarks, Hand(sigma_px=0.0, farthest_m=9.0), generator)
     assert {each.candidates[0] for each in exact} == set(landmarks.corners_m)
     for each in exact:
-        expected = expect(tuple(pose), mount.position_m, landmarks.corners(each.candidates[0]))
+        expected = predict_measurement(
+            tuple(pose), mount.position_m, landmarks.corners(each.candidates[0])
+        )
         assert abs(each.range_m - expected[0]) < 1e-9
         assert abs(math.remainder(each.bearing_rad - expected[4], 2.0 * math.pi)) < 1e-9
     errors = []

@@ -11,7 +11,7 @@ from omnisim.errors import LocalizationError
 from omnisim.localization.consistency import mean_interval, nees, pose_errors
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.motion import move
-from omnisim.localization.observations import LandmarkMap, Observation, expect
+from omnisim.localization.observations import LandmarkMap, Observation, predict_measurement
 from omnisim.localization.parameters import FilterParameters, read_parameters
 from omnisim.robot.odometry import Odometry
 
@@ -23,11 +23,11 @@ MAP = LandmarkMap(
 
 
 def _parameters(**changes):
-    told = read_parameters().model_dump()
+    tables = read_parameters().model_dump()
     for key, value in changes.items():
         table, _, name = key.partition("__")
-        told[table][name] = value
-    return FilterParameters.model_validate(told)
+        tables[table][name] = value
+    return FilterParameters.model_validate(tables)
 
 
 def _filter(covariance=None, pose=(0.1, -0.2, 0.3), **changes):
@@ -35,8 +35,8 @@ def _filter(covariance=None, pose=(0.1, -0.2, 0.3), **changes):
 
 
 def _seen_from(pose, name, sigma_m=0.05, sigma_rad=0.01, error=(0.0, 0.0)):
-    told = expect(pose, CAMERA_M, MAP.corners(name))
-    (range_m, bearing_rad), (more_m, more_rad) = (told[0], told[4]), error
+    expected = predict_measurement(pose, CAMERA_M, MAP.corners(name))
+    (range_m, bearing_rad), (more_m, more_rad) = (expected[0], expected[4]), error
     return Observation((name,), range_m + more_m, bearing_rad + more_rad, sigma_m, sigma_rad)
 
 
@@ -76,20 +76,22 @@ def test_motion_is_dead_reckonings_and_its_jacobians_are_the_numerical_ones(turn
 def test_what_should_be_seen_has_the_numerical_jacobian(pose):
     step = 1e-6
     for name in MAP.corners_m:
-        told = expect(pose, CAMERA_M, MAP.corners(name))
+        expected = predict_measurement(pose, CAMERA_M, MAP.corners(name))
         for k in range(3):
             change = step * np.eye(3)[k]
-            after = expect(tuple(np.add(pose, change)), CAMERA_M, MAP.corners(name))
-            before = expect(tuple(np.subtract(pose, change)), CAMERA_M, MAP.corners(name))
+            after = predict_measurement(tuple(np.add(pose, change)), CAMERA_M, MAP.corners(name))
+            before = predict_measurement(
+                tuple(np.subtract(pose, change)), CAMERA_M, MAP.corners(name)
+            )
             slope = (after[0] - before[0]) / (2 * step)
             turn = math.remainder(after[4] - before[4], 2 * math.pi) / (2 * step)
-            np.testing.assert_allclose((told[1 + k], told[5 + k]), (slope, turn), atol=2e-9)
+            np.testing.assert_allclose((expected[1 + k], expected[5 + k]), (slope, turn), atol=2e-9)
 
 
 def test_a_goal_is_seen_at_its_nearest_corner_and_midway_between_its_outermost():
-    told = expect((0.0, 0.0, 0.5), (0.0, 0.0), MAP.corners("goal"))
+    expected = predict_measurement((0.0, 0.0, 0.5), (0.0, 0.0), MAP.corners("goal"))
     # in front of it: the two front posts, and nothing of what is behind them
-    np.testing.assert_allclose((told[0], told[4]), (math.hypot(2.7, 0.4), -0.5), atol=1e-12)
+    np.testing.assert_allclose((expected[0], expected[4]), (math.hypot(2.7, 0.4), -0.5), atol=1e-12)
 
 
 def test_observations_draw_the_estimate_to_the_truth():
@@ -231,13 +233,13 @@ def _simulate(parameters, generator, steps=60):
         distance, turn = 0.3, 0.2
         true, *_ = move(true, distance, turn)
         sigmas = parameters.motion.sigmas(distance, turn)
-        told = np.array([distance, turn]) + generator.normal(size=2) * sigmas
+        readings = np.array([distance, turn]) + generator.normal(size=2) * sigmas
         seen = []
         for name in MAP.corners_m:
             observation = _seen_from(true, name)
             error = generator.normal(size=2) * _sigmas(parameters, observation)
             seen.append(_seen_from(true, name, error=error))
-        estimate = robot.step(float(k), told[0], told[1], seen)
+        estimate = robot.step(float(k), *readings, seen)
         errors.append(pose_errors(estimate.pose, true))
         covariances.append(estimate.covariance)
         nis.append((estimate.nis, estimate.nis_degrees))
@@ -257,8 +259,8 @@ def test_it_is_as_sure_as_it_should_be():
     low, high = mean_interval(10, runs * steps, share=0.999)
     assert low < np.mean([run[1][:, 0] for run in found]) < high
     # and a filter that takes its wheels for five times as good is found out
-    told = {name: value / 5.0 for name, value in parameters.motion.model_dump().items()}
-    sure = _parameters(measurement__gate=1e9, **{f"motion__{k}": v for k, v in told.items()})
+    noise = {name: value / 5.0 for name, value in parameters.motion.model_dump().items()}
+    sure = _parameters(measurement__gate=1e9, **{f"motion__{k}": v for k, v in noise.items()})
     generator = np.random.default_rng(2)
     errors = []
     true = np.array([1.5, 0.0, 0.5 * math.pi])
@@ -267,8 +269,8 @@ def test_it_is_as_sure_as_it_should_be():
     for k in range(1, steps + 1):
         true, *_ = move(true, 0.3, 0.2)
         sigmas = parameters.motion.sigmas(0.3, 0.2)
-        told = np.array([0.3, 0.2]) + generator.normal(size=2) * sigmas
-        estimate = robot.step(float(k), told[0], told[1], [_seen_from(true, "a", 0.2, 0.1)])
+        readings = np.array([0.3, 0.2]) + generator.normal(size=2) * sigmas
+        estimate = robot.step(float(k), *readings, [_seen_from(true, "a", 0.2, 0.1)])
         errors.append(pose_errors(estimate.pose, true))
         covariances.append(estimate.covariance)
     assert np.nanmean(nees(np.array(errors), np.array(covariances))) > mean_interval(3, steps).high

@@ -92,8 +92,8 @@ def test_a_run_is_localized(run, localized):
         "report.json", "fig11-detections.png", "fig12-paths.png", "fig13-errors.png",
     }  # fmt: skip
     (section,) = json.loads((out / "report.json").read_text())["sections"]
-    told = {measure["name"]: measure["value"] for measure in section["measures"]}
-    assert told["landmarks let through the gate"] >= 4 * (STEPS - 1)
+    values = {measure["name"]: measure["value"] for measure in section["measures"]}
+    assert values["landmarks let through the gate"] >= 4 * (STEPS - 1)
     truth = np.loadtxt(run / "ground_truth.tum")
     estimate = np.loadtxt(out / "estimate.tum")
     # the bound of experiment 1
@@ -115,8 +115,8 @@ def test_a_run_without_ground_truth_is_localized_without_errors(run, model, tmp_
     assert done.exit_code == 0, done.output
     assert "no ground truth" in " ".join(done.output.split())
     assert not (tmp_path / "out" / "fig13-errors.png").exists()
-    told = json.loads((tmp_path / "out" / "report.json").read_text())["sections"][0]
-    assert not any("error" in measure["name"] for measure in told["measures"])
+    section = json.loads((tmp_path / "out" / "report.json").read_text())["sections"][0]
+    assert not any("error" in measure["name"] for measure in section["measures"])
 
 
 def _track(folder, model):
@@ -152,8 +152,8 @@ def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):
 def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path):
     blank = shutil.copytree(run, tmp_path / "blank")
     for step in range(STEPS):
-        pixels, told = read_image(blank / "omnicam" / f"{step:06d}.png")
-        write_image(blank / "omnicam" / f"{step:06d}.png", np.full_like(pixels, 90), told)
+        pixels, metadata = read_image(blank / "omnicam" / f"{step:06d}.png")
+        write_image(blank / "omnicam" / f"{step:06d}.png", np.full_like(pixels, 90), metadata)
     track = _track(blank, model)
     assert notices(track, read_parameters()) == ["4 of 4 steps show no landmark: 1, 2, 3, 4"]
     np.testing.assert_allclose(track.poses[:, :2], track.reckoned[:, :2], atol=1e-9)
@@ -161,7 +161,7 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("localize", "RUN", "-o", "OUT", "--model", "RUN"), "got the folder"),
         (("localize", "RUN", "-o", "OUT", "--model", "OUT.npz"), "No such file"),
@@ -184,13 +184,13 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
         ),
     ],
 )
-def test_bad_input_is_one_line(run, model, tmp_path, words, told):
+def test_bad_input_is_one_line(run, model, tmp_path, words, message):
     places = {"RUN": run, "MODEL": model, "PNG": run / "omnicam" / "000001.png"}
     places |= {"OUT": tmp_path / "out", "OUT2": tmp_path / "out2"}
     places |= {f"OUT{suffix}": tmp_path / f"out{suffix}" for suffix in (".npz", ".txt")}
     done = _omnisim(*(places.get(word, word) for word in words))
     assert isinstance(done.exception, OmnisimError)
-    assert told in str(done.exception)
+    assert message in str(done.exception)
     assert "\n" not in str(done.exception)
     assert list(tmp_path.iterdir()) == []
 
@@ -219,29 +219,31 @@ def test_a_picture_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_
 def test_a_run_with_a_picture_missing_says_which(run, model, tmp_path):
     broken = shutil.copytree(run, tmp_path / "broken")
     (broken / "omnicam" / "000003.png").unlink()
-    told = "000003.png: is missing: the first 3 of 5 steps are looked at; drive again"
+    message = "000003.png: is missing: the first 3 of 5 steps are looked at; drive again"
     for words in (
         ("localize", broken, "-o", tmp_path / "out", "--model", model),
         ("landmarks", "detect", broken, "--model", model),
     ):
         done = _omnisim(*words)
         assert done.exit_code == 0, done.output
-        assert told in " ".join(done.output.split()).replace("- ", "-")
+        assert message in " ".join(done.output.split()).replace("- ", "-")
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "message"),
     [
         (lambda pixels: pixels[::2, ::2], "180 × 180 px of 3 × uint8"),
         (lambda pixels: pixels[..., :1], "px of 1 × uint8"),
         (lambda pixels: pixels.astype(np.uint16) * 257, "px of 3 × uint16"),
     ],
 )
-def test_a_picture_of_another_camera_is_named(run, monkeypatch, spoil, told):
+def test_a_picture_of_another_camera_is_named(run, monkeypatch, spoil, message):
     data = read_run(run)
     stored = read_image(run / "omnicam" / "000002.png")[0]
     monkeypatch.setattr("omnisim.simulation.run_data.read_image", lambda _: (spoil(stored), None))
-    with pytest.raises(OmnisimError, match=rf"000002.png: has .*{told}.*: expected .* 3 × uint8"):
+    with pytest.raises(
+        OmnisimError, match=rf"000002.png: has .*{message}.*: expected .* 3 × uint8"
+    ):
         data.picture(2)
 
 

@@ -1,4 +1,4 @@
-"""What is told of a whole run."""
+"""Notices and errors of a whole run."""
 
 import dataclasses
 
@@ -30,7 +30,7 @@ def test_the_gate_opens_where_most_pass():
     assert _track((0, 0), (0, 3)).gate_opening_step is None
 
 
-def test_long_rejection_and_blindness_are_told():
+def test_notices_of_long_rejection_and_blindness():
     parameters = read_parameters()
     limit = parameters.measurement.report_after_steps
     closed = _track((0, 0), *[(0, 2)] * limit, (2, 0))

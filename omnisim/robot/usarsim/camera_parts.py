@@ -73,13 +73,13 @@ def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
 
 
 def _camera(lead: Part, members: list[Part]) -> Sensor:
-    turned = _rank(lead) != 2  # the virtual cameras look to all sides
     return Sensor(
         name=lead.name,
         entry=lead.entry,
         kind="omnicamera",
         position_m=lead.position_m,
-        angles_deg=(lead.roll_deg, lead.pitch_deg, lead.yaw_deg) if turned else (0.0, 0.0, 0.0),
+        # virtual cameras look to all sides
+        angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
         comments=tuple(f"line {part.entry.line}: {part}" for part in members),
         values={},
     )

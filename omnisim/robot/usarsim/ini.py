@@ -27,6 +27,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 Value = Union[str, "Struct"]
 # By the name in lower case: the name as written, and its value.
 Struct = dict[str, tuple[str, Value]]
+Notice = tuple[int, str]  # line number and words
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,11 @@ def parse_struct(entry: Entry) -> Struct:
         RobotFileError: naming file, line, what was found and expected.
     """
     return _Reader(entry).whole()
+
+
+def printable(text: str) -> str:
+    """Replace unprintable characters by blanks."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 def _text(path: Path) -> str:

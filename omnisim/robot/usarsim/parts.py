@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim import poses
 from omnisim.robot.formats.text_table import quote
-from omnisim.robot.usarsim.ini import Entry, Struct, Value, parse_struct
+from omnisim.robot.usarsim.ini import Entry, Struct, Value, parse_struct, printable
 
 # Farther from its robot no sensor is: such numbers are in another unit.
 FARTHEST_M = 10.0
@@ -30,22 +30,17 @@ class Units:
     Attributes:
         meters: of a unit of length.
         radians: of a unit of angle.
-        up: the file's z points up.
+        are_unreal: the engine's own, with z up.
     """
 
     meters: float
     radians: float
-    up: bool
-
-    @property
-    def are_unreal(self) -> bool:
-        """They are the engine's own."""
-        return self.up
+    are_unreal: bool
 
 
-SI_UNITS = Units(1.0, 1.0, up=False)
+SI_UNITS = Units(1.0, 1.0, are_unreal=False)
 # The engine's own: z up, 65536 to a turn, and 250 to a metre, as the names of USARSim's maps say.
-UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, up=True)
+UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
 
 
 @dataclass(frozen=True)
@@ -57,7 +52,7 @@ class Part:
         class_name: with its package, as in USARBot.SICKLMS.
         name: its own.
         position_m: from USARSim's origin of the robot; x forward, y left, z up.
-        roll_deg, pitch_deg, yaw_deg: in the same frame.
+        angles_deg: roll, pitch and yaw in the same frame.
         parent: the part that it sits on, or None: the chassis.
         unread: names of values that are not understood.
     """
@@ -66,9 +61,7 @@ class Part:
     class_name: str
     name: str
     position_m: tuple[float, float, float]
-    roll_deg: float
-    pitch_deg: float
-    yaw_deg: float
+    angles_deg: tuple[float, float, float]
     parent: str | None
     unread: tuple[str, ...]
 
@@ -80,7 +73,7 @@ class Part:
     @property
     def forward(self) -> NDArray[np.float64]:
         """Viewing direction (3,), unit."""
-        return poses.pose((0, 0, 0), self.roll_deg, self.pitch_deg, self.yaw_deg)[:3, 0]
+        return poses.pose((0, 0, 0), *self.angles_deg)[:3, 0]
 
     def __str__(self) -> str:
         return f"{self.entry.key} {self.name!r} ({self.class_name})"
@@ -99,15 +92,15 @@ def read_part(entry: Entry, units: Units) -> Part:
     parent = _bare(parent) if isinstance(parent, str) else "(...)"
     known = {"itemclass", "itemname", "position", "direction", "parent"}
     x, y, z = _position_m(entry, struct, units)
-    roll, pitch, yaw = _direction_rad(entry, struct, units)
+    axes = _axes(entry, struct, "Direction")
+    angles = (angle_rad(entry, label, value, units) for label, value in axes)
+    roll, pitch, yaw = map(math.degrees, angles)
     return Part(
         entry=entry,
         class_name=class_name,
         name=name,
-        position_m=(_clean(x), _clean(-y), _clean(z if units.up else -z)),
-        roll_deg=_clean(math.degrees(roll)),
-        pitch_deg=_clean(-math.degrees(pitch)),
-        yaw_deg=_clean(-math.degrees(yaw)),
+        position_m=(_clean(x), _clean(-y), _clean(z if units.are_unreal else -z)),
+        angles_deg=(_clean(roll), _clean(-pitch), _clean(-yaw)),
         parent=None if parent.lower() in ON_CHASSIS else parent,
         unread=tuple(written for key, (written, _) in struct.items() if key not in known),
     )
@@ -159,19 +152,14 @@ def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
 
 
 def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
-    place = []
+    position = []
     for label, value in _axes(entry, struct, "Position"):
         meters = length_m(entry, label, value, units)
         if abs(meters) > FARTHEST_M:
             hint = "" if units.are_unreal else "; 250 to a metre are read with --unreal-units"
             raise entry.fault(f"{label} = {meters:g} m: expected at most {FARTHEST_M:g} m{hint}")
-        place.append(meters)
-    return place
-
-
-def _direction_rad(entry: Entry, struct: Struct, units: Units) -> list[float]:
-    axes = _axes(entry, struct, "Direction")
-    return [angle_rad(entry, label, value, units) for label, value in axes]
+        position.append(meters)
+    return position
 
 
 def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
@@ -201,7 +189,7 @@ def _bare(value: str) -> str:
     """Strip quotes: "a", class'a', a."""
     found = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
     word = (found[1] or found[2] or "") if found else value
-    return "".join(letter if letter.isprintable() else " " for letter in word).strip()
+    return printable(word).strip()
 
 
 def _clean(value: float) -> float:

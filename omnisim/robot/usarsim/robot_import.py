@@ -14,8 +14,7 @@ from pathlib import Path
 from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.robot.sensor_mounts import folder_name
 from omnisim.robot.usarsim.camera_parts import find_cameras
-from omnisim.robot.usarsim.ini import Entry, Section, parse_struct, read_ini
-from omnisim.robot.usarsim.notices import Notices
+from omnisim.robot.usarsim.ini import Entry, Notice, Section, parse_struct, printable, read_ini
 from omnisim.robot.usarsim.parts import SI_UNITS, UNREAL_UNITS, Part, Units, read_part
 from omnisim.robot.usarsim.robot_text import Sensor, robot_text
 from omnisim.robot.usarsim.scanner_parts import find_scanner
@@ -61,19 +60,24 @@ def import_robot(
     sections = read_ini(path)
     section = _robot_section(path, sections, robot_class)
     units = UNREAL_UNITS if unreal_units else SI_UNITS
-    left_out = Notices()
+    left_out: list[Notice] = []
     parts = _parts(section, units, left_out)
     sensors = [_named(sensor, left_out) for sensor in _sensors(parts, sections, units, left_out)]
     _check_names(sensors)
     if not sensors:
-        left_out.add(section.line, f"[{section.name}] has no camera or scanner that omnisim knows")
-    if origin_height_m is None:
-        left_out.add(
-            section.line,
-            "heights count from USARSim's origin of the robot, taken as on the ground: "
-            "--origin-height says how high it is",
+        left_out.append(
+            (section.line, f"[{section.name}] has no camera or scanner that omnisim knows")
         )
-    notices = left_out.in_order()
+    if origin_height_m is None:
+        left_out.append(
+            (
+                section.line,
+                "heights count from USARSim's origin of the robot, taken as on the ground: "
+                "--origin-height says how high it is",
+            )
+        )
+    unique = dict.fromkeys((line, printable(words)) for line, words in left_out)
+    notices = sorted(unique, key=lambda notice: notice[0])
     comments = [f"line {line}: {words}" for line, words in notices]
     text = robot_text(section.name, path.name, sensors, origin_height_m or 0.0, comments)
     return ImportedRobot(
@@ -108,7 +112,7 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
     return next(iter(robots.values()))
 
 
-def _parts(section: Section, units: Units, left_out: Notices) -> list[Part]:
+def _parts(section: Section, units: Units, left_out: list[Notice]) -> list[Part]:
     """Read all parts with a class and a position; note the others."""
     parts, plain = [], []
     for entry in section.entries:
@@ -123,10 +127,10 @@ def _parts(section: Section, units: Units, left_out: Notices) -> list[Part]:
                 continue
             named = _NAME.search(entry.value)
             name = f" {named[1]!r}" if named else ""
-            left_out.add(entry.line, f"{entry.key}{name}: left out")
+            left_out.append((entry.line, f"{entry.key}{name}: left out"))
     if plain:
         keys = ", ".join(dict.fromkeys(entry.key for entry in plain))
-        left_out.add(plain[0].line, f"[{section.name}] {keys}: left out")
+        left_out.append((plain[0].line, f"[{section.name}] {keys}: left out"))
     return parts
 
 
@@ -141,7 +145,7 @@ def _other_part(entry: Entry, units: Units) -> Part | None:
 
 
 def _sensors(
-    parts: list[Part], sections: dict[str, Section], units: Units, left_out: Notices
+    parts: list[Part], sections: dict[str, Section], units: Units, left_out: list[Notice]
 ) -> list[Sensor]:
     cameras = find_cameras(parts)
     taken = {id(part) for _, members in cameras for part in members}
@@ -154,20 +158,20 @@ def _sensors(
                 continue
             sensors.append((part.entry.line, scanner))
         if part.unread:
-            left_out.add(part.entry.line, f"{part}: {', '.join(part.unread)}: left out")
+            left_out.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
         if part.parent:
-            left_out.add(
-                part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis"
+            left_out.append(
+                (part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis")
             )
     return [sensor for _, sensor in sorted(sensors, key=lambda item: item[0])]
 
 
-def _named(sensor: Sensor, left_out: Notices) -> Sensor:
+def _named(sensor: Sensor, left_out: list[Notice]) -> Sensor:
     """Give a sensor a name that is valid in a robot file."""
     name = folder_name(sensor.name)
     if name == sensor.name:
         return sensor
-    left_out.add(sensor.entry.line, f"ItemName {sensor.name!r}: becomes {name!r}")
+    left_out.append((sensor.entry.line, f"ItemName {sensor.name!r}: becomes {name!r}"))
     return dataclasses.replace(sensor, name=name)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from omnisim.robot.usarsim.ini import Entry
+from omnisim.robot.usarsim.ini import Entry, printable
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ def robot_text(
         raised_m: added to all heights.
         left_out: one comment each.
     """
-    title = _plain(section).rpartition(".")[2]
+    title = printable(section).rpartition(".")[2]
     lines = [
-        f"# [{_plain(section)}] of {_plain(source)}.",
+        f"# [{printable(section)}] of {printable(source)}.",
         "# Base frame: x forward, y left, z up, origin on the ground. Metres and degrees.",
         f"name = {_word(title.lower())}",
         f"title = {_word(title)}",
@@ -57,7 +57,7 @@ def robot_text(
         lines.append(f"# Heights are {raised_m!r} m more than there.")
     for sensor in sensors:
         x, y, z = sensor.position_m
-        lines += ["", "[[sensors]]", *(f"# {_plain(comment)}" for comment in sensor.comments)]
+        lines += ["", "[[sensors]]", *(f"# {printable(comment)}" for comment in sensor.comments)]
         lines += [f"name = {_word(sensor.name)}", f"type = {_word(sensor.kind)}"]
         if sensor.kind == "omnicamera":
             lines.append(
@@ -68,14 +68,10 @@ def robot_text(
         lines += [f"{key} = {value!r}" for key, value in angles]
         lines += [f"{key} = {value!r}" for key, value in sensor.values.items()]
     if left_out:
-        lines += ["", "# Of the rest of it:", *(f"# {_plain(w)}" for w in left_out)]
+        lines += ["", "# Of the rest of it:", *(f"# {printable(w)}" for w in left_out)]
     return "\n".join(lines) + "\n"
-
-
-def _plain(text: str) -> str:
-    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 def _word(text: str) -> str:
     """TOML string: its escapes are those of JSON."""
-    return json.dumps(_plain(text), ensure_ascii=False)
+    return json.dumps(printable(text), ensure_ascii=False)

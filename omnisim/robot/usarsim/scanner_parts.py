@@ -6,8 +6,7 @@ import math
 import re
 
 from omnisim.robot.formats.text_table import quote
-from omnisim.robot.usarsim.ini import Entry, Section
-from omnisim.robot.usarsim.notices import Notices
+from omnisim.robot.usarsim.ini import Entry, Notice, Section
 from omnisim.robot.usarsim.parts import Part, Units, angle_rad, length_m, number
 from omnisim.robot.usarsim.robot_text import Sensor
 
@@ -17,7 +16,9 @@ _USED = {"scanfov", "resolution", "maxrange", "minrange", "noise"}
 TURN_RAD = 6.2832  # as it is written there
 
 
-def find_scanner(part: Part, own: Section | None, units: Units, left_out: Notices) -> Sensor | None:
+def find_scanner(
+    part: Part, own: Section | None, units: Units, left_out: list[Notice]
+) -> Sensor | None:
     """Read a laser scanner; None with a notice where a part is none, or lacks its settings."""
     settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
@@ -25,7 +26,7 @@ def find_scanner(part: Part, own: Section | None, units: Units, left_out: Notice
     known = _SCANNER.search(part.short_class)
     if not (says_how or is_sick):
         why = f"no [{part.class_name}] with ScanFov, Resolution and MaxRange: " if known else ""
-        left_out.add(part.entry.line, f"{part}: {why}left out")
+        left_out.append((part.entry.line, f"{part}: {why}left out"))
         return None
     values: dict[str, float] = {}
     for key, name, read in (
@@ -46,20 +47,18 @@ def find_scanner(part: Part, own: Section | None, units: Units, left_out: Notice
         values["noise_share"] = 0.0
     _check_scan(settings, values)
     if own is None:
-        left_out.add(
-            part.entry.line,
-            f"{part}: no [{part.class_name}]: taken as USARSim's usual SICK LMS200",
-        )
+        words = f"{part}: no [{part.class_name}]: taken as USARSim's usual SICK LMS200"
+        left_out.append((part.entry.line, words))
     else:
         unread = [entry.key for key, entry in settings.items() if key not in _USED]
         if unread:
-            left_out.add(own.line, f"[{own.name}] {', '.join(unread)}: left out")
+            left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
     return Sensor(
         name=part.name,
         entry=part.entry,
         kind="usarsim_range_scanner",
         position_m=part.position_m,
-        angles_deg=(part.roll_deg, part.pitch_deg, part.yaw_deg),
+        angles_deg=part.angles_deg,
         comments=(f"line {part.entry.line}: {part}",),
         values=values,
     )
