@@ -167,17 +167,6 @@ class OmniCamera:
         return self.model.scaled(self.supersampling)
 
     @property
-    def mirror_model(self) -> HyperbolicCamera:
-        """The model of a camera that looks up at a mirror.
-
-        Raises:
-            OpticsError: the camera is a lens.
-        """
-        if not isinstance(self.model, HyperbolicCamera):
-            raise OpticsError(f"a camera of model {self.model.model_name!r} has no mirror")
-        return self.model
-
-    @property
     def base_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the camera's optical frame on its vehicle."""
         pose = self.base_from_rig.copy()

@@ -90,21 +90,20 @@ class MirrorTable(Table):
             SensorFileError: values that do not fit each other.
         """
         shape = (self.k, self.c, self.meters_per_unit)
+        given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
+        rim_rad = DEFAULT_RIM_RAD
+        if self.theta_max_deg is not None:
+            given, rim_rad = (
+                f"theta_max_deg = {self.theta_max_deg}",
+                math.radians(self.theta_max_deg),
+            )
         try:
             if self.rim_radius_m is not None:
-                return HyperbolicMirror.with_rim_radius(self.rim_radius_m, *shape)
-            rim = DEFAULT_RIM_RAD
-            if self.theta_max_deg is not None:
-                rim = math.radians(self.theta_max_deg)
-            return HyperbolicMirror(*shape, rim)
-        except OpticsError as reason:
-            given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
-            if self.rim_radius_m is not None:
                 given = f"rim_radius_m = {self.rim_radius_m}"
-            elif self.theta_max_deg is not None:
-                given = f"theta_max_deg = {self.theta_max_deg}"
-            words = str(reason).removeprefix("mirror: ")
-            raise SensorFileError(f"{source}: mirror.{given}: {words}") from None
+                return HyperbolicMirror.with_rim_radius(self.rim_radius_m, *shape)
+            return HyperbolicMirror(*shape, rim_rad)
+        except OpticsError as reason:
+            raise _fault(f"{source}: mirror.{given}: ", reason, "mirror: ") from None
 
     def polygon_count(self, source: str) -> int | None:
         """Polygons of the mesh, or None: exact.
@@ -117,9 +116,8 @@ class MirrorTable(Table):
         try:
             sectors_and_rings(self.polygons)
         except OpticsError as reason:
-            words = str(reason).removeprefix("mirror: ")
-            where = f"{source}: mirror.polygons = {self.polygons}"
-            raise SensorFileError(f"{where}: {words}") from None
+            where = f"{source}: mirror.polygons = {self.polygons}: "
+            raise _fault(where, reason, "mirror: ") from None
         return self.polygons
 
 
@@ -197,8 +195,7 @@ class LensTable(Table):
         try:
             camera = camera_from_parameters(parameters)
         except OpticsError as reason:
-            words = str(reason).removeprefix("camera: ")
-            raise SensorFileError(f"{source}: lens.{words}") from None
+            raise _fault(f"{source}: lens.", reason, "camera: ") from None
         known = camera.parameters()
         for key in parameters.keys() - known.keys():
             hint = did_you_mean(key, known)
@@ -283,6 +280,11 @@ def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
         SensorFileError: naming source, key, value and what was expected.
     """
     return _settings(parse_table(table, SensorFile, SensorFileError, source), source)
+
+
+def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
+    """The error of a file for one of the optics, whose own prefix gives way to the key."""
+    return SensorFileError(where + str(reason).removeprefix(prefix))
 
 
 def _settings(file: SensorFile, source: str) -> SensorSettings:

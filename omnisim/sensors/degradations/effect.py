@@ -23,11 +23,6 @@ Rgb = tuple[NotNegative, NotNegative, NotNegative]
 class Effect(Parameters):
     """Base of the tables below `[degradation]`: frozen dataclasses, named as their modules."""
 
-    @classmethod
-    def table_name(cls) -> str:
-        """Name of the table in a sensor file."""
-        return cls._name.removeprefix("degradation.")
-
     def values(self) -> dict[str, Any]:
         """Keys of the table with their values, without those that are None."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}

@@ -210,7 +210,8 @@ def test_constructors_check_like_files():
 def test_every_key_is_documented_with_its_unit(name):
     """In the table of its module, and the module's name is the table's."""
     kind = EFFECTS[name]
-    assert kind.table_name() == name
+    assert kind._name == f"degradation.{name}"
+    assert kind.__module__.rpartition(".")[2] == name
     text = importlib.import_module(kind.__module__).__doc__
     documented = re.findall(r"^\| (\w+) \| \S", text, re.MULTILINE)[1:]
     assert documented == [field.name for field in dataclasses.fields(kind)]
