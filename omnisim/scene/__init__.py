@@ -1,4 +1,7 @@
-"""Scenes: plain data, and their loading (the only importer of trimesh and Pillow)."""
+"""Scenes: plain data, and their loading (the only importer of trimesh and Pillow).
+
+Readers raise a SceneError of one line for whatever is wrong with a file.
+"""
 
 from omnisim.scene.load import load_scene
 from omnisim.scene.model import Scene

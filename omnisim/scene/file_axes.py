@@ -27,9 +27,6 @@ def world_from_file(
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
     `up_axis` overrules `settings`, which overrules the file, which overrules its format.
-
-    Raises:
-        SceneError: an unknown axis, or a unit that is not a length.
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)

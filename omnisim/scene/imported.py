@@ -54,9 +54,6 @@ def make_mesh(
         normals: (n, 3).
         texture_coordinates: (n, 2).
         colors: (n, 4).
-
-    Raises:
-        SceneError: a position that is not finite or too large, or a triangle without its vertex.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)

@@ -37,11 +37,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def check_format(path: Path) -> None:
-    """Check that trimesh reads surfaces from files with the suffix of `path`.
-
-    Raises:
-        SceneError: it does not.
-    """
+    """Check that trimesh reads surfaces from files with the suffix of `path`."""
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
         raise SceneError(
             f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae, or a scene's "
@@ -52,11 +48,7 @@ def check_format(path: Path) -> None:
 def read_other(
     path: Path, data: bytes, textures: TextureStore, assets: AssetResolver
 ) -> ImportedScene:
-    """Read a file of any format but glTF.
-
-    Raises:
-        SceneError: damaged vertices or indices, or trimesh cannot read it.
-    """
+    """Read a file of any format but glTF."""
     if path.suffix.lower() == ".obj":
         data, names = plain_obj(data)
         assets.given[MATERIAL_FILES] = _material_files(names, assets)

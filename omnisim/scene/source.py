@@ -16,11 +16,7 @@ def builtin_scenes() -> list[str]:
 
 
 def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
-    """Mesh file of a path or built-in name, and the settings of its TOML, if any.
-
-    Raises:
-        SceneError: there is no such scene, or it is no readable file.
-    """
+    """Mesh file of a path or built-in name, and the settings of its TOML, if any."""
     try:
         return _resolve(Path(source), str(source))
     except OSError as reason:  # a folder without permission, a name too long
@@ -50,11 +46,7 @@ def _resolve(path: Path, name: str) -> tuple[Path, SceneFile]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """ImportedScene of a file.
-
-    Raises:
-        SceneError: it cannot be read, or is empty.
-    """
+    """Content of a file that is not empty."""
     try:
         data = path.read_bytes()
     except OSError as reason:

@@ -104,9 +104,8 @@ class Accessors:
             return values
         sparse = accessor.object("sparse")
         where, replaced = sparse.object("indices"), sparse.integer("count")
-        indices = self._elements(
-            where, replaced, where.choice("componentType", _INDEX_TYPES), shape=()
-        )
+        index_type = where.choice("componentType", _INDEX_TYPES)
+        indices = self._elements(where, replaced, index_type, ())
         if replaced and indices.max() >= count:
             raise SceneError(f"{where.place}: expected indices below {count}, got {indices.max()}")
         values = values.copy()
@@ -125,8 +124,6 @@ class Accessors:
             return np.zeros((0, *shape), dtype)
         end = offset + (count - 1) * stride + size
         if end > len(data) or stride == 0:
-            raise SceneError(
-                f"{owner.place}: expected {end} bytes in {view.place}, got {len(data)}"
-            )
+            raise SceneError(f"{owner.place}: expected {end} bytes in a view of {len(data)}")
         strides = (stride, *np.empty(shape, dtype).strides)
         return np.ndarray((count, *shape), dtype, data, offset, strides)

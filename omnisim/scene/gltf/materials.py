@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +39,7 @@ class Materials:
         self._image_entries = root.objects("images")
         self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
-    def texture_coordinates(
-        self, primitive: Primitive, material: int
-    ) -> NDArray[np.float64] | None:
+    def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
         """Texture coordinates (n, 2) of a primitive for its material's texture, if any.
 
         Source: KHR_texture_transform, translation · rotation · scale.
@@ -95,27 +94,24 @@ class Materials:
         if source.has("source"):
             index = source.index("source", self._images)
             image, uri = self._images[index], self._image_entries[index].text("uri", "")
-        if image is None and uri not in self._assets.missing:
+        if image is not None:
+            u, v = self._wraps(info)
+            mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
+            return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored)
+        if uri not in self._assets.missing:
             self.notices.append(
                 f"texture of {material!r} cannot be decoded: its plain colour is drawn"
             )
-        if image is None:
-            return None
-        u, v = self._wraps(info)
-        mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
-        return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored)
+        return None
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
         """Image, not yet decoded; None where it is missing or of an unknown format."""
-        data: bytes | memoryview = b""
-        if entry.has("bufferView"):
-            data = accessors.view(entry)
-        try:
+        with suppress(Exception):  # Pillow's readers raise all kinds
+            if entry.has("bufferView"):
+                return Image.open(io.BytesIO(accessors.view(entry)))
             if entry.has("uri"):
-                data = read_uri(entry.text("uri", ""), self._assets)
-            return Image.open(io.BytesIO(data))
-        except Exception:  # Pillow's readers raise all kinds
-            return None
+                return Image.open(io.BytesIO(read_uri(entry.text("uri", ""), self._assets)))
+        return None
 
 
 def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:

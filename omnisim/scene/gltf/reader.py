@@ -143,7 +143,7 @@ class _Meshes:
                 triangles,
                 material,
                 normals=primitive.attribute("NORMAL"),
-                texture_coordinates=self._materials.texture_coordinates(primitive, material),
+                texture_coordinates=self._materials.uv(primitive, material),
                 colors=None if colors is None else colors_rgba(colors, 1.0),
             )
             self.meshes.append(made)
