@@ -4,8 +4,6 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 import omnisim
 
 ROOT = Path(omnisim.__file__).parent.parent
@@ -149,19 +147,16 @@ def _retired_identifiers():
                     yield f"{path.relative_to(ROOT)}:{number}: {name} → {better}"
 
 
-@pytest.mark.xfail(strict=False, reason="being rewritten")
 def test_docstrings_open_with_their_subject():
     offenders = list(_clauses())
     assert not offenders, "\n".join(("expected a noun or a verb first:", *offenders))
 
 
-@pytest.mark.xfail(strict=False, reason="being renamed")
 def test_retired_names_are_gone():
     offenders = list(_retired_names())
     assert not offenders, "\n".join(("expected the name after the arrow:", *offenders))
 
 
-@pytest.mark.xfail(strict=False, reason="being renamed")
 def test_retired_identifiers_are_gone():
     offenders = list(_retired_identifiers())
     assert not offenders, "\n".join(("expected the name after the arrow:", *offenders))

@@ -1,1 +1,1 @@
-"""How a scene is drawn (the only importer of moderngl): context, shaders, buffers, passes."""
+"""OpenGL (the only importer of moderngl): context, shaders, buffers, passes."""

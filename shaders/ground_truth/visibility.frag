@@ -1,6 +1,6 @@
-// Which triangle a texel of the cube shows: 1 + its number in this frame, of which a table says what
-// it is; 0: nothing. With HOLES only where alpha reaches the cutoff: a blended surface has one, too.
-// With ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
+// Visibility buffer: 1 + the frame's ID of the triangle at each texel of the cube; 0: none. With
+// HOLES only where alpha reaches the cutoff: a blended surface has one, too. With ALBEDO also the
+// plain base colour: its square root, for which 8 bits are as fine as sRGB's.
 #version 430 core
 
 uniform uint u_first_plus_one;  // 1 + number of the call's first triangle

@@ -41,7 +41,7 @@ def mipmaps(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 def _looked_up(
     of_color: NDArray[Any], of_alpha: NDArray[Any], values: NDArray[np.unsignedinteger]
 ) -> NDArray[Any]:
-    """What the tables have for RGBA values (height, width, 4)."""
+    """Table entries of RGBA values (height, width, 4)."""
     found = np.empty(values.shape, of_color.dtype)
     given, taken = values.reshape(-1), found.reshape(-1)
     for start in range(0, given.size, _BLOCK):

@@ -79,17 +79,17 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
         geometry = SceneBuffers(context, scene).static_geometry
         vertices = np.frombuffer(geometry.vertices.read(), dtype=VERTEX)
         triangles = geometry.triangles["vertices"]
-        looks = np.repeat(geometry.batch_of_cluster, geometry.clusters.triangles)
-        found = [geometry.batches[look].shading.value for look in looks]
+        batches = np.repeat(geometry.batch_of_cluster, geometry.clusters.triangles)
+        found = [geometry.batches[batch].shading.value for batch in batches]
         assert sorted(found) == sorted(kinds)
         for triangle, kind in zip(triangles, found, strict=True):
-            corners, told = vertices["in_position"][triangle], vertices["in_normal"][triangle]
+            corners, stored = vertices["in_position"][triangle], vertices["in_normal"][triangle]
             if kind == Shading.BAKED.value:
                 own = np.cross(corners[1] - corners[0], corners[2] - corners[0])
                 own = (own / np.linalg.norm(own))[None]
                 expected = np.repeat(bake_directional_light(own, LIGHTING), 3, axis=0)
-                np.testing.assert_allclose(told, expected, atol=1e-4)
+                np.testing.assert_allclose(stored, expected, atol=1e-4)
             else:
                 at = corners + geometry.anchor_m
                 numbers = [np.flatnonzero((positions == corner).all(axis=1))[0] for corner in at]
-                np.testing.assert_array_equal(told, normals[numbers])
+                np.testing.assert_array_equal(stored, normals[numbers])
