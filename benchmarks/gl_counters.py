@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import moderngl
 
+from omnisim.gpu.gl_functions import gl_function
+
 _STATISTICS = "GL_ARB_pipeline_statistics_query"
 _VERTEX_SHADER_INVOCATIONS, _FRAGMENT_SHADER_INVOCATIONS = 0x82F0, 0x82F4
 _CLIPPING_OUTPUT_PRIMITIVES = 0x82F7
@@ -59,17 +61,13 @@ def count(context: moderngl.Context, draw: Callable[[], object]) -> Counts:
 
 
 def _counted(target: int, draw: Callable[[], object]) -> int:
-    name, result = ctypes.c_uint(), ctypes.c_uint64()
-    _call("glGenQueries", ctypes.c_int(1), ctypes.byref(name))
-    _call("glBeginQuery", ctypes.c_uint(target), name)
+    integer, pointer = ctypes.c_uint, ctypes.c_void_p
+    query, result = ctypes.c_uint(), ctypes.c_uint64()
+    gl_function("glGenQueries", integer, pointer)(1, ctypes.addressof(query))
+    gl_function("glBeginQuery", integer, integer)(target, query.value)
     draw()
-    _call("glEndQuery", ctypes.c_uint(target))
-    _call("glGetQueryObjectui64v", name, ctypes.c_uint(_QUERY_RESULT), ctypes.byref(result))
-    _call("glDeleteQueries", ctypes.c_int(1), ctypes.byref(name))
+    gl_function("glEndQuery", integer)(target)
+    read = gl_function("glGetQueryObjectui64v", integer, integer, pointer)
+    read(query.value, _QUERY_RESULT, ctypes.addressof(result))
+    gl_function("glDeleteQueries", integer, pointer)(1, ctypes.addressof(query))
     return result.value
-
-
-def _call(function: str, *arguments: ctypes._SimpleCData[int] | ctypes._CArgObject) -> None:
-    egl = ctypes.CDLL("libEGL.so.1")
-    egl.eglGetProcAddress.restype = ctypes.c_void_p
-    ctypes.CFUNCTYPE(None)(egl.eglGetProcAddress(function.encode()))(*arguments)

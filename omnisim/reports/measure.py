@@ -38,7 +38,7 @@ class Measure:
 
     @property
     def value_text(self) -> str:
-        """Value with its unit, to four digits."""
+        """Value with its unit: a count, or a number to four digits."""
         return self._text(self.value) if math.isfinite(self.value) else "not a number"
 
     @property
@@ -62,4 +62,5 @@ class Measure:
         }
 
     def _text(self, number: float) -> str:
-        return f"{number:.4g} {self.unit}".rstrip()
+        form = ".0f" if number == round(number) and abs(number) < 1e6 else ".4g"
+        return f"{number:{form}} {self.unit}".rstrip()
