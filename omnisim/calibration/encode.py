@@ -13,14 +13,14 @@ from omnisim.calibration.calibrated_camera import CalibratedCamera, Residuals
 from omnisim.calibration.equivalents import equivalent
 from omnisim.calibration.file_frame import (
     camera_from_lens,
+    camera_metadata,
     domain_limit_rad,
     is_catadioptric,
-    is_inverted,
     lens_of,
 )
 from omnisim.calibration.fit import Fit, fit_camera
 from omnisim.calibration.formats.format import Format, Lens, ParsedCamera
-from omnisim.calibration.metadata import embed_metadata, metadata_of
+from omnisim.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras import (
     CAMERA_MODELS,
     CentralCamera,
@@ -42,21 +42,13 @@ class Encoded(NamedTuple, Generic[Lens]):
 
     Attributes:
         lens: in the format's model.
-        mirrored, inverted: the lens's rays in the camera's frame, see `camera_from_lens`.
-        limit_rad: angle from the axis where the camera's domain ends, if at all.
+        metadata: of the camera.
         residuals: of the fit, if the lens is one.
     """
 
     lens: Lens
-    mirrored: bool = False
-    inverted: bool = False
-    limit_rad: float | None = None
-    residuals: Residuals | None = None
-
-    @property
-    def camera(self) -> CentralCamera:
-        """Camera that a reader of the file finds."""
-        return camera_from_lens(self.lens, self.mirrored, self.inverted, self.limit_rad)
+    metadata: CameraMetadata
+    residuals: Residuals | None
 
 
 def encode_cameras(
@@ -77,19 +69,11 @@ def encode_cameras(
     for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
         encoded = encode(named, form, f"{source}: {camera.name}", model)
         parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
-        metadata.append(
-            metadata_of(
-                named.name,
-                encoded.mirrored,
-                encoded.inverted,
-                encoded.limit_rad,
-                encoded.residuals,
-            )
-        )
+        metadata.append(encoded.metadata)
         written.append(
             dataclasses.replace(
                 named,
-                camera=encoded.camera,
+                camera=camera_from_lens(encoded.lens, encoded.metadata),
                 residuals=encoded.residuals,
                 notes=_caveats(encoded.lens, form),
                 file_model=encoded.lens.model_name,
@@ -110,21 +94,23 @@ def encode(
     source = camera.camera
     native = form.native(source)
     if native is not None and model in (None, source.model_name):
-        return Encoded(native, residuals=camera.residuals)
+        metadata = camera_metadata(camera.name, None, None, camera.residuals)
+        return Encoded(native, metadata, camera.residuals)
     wanted = None if model is None else CAMERA_MODELS.get(model)
     if model is not None and wanted not in form.models:
         names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
         known = ", ".join(names[one] for one in form.models)
         raise CalibrationError(f"--model {model}: {form.name} has {known}")
     _check_cone(source, form, place)
-    frame = (is_catadioptric(source), is_inverted(source))
     lens = lens_of(source)
     reasons: list[str] = []
     for one in form.models:
         same = equivalent(lens, one) if lens is not None and wanted in (None, one) else None
         reason = None if same is None else form.unsupported(same)
         if same is not None and reason is None:
-            return Encoded(same, *frame, domain_limit_rad(source), camera.residuals)
+            limit_rad = domain_limit_rad(source)
+            metadata = camera_metadata(camera.name, source, limit_rad, camera.residuals)
+            return Encoded(same, metadata, camera.residuals)
         if reason is not None and reason not in reasons:
             reasons.append(reason)
     if isinstance(source, CylindricalCamera | EquirectangularCamera):
@@ -134,7 +120,8 @@ def encode(
     fit = _best_fit(source, form, place, wanted, reasons)
     limit_rad = domain_limit_rad(fit.camera) or domain_limit_rad(source)
     residuals = dataclasses.replace(fit.residuals, source_model=source.model_name)
-    return Encoded(fit.camera, *frame, limit_rad, residuals)
+    metadata = camera_metadata(camera.name, source, limit_rad, residuals)
+    return Encoded(fit.camera, metadata, residuals)
 
 
 def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 
+from omnisim.calibration.calibrated_camera import Residuals
 from omnisim.calibration.equivalents import equivalent, is_plain
+from omnisim.calibration.metadata import CameraMetadata
 from omnisim.cameras import (
     CentralCamera,
     EllipticCamera,
@@ -37,11 +39,6 @@ def is_catadioptric(camera: CentralCamera) -> bool:
     return isinstance(camera, MirroredCamera) or optical_axis(camera) < 0.0
 
 
-def is_inverted(camera: CentralCamera) -> bool:
-    """True where a mirror's picture is upside down: its lens's rays are (−x, −y, −z) of its own."""
-    return isinstance(camera, EllipticCamera)
-
-
 def lens_of(camera: CentralCamera) -> CentralCamera | None:
     """Lens with the rays of a camera, or (x, y, −z) of a mirror's, or None."""
     size, centre = (camera.width_px, camera.height_px), camera.principal_point_px
@@ -61,29 +58,40 @@ def lens_of(camera: CentralCamera) -> CentralCamera | None:
     return None if is_catadioptric(camera) else camera
 
 
-def camera_from_lens(
-    lens: CentralCamera, mirrored: bool, inverted: bool, limit_rad: float | None
-) -> CentralCamera:
-    """Camera that a file describes by a lens.
+def camera_metadata(
+    name: str, camera: CentralCamera | None, limit_rad: float | None, residuals: Residuals | None
+) -> CameraMetadata:
+    """Metadata of a camera that a file describes by `lens_of`, or natively (None).
 
     Args:
-        lens: in the file.
-        mirrored: its rays are (x, y, −z) of the camera's.
-        inverted: they are (−x, −y, −z), as an elliptic mirror's.
-        limit_rad: angle from the axis where the domain ends, if the file has it.
+        name: of the camera in the file.
+        camera: the camera.
+        limit_rad: angle from the axis where the domain ends, if at all.
+        residuals: of the lens in the file, if it is a fit.
     """
+    return CameraMetadata(
+        camera=name,
+        mirrored=camera is not None and is_catadioptric(camera),
+        turned=isinstance(camera, EllipticCamera),
+        theta_max_rad=limit_rad,
+    ).with_residuals(residuals)
+
+
+def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCamera:
+    """Camera that a file describes by a lens."""
+    mirrored, limit_rad = metadata.mirrored, metadata.theta_max_rad
     if limit_rad is not None and isinstance(lens, ParametricCamera):
         ended = lens.ending_at(limit_rad)
         if ended is not None:
             lens, limit_rad = ended, None
-    special = _special_camera(lens, mirrored, inverted, limit_rad)
+    special = _special_camera(lens, mirrored, metadata.turned, limit_rad)
     if special is not None:
         return special
     return MirroredCamera(lens) if mirrored else lens
 
 
 def _special_camera(
-    lens: CentralCamera, mirrored: bool, inverted: bool, limit_rad: float | None
+    lens: CentralCamera, mirrored: bool, turned: bool, limit_rad: float | None
 ) -> CentralCamera | None:
     """Special case of the unified model that the parameters are of, if any."""
     unified = equivalent(lens, UnifiedCamera)
@@ -102,7 +110,7 @@ def _special_camera(
                 return ParabolicCamera(*size, gamma, centre, limit_rad)
             return StereographicCamera(*size, 0.5 * gamma, centre, limit_rad)
         root = math.sqrt(max((1.0 - xi) * (1.0 + xi), 0.0))
-        if mirrored and inverted and 0.0 < xi < 1.0:
+        if mirrored and turned and 0.0 < xi < 1.0:
             focal = gamma / root  # γ K/(1 + ξ)
             return EllipticCamera(*size, focal, centre, xi / (1.0 + root), limit_rad)
         if mirrored and xi < 1.0:

@@ -58,27 +58,17 @@ class CameraMetadata(ForeignTable):
                 return Residuals(rms_px, max_px, math.radians(cone_deg), model)
         return None
 
-
-def metadata_of(
-    name: str,
-    mirrored: bool,
-    turned: bool,
-    theta_max_rad: float | None,
-    residuals: Residuals | None,
-) -> CameraMetadata:
-    """Metadata of a camera, by its name in the file."""
-    metadata = CameraMetadata(
-        camera=name, mirrored=mirrored, turned=turned, theta_max_rad=theta_max_rad
-    )
-    if residuals is None:
-        return metadata
-    fit = {
-        "fitted_from": residuals.source_model,
-        "rms_px": residuals.rms_px,
-        "max_px": residuals.max_px,
-        "cone_deg": math.degrees(residuals.theta_max_rad),
-    }
-    return metadata.model_copy(update=fit)
+    def with_residuals(self, residuals: Residuals | None) -> CameraMetadata:
+        """The same metadata with the residuals of a fit."""
+        if residuals is None:
+            return self
+        fit = {
+            "fitted_from": residuals.source_model,
+            "rms_px": residuals.rms_px,
+            "max_px": residuals.max_px,
+            "cone_deg": math.degrees(residuals.theta_max_rad),
+        }
+        return self.model_copy(update=fit)
 
 
 def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: MetadataPlace) -> str:

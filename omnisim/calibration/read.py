@@ -71,7 +71,7 @@ def _calibrated(
         lens, note = _nearest_model(lens, place)
         notes = (note,)
     with error_context(place):
-        camera = camera_from_lens(lens, metadata.mirrored, metadata.turned, metadata.theta_max_rad)
+        camera = camera_from_lens(lens, metadata)
         _check_camera(camera, place)
     return CalibratedCamera(
         parsed.name, camera, parsed.poses, metadata.residuals, notes, lens.model_name
