@@ -13,6 +13,7 @@ from omnisim.experiments.seeds import (
 from omnisim.localization.parameters import read_parameters
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_model_file import save_model
+from omnisim.reports.machine import machine_of_device
 from omnisim.reports.report import Report, make_folder
 from omnisim.simulation.run_labels import train_on_run
 
@@ -23,6 +24,7 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
     Raises:
         OmnisimError: no OpenGL, or files that cannot be written.
     """
+    machine = machine_of_device(device)  # without OpenGL better now than after the work
     make_folder(folder)
     runs = record_all(folder, device, progress)
     trained = train_on_run(runs.learning, Costs(), progress("colours", runs.learning.steps))
@@ -48,6 +50,7 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
         "some.",
         sections,
         {"seeds": SEEDS, "parameters": parameters.model_dump()},
+        machine=machine,
     )
     report.write(folder)
     return report
