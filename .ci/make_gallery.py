@@ -64,13 +64,13 @@ def page(cameras: dict[str, CentralCamera]) -> str:
         title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
         seen = field_of_view(camera)
         parts.append(
-            f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_in_words(seen)} "
-            f"{_as_here(camera)}\n\n{text}\n"
+            f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_summary(seen)} "
+            f"{_parameters(camera)}\n\n{text}\n"
         )
     return "\n".join(parts)
 
 
-def _in_words(seen: FieldOfView) -> str:
+def _summary(seen: FieldOfView) -> str:
     degrees = [
         math.degrees(angle)
         for angle in (
@@ -84,11 +84,11 @@ def _in_words(seen: FieldOfView) -> str:
     )
 
 
-def _as_here(camera: CentralCamera) -> str:
-    told = ", ".join(
+def _parameters(camera: CentralCamera) -> str:
+    parameters = ", ".join(
         f"{key} = {_short(value)}" for key, value in camera.parameters().items() if key != "model"
     )
-    return f"Its camera: `{told}`."
+    return f"Its camera: `{parameters}`."
 
 
 def _short(value: Any) -> str:

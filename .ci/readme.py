@@ -1,4 +1,4 @@
-"""What README shows of a report: its figures, made smaller, and its table between two comments."""
+"""README's excerpt of a report: downsampled figures, and its table between two comments."""
 
 from __future__ import annotations
 

@@ -100,18 +100,18 @@ def _peers_table(report: dict[str, Any]) -> list[str]:
         f"| --- |{' --- |' * len(scenes)}",
     ]
     for racer in dict.fromkeys(row["racer"] for row in rows):
-        told = [cells.get((racer, scene), "") for scene in scenes]
-        lines.append(f"| {racer} | {' | '.join(told)} |")
+        row_cells = [cells.get((racer, scene), "") for scene in scenes]
+        lines.append(f"| {racer} | {' | '.join(row_cells)} |")
     return lines
 
 
 def _raced(row: dict[str, Any]) -> str:
-    told = f"{row['p50_ms']:.1f} ms"
+    cell = f"{row['p50_ms']:.1f} ms"
     if row["psnr_db"] is not None:
-        told += f", {row['psnr_db']:.1f} dB"
+        cell += f", {row['psnr_db']:.1f} dB"
     if row["racer"].startswith("omnisim"):
-        return told
-    return f"{told}: {row['ratio']:.3g} × ours at {row['ratio_to'].removeprefix('omnisim, ')}"
+        return cell
+    return f"{cell}: {row['ratio']:.3g} × ours at {row['ratio_to'].removeprefix('omnisim, ')}"
 
 
 def _verdicts(report: dict[str, Any]) -> list[str]:

@@ -2,12 +2,13 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import omnisim
 
 ROOT = Path(omnisim.__file__).parent.parent
-PYTHON = ("omnisim", "benchmarks")
+PYTHON = ("omnisim", "benchmarks", "scenes", "tests", ".ci")
 # A docstring names its subject; a clause that opens with one of these describes it instead.
 CLAUSE_OPENERS = frozenset(
     (
@@ -30,7 +31,7 @@ RETIRED = {
     "_turned_away": "cone culling",
     "CoarseDepth|coarse_depth": "HiZ",
     "Sight": "FrustumCuller",
-    "Outlines?|outlines": "ScreenBounds",
+    "Outlines": "ScreenBounds",
     "_?from_near_to_far": "front_to_back",
     "_?from_far_to_near": "back_to_front",
     "set_look": "bind_material",
@@ -70,18 +71,21 @@ RETIRED_IDENTIFIERS = {
 GLTF = "omnisim/scene/gltf/"  # whose files have chunks by the specification
 
 
-def _text_files():
-    for folder, pattern in (
-        ("omnisim", "*.py"), ("benchmarks", "*.py"), ("tests", "*.py"), ("shaders", "*.*"),
-    ):  # fmt: skip
+def _files(folders, pattern):
+    for folder in folders:
         for path in sorted((ROOT / folder).rglob(pattern)):
             if path != Path(__file__).resolve():
                 yield path
 
 
+@cache
+def _tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def _docstrings(path):
     """(line, docstring) of a Python module."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(_tree(path)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             text = ast.get_docstring(node)
             if text:
@@ -97,20 +101,14 @@ def _first_comment(path):
 
 
 def _clauses():
-    texts = [
-        (path, *found)
-        for folder in PYTHON
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        for found in _docstrings(path)
-    ]
+    texts = [(path, *found) for path in _files(PYTHON, "*.py") for found in _docstrings(path)]
     texts += [
         (path, *_first_comment(path))
-        for path in sorted((ROOT / "shaders").rglob("*.*"))
+        for path in _files(("shaders",), "*.*")
         if path.suffix != ".md"
     ]
     for path, line, text in texts:
-        opener = re.match(r"\w*", text).group()
-        if opener in CLAUSE_OPENERS:
+        if re.match(r"\w*", text).group() in CLAUSE_OPENERS:
             yield f"{path.relative_to(ROOT)}:{line}: {text.splitlines()[0]}"
 
 
@@ -119,17 +117,18 @@ def _retired_names():
         "|".join(rf"(?P<r{n}>(?<!\w)(?:{word})(?!\w))" for n, word in enumerate(RETIRED))
     )
     better = list(RETIRED.values())
-    for path in _text_files():
+    for path in (*_files(PYTHON, "*.py"), *_files(("shaders",), "*.*")):
         name = path.relative_to(ROOT).as_posix()
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            for found in pattern.finditer(line):
-                if not (name.startswith(GLTF) and found.group().startswith("chunk")):
-                    yield f"{name}:{number}: {found.group()} → {better[int(found.lastgroup[1:])]}"
+        text = path.read_text(encoding="utf-8")
+        for found in pattern.finditer(text):
+            if not (name.startswith(GLTF) and found.group().startswith("chunk")):
+                line = text.count("\n", 0, found.start()) + 1
+                yield f"{name}:{line}: {found.group()} → {better[int(found.lastgroup[1:])]}"
 
 
 def _identifiers(path):
     """(line, name) of the variables, parameters and attributes of a Python module."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(_tree(path)):
         if isinstance(node, ast.Name):
             yield node.lineno, node.id
         elif isinstance(node, ast.arg):
@@ -139,12 +138,10 @@ def _identifiers(path):
 
 
 def _retired_identifiers():
-    for folder in (*PYTHON, "tests"):
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            for number, name in _identifiers(path):
-                if name in RETIRED_IDENTIFIERS:
-                    better = RETIRED_IDENTIFIERS[name]
-                    yield f"{path.relative_to(ROOT)}:{number}: {name} → {better}"
+    for path in _files(PYTHON, "*.py"):
+        for line, name in _identifiers(path):
+            if name in RETIRED_IDENTIFIERS:
+                yield f"{path.relative_to(ROOT)}:{line}: {name} → {RETIRED_IDENTIFIERS[name]}"
 
 
 def test_docstrings_open_with_their_subject():
@@ -160,7 +157,3 @@ def test_retired_names_are_gone():
 def test_retired_identifiers_are_gone():
     offenders = list(_retired_identifiers())
     assert not offenders, "\n".join(("expected the name after the arrow:", *offenders))
-
-
-if __name__ == "__main__":  # the offenders, for whoever cleans up
-    print(*_clauses(), *_retired_names(), *_retired_identifiers(), sep="\n")

@@ -1,4 +1,4 @@
-"""What `pip install` gets: shaders and scenes too, and it works without the checkout."""
+"""The wheel: it has shaders and scenes, and works without the checkout."""
 
 import subprocess
 import sys

@@ -53,7 +53,7 @@ def _only_embree(name):
 
 @pytest.fixture(scope="module", params=RACERS)
 def pictures(request):
-    """Of all racers in a scene from one pose, and the racers."""
+    """Pictures of all racers in a scene from one pose, and the racers."""
     without = request.param == "soccer"
     with pytest.MonkeyPatch.context() as patch, Stage(load_scene(request.param)) as stage:
         if without:  # pyrender takes long
@@ -123,7 +123,7 @@ def test_batches_are_the_scene():
 
 
 def _areas_m2(scene):
-    """Of all triangles of each material, in the world."""
+    """Corners of all triangles of each material, world."""
     areas = {}
     for instance in scene.instances:
         mesh = scene.meshes[instance.mesh]

@@ -1,4 +1,4 @@
-"""What is measured of processes: their start, their memory, their garbage collector."""
+"""Measurements of processes: start-up, memory, garbage collection."""
 
 import gc
 import mmap

@@ -1,4 +1,4 @@
-"""What a report must be, and that anything else is refused."""
+"""The schema of reports, and refusal of anything else."""
 
 import copy
 import math

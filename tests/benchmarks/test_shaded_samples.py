@@ -1,4 +1,4 @@
-"""How many samples the virtual cameras shade for a pixel of the mirror: a count, no time."""
+"""Samples that the virtual cameras shade per pixel of the mirror: a count, not a time."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What counts as found, how good that is, and what the experiments start from."""
+"""Accuracy of detections, and the initial conditions of the experiments."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a user is told where OpenGL is not as it should be, in processes of their own."""
+"""Errors of a missing or old OpenGL, each in a process of its own."""
 
 import os
 import subprocess

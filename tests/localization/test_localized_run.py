@@ -120,7 +120,7 @@ def test_a_run_without_ground_truth_is_localized_without_errors(run, model, tmp_
 
 
 def _track(folder, model):
-    """What `omnisim localize` finds, without its page."""
+    """Estimate of `omnisim localize`, without its report."""
     data, parameters = read_run(folder), read_parameters()
     colors, landmarks = load_model(model)
     detector = LandmarkDetector(colors, landmarks, data.mount)

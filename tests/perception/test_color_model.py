@@ -66,7 +66,7 @@ def test_the_curve_is_that_of_counting():
 
 
 def test_the_threshold_costs_least():
-    """Where both histograms are known exactly, Bayes: the ratio of costs times that of shares."""
+    """By Bayes, with exactly known histograms: the ratio of costs times that of shares."""
     thresholds = np.geomspace(1e-2, 1e2, 2001)[::-1]
     # an exponential family, whose ratio at x is exp(x): P(pass) by the normal's tails
     from scipy.stats import norm

@@ -51,7 +51,7 @@ def test_every_pixel_shows_its_direction(view):
 
 
 def test_sides_and_corners_of_the_views():
-    """Where the vehicle's front, left and the ground come to lie, in the views' own words."""
+    """Positions of the vehicle's front, left and the ground in the views."""
     ahead, left = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     cylinder = cylinder_view(800, -0.5, 0.2)
     u, _ = cylinder.camera.pixel_from_ray(left @ cylinder.base_from_view).positions_px

@@ -254,7 +254,7 @@ def is_close(ranges, expected):
 
 
 def is_at_silhouette(caster, scan, beams):
-    """Whether the caster, asked a hair beside each beam, gives ranges that bracket the scan's."""
+    """Mask of beams whose range is between those of rays cast slightly beside them."""
     directions = world_directions(scan)[beams]
     up = scan.world_from_scanner[:3, 2]
     beside = []

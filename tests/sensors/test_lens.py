@@ -78,7 +78,7 @@ def test_a_lens_has_no_mesh():
 
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 def test_scaled_model_has_the_same_rays(camera):
-    """Of every model: what all lengths in pixels are is up to the model."""
+    """Resizing of every model: each knows its lengths in pixels."""
     large = camera.scaled(2.0)
     assert (large.width_px, large.height_px) == (2 * camera.width_px, 2 * camera.height_px)
     pixels = pixel_grid(camera.width_px, camera.height_px)[::11, ::13]

@@ -1,4 +1,4 @@
-"""How finely pictures are captured, by a name: in Python, in sensor files, in a run."""
+"""Named qualities: in Python, in sensor files, in a run."""
 
 from typing import get_args
 

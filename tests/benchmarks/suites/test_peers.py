@@ -17,7 +17,7 @@ TIMED = {name for name in peers.BOUNDS if name != field.PYRENDER}
 
 @pytest.fixture
 def report(monkeypatch):
-    """Of a race in a small scene, where pyrender is missing, against a coarse reference."""
+    """Report of a race in a small scene, without pyrender, against a coarse reference."""
     real = field.import_failure
     monkeypatch.setattr(
         field, "import_failure", lambda name: "is not here" if name == "pyrender" else real(name)

@@ -28,7 +28,7 @@ def _plan(name, subdivide=True):
 
 
 def _looks(camera, count=4000):
-    """Where random pixels look: face (n,), tangents (n, 2), pixels to a tangent of 1 (n,)."""
+    """Rays of random pixels: face (n,), tangents (n, 2), pixels to a tangent of 1 (n,)."""
     generator = np.random.default_rng(0)
     size = np.array([camera.width_px, camera.height_px])
     pixels = generator.uniform(-0.5, size - 0.5, (count, 2))
@@ -44,7 +44,7 @@ def _looks(camera, count=4000):
 
 
 def _tiles_of(plan, faces, tangents):
-    """Whether each look (n,) is in each tile's core: (n, tiles)."""
+    """Mask (n, tiles) of the rays (n,) in each tile's region."""
     cores = np.array([tile.region for tile in plan.tiles])
     own = faces[:, None] == np.array([tile.face for tile in plan.tiles])
     at = tangents[:, None]

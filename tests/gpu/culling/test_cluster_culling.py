@@ -24,7 +24,7 @@ def _views(far_m, world_from_rig):
 
 
 def _shown(view, points, far_m, world_from_rig):
-    """Whether a tile shows points (..., 3), counted from the viewpoint: by its tangents."""
+    """Mask of points (..., 3), viewpoint frame, that a tile shows: by its tangents."""
     local = points @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
     depth = local[..., 2]
     tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]

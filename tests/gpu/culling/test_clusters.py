@@ -115,7 +115,7 @@ def test_boxes_are_around_their_triangles_and_cones_around_their_normals(corners
 
 
 def _surfaces(clusters):
-    """Of the boxes, times their triangles, all in all: about what is drawn for nothing."""
+    """Surface areas of the boxes times their triangles, summed: a measure of overdraw."""
     x, y, z = (clusters.aabb_max - clusters.aabb_min).T.astype(float)
     return float(((x * y + y * z + z * x) * clusters.triangles).sum())
 

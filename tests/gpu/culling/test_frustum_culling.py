@@ -46,7 +46,7 @@ def _cull(views, centres_m, half_extents_m, radius_px):
 
 
 def _texels(view, points):
-    """Where in the atlas points (..., 3) are seen (..., 2), in texels, and whether, by tangents."""
+    """Texels (..., 2) of points (..., 3) in the atlas, and their mask, by tangents."""
     local = points @ POSE[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
     depth = local[..., 2]
     tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]
@@ -117,7 +117,7 @@ def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
 
 
 def test_what_is_between_the_centres_of_texels_is_not_drawn():
-    """Where a texel has one sample: a box as small as a tenth of one is missed, mostly."""
+    """One sample per texel: a box as small as a tenth of a texel is mostly missed."""
     views = _views(np.inf)
     generator = np.random.default_rng(4)
     centres_m = generator.uniform(-1.0, 1.0, (2000, 3))

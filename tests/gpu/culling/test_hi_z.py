@@ -26,7 +26,7 @@ def _boxes(generator, height, width, count):
 
 
 def _bounds(first, last, nearest):
-    """Of corners (n, 2)."""
+    """Bounds of corners (n, 2)."""
     first, last = np.asarray(first, dtype=np.int32).T, np.asarray(last, dtype=np.int32).T
     return ScreenBounds(first, last, np.asarray(nearest, dtype=np.float32))
 
@@ -72,7 +72,7 @@ def test_what_is_in_front_of_everything_or_nowhere_near_is_not_hidden():
 
 
 def test_only_what_is_very_large_is_taken_to_be_seen():
-    """Of any shape: less than twice as large as the largest oblong is not."""
+    """Boxes of any shape less than twice as large as the largest rectangle."""
     most = (2 * MAX_SIDE - 1) * MIN_CELL_PX
     sizes = np.array([(1, 1), (most, 1), (3, most), (most, most), (17, 5), (most + 1, 1)])
     hi_z = _hi_z(np.full((150, 4 * MAX_SIDE * MIN_CELL_PX), 0.25, dtype=np.float32))

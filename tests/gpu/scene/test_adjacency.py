@@ -1,4 +1,4 @@
-"""Which triangles lie beside each other."""
+"""Adjacency of triangles."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What is known of triangles' light before they are drawn, and what is not."""
+"""Baking of directional light: the triangles that allow it, and their values."""
 
 import numpy as np
 import pytest

@@ -22,7 +22,7 @@ def _level(texture, number, shape):
 
 
 def test_levels_are_the_drivers(context):
-    """Where a level is half the one before, there is one right answer: all drivers' within 1."""
+    """Levels of exactly half the size have one right answer: all drivers' within 1."""
     pixels = _noise(64, 32)
     theirs = _texture(context, pixels)
     theirs.build_mipmaps()

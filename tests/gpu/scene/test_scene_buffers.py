@@ -1,4 +1,4 @@
-"""Where the draws of a scene and its dynamic objects are, against one scene of all."""
+"""Transforms of a scene's items and dynamic objects, against one scene of all."""
 
 import numpy as np
 import pytest

@@ -28,7 +28,7 @@ def flat_picture(values, height=64, width=256):
 
 
 def on_gpu(context, pictures, optics=(), sensor=(), weights=None, uniforms=None):
-    """What the pass makes of sub-frames (height, width, 4)."""
+    """Result of the pass for sub-frames (height, width, 4)."""
     height, width = pictures[0].shape[:2]
     chain = DegradationPass(context, (width, height), optics, sensor)
     for index, picture in enumerate(pictures):

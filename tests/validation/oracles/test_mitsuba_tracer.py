@@ -172,7 +172,7 @@ def test_seeds_and_variant():
 
 
 def _reflected(camera, pixels, distance_m):
-    """Where Mitsuba's rays are after `distance_m`, optical frame, metres."""
+    """Points of Mitsuba's rays at `distance_m`, optical frame, metres."""
     mi.set_variant(mitsuba_tracer.VARIANT)
     units_per_m = mitsuba_tracer.RIM_UNITS / camera.mirror.rim_radius_m
     sensor = mi.load_dict(mitsuba_tracer.pinhole(camera, np.eye(3), units_per_m, 1))
@@ -205,7 +205,7 @@ def test_rays_as_traced():
 
 
 def _facet_errors_px(camera, rings, sectors):
-    """How far facets with interpolated normals move rays, evenly over the picture, in float64."""
+    """Displacements of rays by facets with interpolated normals, over the picture, float64."""
     mirror = camera.mirror
     vertices, triangles = mitsuba_tracer.mirror_mesh(mirror, rings, sectors)
     assert np.abs(mirror.equation_residual(vertices)).max() < 1e-12

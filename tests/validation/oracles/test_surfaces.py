@@ -19,7 +19,7 @@ def _floor(material=0):
 
 
 def _heights(scene, height_m):
-    """Of the viewpoint above each visible triangle, on the side that it shows."""
+    """Heights of the viewpoint above each visible triangle, on its visible side."""
     surfaces = visible_surfaces(scene, np.array([0.0, 0.0, height_m]), REACH_M)
     corners = [triangle for surface in surfaces for triangle in surface.triangles_m]
     normals = [np.cross(b - a, c - a) for a, b, c in corners]
