@@ -218,10 +218,9 @@ def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
 
 def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
     """Tell whether `names` leads to a list of tables, whose own keys may be open."""
-    if _keys(model, names):
-        return True
     field = model.model_fields.get(names[-1]) if len(names) == 1 else None
-    return field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
+    is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
+    return is_open or bool(_keys(model, names))
 
 
 def _table_in(annotation: Any) -> type[pydantic.BaseModel] | None:

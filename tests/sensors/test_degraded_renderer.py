@@ -20,10 +20,10 @@ from omnisim.sensors.degradations import (
 )
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
-from omnisim.sensors.degradations.reference import developed, eight_bits, exposed
 from omnisim.sensors.motion import Twist
 from omnisim.sensors.stage import Stage
 from tests.scenes import room, scene_of
+from tests.sensors.degradations.reference import developed, eight_bits, exposed
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 FOCAL_PX, SIZE_PX = 60.0, (48, 32)

@@ -22,8 +22,8 @@ from omnisim.sensors.degradations import (
 )
 from omnisim.sensors.degradations.effect import Shot
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
-from omnisim.sensors.degradations.reference import developed, exposed, mean_luminance
 from tests.sensors.degradations.pictures import GEOMETRY, on_gpu, random_picture
+from tests.sensors.degradations.reference import developed, exposed, mean_luminance
 
 ULP = 2.0**-23
 # The bounds, relative to 1: light is at most 1.3 here. One rounding for each product or sum, and
