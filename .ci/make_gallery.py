@@ -1,7 +1,7 @@
-"""One scene through every camera model, as a page: make gallery.
+"""Gallery of one scene through every camera model: make gallery.
 
-The page says what the modules of the models say, so that nothing is written twice; the camera of a
-picture is the first example of its model in `tests/camera_examples.py`.
+The page takes its text from the docstrings of the models' modules; the camera of a picture is the
+first example of its model in `tests/camera_examples.py`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ OUTSIDE = (24, 24, 28)  # where a camera sees nothing
 
 
 def gallery_cameras() -> dict[str, CentralCamera]:
-    """A camera of each model, in the order of `CAMERA_MODELS`."""
+    """Camera of each model, in the order of `CAMERA_MODELS`."""
     first: dict[str, CentralCamera] = {}
     for camera in CAMERA_EXAMPLES.values():
         first.setdefault(camera.model_name, camera)
@@ -51,12 +51,12 @@ def gallery_cameras() -> dict[str, CentralCamera]:
 
 
 def page(cameras: dict[str, CentralCamera]) -> str:
-    """The gallery's README."""
+    """README of the gallery."""
     parts = [
         "# Gallery\n\n"
-        f"The scene `{SCENE}` from one place, through every camera model. Made by `make gallery`: "
-        "what is written here is written in the models' own files. Lenses look ahead, mirrors are "
-        "looked up at; letters can be read in the one and are mirrored in the other.\n\n"
+        f"The scene `{SCENE}` from one viewpoint, through every camera model. Made by "
+        "`make gallery` from the models' docstrings. Lenses look ahead, and cameras with a mirror "
+        "look up into it: letters are readable in the one and mirrored in the other.\n\n"
         f"![all models]({SHEET})\n"
     ]
     for model, camera in cameras.items():
@@ -98,16 +98,16 @@ def _short(value: Any) -> str:
 
 
 def picture_of(camera: CentralCamera) -> Image.Image:
-    """The scene through a camera."""
+    """Picture of the scene by a camera."""
     sensor = OmniCamera(camera, polygons=None, supersampling=SUPERSAMPLING)
     with Renderer(load_scene(SCENE), sensor) as renderer:
         frame = renderer.render(sensor.base_pose(VIEWPOINT_M, YAW_DEG))
-    pixels = np.where(frame.valid[..., None], frame.rgb, np.uint8(OUTSIDE))
+    pixels = np.where(frame.valid[..., None], frame.rgb, np.array(OUTSIDE, dtype=np.uint8))
     return Image.fromarray(pixels)
 
 
 def _save(picture: Image.Image, path: Path, largest_bytes: int) -> None:
-    """As good a JPEG as fits."""
+    """Save the best JPEG that fits."""
     for quality in range(90, 20, -4):
         data = io.BytesIO()
         picture.save(data, "JPEG", quality=quality, optimize=True)
@@ -124,11 +124,11 @@ def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
         left, top = at % COLUMNS * CELL_PX, at // COLUMNS * (CELL_PX + LABEL_PX)
         small = picture.copy()
         small.thumbnail((CELL_PX - 8, CELL_PX - 8), Image.Resampling.LANCZOS)
-        place = (
+        corner = (
             left + (CELL_PX - small.width) // 2,
             top + LABEL_PX + (CELL_PX - small.height) // 2,
         )
-        sheet.paste(small, place)
+        sheet.paste(small, corner)
         draw.text((left + CELL_PX // 2, top + LABEL_PX // 2), model, "black", font, anchor="mm")
     return sheet
 

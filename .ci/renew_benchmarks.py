@@ -27,7 +27,7 @@ USAGE = "usage: python .ci/renew_benchmarks.py DIR [--results-only]"
 
 
 def main() -> None:
-    """Read the reports in the folder that is named, and renew what is shown of them."""
+    """Read the reports of a folder, and renew their copies and README."""
     arguments = sys.argv[1:]
     is_results_only = "--results-only" in arguments
     names = [argument for argument in arguments if argument != "--results-only"]
@@ -61,7 +61,7 @@ def main() -> None:
             figure = (kept / f"{suite}.jpg").relative_to(ROOT)
             lines = [
                 f"On {machine_line(report['machine'])}:", "", f"![{suite}]({figure})", "",
-                *table(report), "", *_verdicts(report),
+                *table(report), "", *_bounds(report),
                 *(f"- {remark}" for remark in report.get("remarks", ())),
             ]  # fmt: skip
             renew_table(suite, "\n".join(lines) + "\n")
@@ -114,7 +114,7 @@ def _raced(row: dict[str, Any]) -> str:
     return f"{cell}: {row['ratio']:.3g} × ours at {row['ratio_to'].removeprefix('omnisim, ')}"
 
 
-def _verdicts(report: dict[str, Any]) -> list[str]:
+def _bounds(report: dict[str, Any]) -> list[str]:
     """The bounds, a list."""
     lines: list[str] = []
     for bound in report["bounds"]:

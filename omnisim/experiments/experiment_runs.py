@@ -11,11 +11,7 @@ import numpy as np
 from omnisim.experiments.detection_accuracy import DetectionMatch, compare
 from omnisim.experiments.hand_picking import Hand, pick_landmarks
 from omnisim.experiments.real_setting import with_wrong_start
-from omnisim.experiments.seeds import (
-    Progress,
-    detect_with_noise,
-    run_seeds,
-)
+from omnisim.experiments.seeds import Progress, detect_with_noise, run_seeds
 from omnisim.localization.localize import observation_from_detection
 from omnisim.localization.observations import LandmarkMap, Observation
 from omnisim.localization.parameters import FilterParameters, read_parameters
@@ -29,46 +25,52 @@ REAL_PARAMETERS = Path(__file__).with_name("real_setting.toml")
 SEEDS = 20
 
 
-class Simulated:
-    """Experiment 1: detections, pixel rates and tracks."""
+class Experiment:
+    """Detections and pixel rates of a run.
 
-    def __init__(
-        self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
-    ):
-        self.run, self.parameters = run, parameters
+    Args:
+        run: with labels and ground truth.
+        trained: colour model.
+        robot: of the run.
+        progress: reports the steps.
+    """
+
+    def __init__(self, run: RunData, trained: Training, robot: str, progress: Progress):
+        self.run = run
         self.detector = LandmarkDetector(trained.model, run.landmarks, run.mount)
         self.detections, self.milliseconds = _timed(run, self.detector, progress)
         self.found = _compared(run, self.detections)
         self.pixels = _pixel_rates(run, trained, progress)
-        self.wheels = Vehicle.load("p2at").odometry
+        self.odometry_errors = Vehicle.load(robot).odometry
+
+
+class Simulated(Experiment):
+    """Experiment 1: tracks of all seeds."""
+
+    def __init__(
+        self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
+    ):
+        super().__init__(run, trained, "p2at", progress)
+        self.parameters = parameters
         noisy = detect_with_noise(run, self.detector, SEEDS, progress)
         self.observations = [observations_from_detections(each, parameters) for each in noisy]
-        self.seeds = run_seeds(run, self.wheels, self.observations, parameters)
+        self.seeds = run_seeds(run, self.odometry_errors, self.observations, parameters)
 
 
-class Real:
-    """Experiment 2: detections, pixel rates and tracks."""
+class Real(Experiment):
+    """Experiment 2: tracks of all seeds, with three kinds of observations and parameters."""
 
     def __init__(
         self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
     ):
-        self.run = run
+        super().__init__(run, trained, "superscout", progress)
         self.parameters = read_parameters(REAL_PARAMETERS)
-        self.detector = LandmarkDetector(trained.model, run.landmarks, run.mount)
-        self.detections, self.milliseconds = _timed(run, self.detector, progress)
-        self.found = _compared(run, self.detections)
-        self.pixels = _pixel_rates(run, trained, progress)
-        self.wheels = Vehicle.load("superscout").odometry
-        self.observations = [_picked(run, seed) for seed in range(SEEDS)]
-        certain = np.zeros((3, 3))
-        self.seeds = run_seeds(
-            run, self.wheels, self.observations, self.parameters, certain, with_wrong_start
-        )
-        self.honest = run_seeds(
-            run, self.wheels, self.observations, parameters, certain, with_wrong_start
-        )
+        picked = [_picked(run, seed) for seed in range(SEEDS)]
+        errors, certain = self.odometry_errors, np.zeros((3, 3))
+        self.seeds = run_seeds(run, errors, picked, self.parameters, certain, with_wrong_start)
+        self.honest = run_seeds(run, errors, picked, parameters, certain, with_wrong_start)
         automatic = observations_from_detections(self.detections, parameters)
-        self.automatic = run_seeds(run, self.wheels, [automatic] * SEEDS, parameters)
+        self.automatic = run_seeds(run, errors, [automatic] * SEEDS, parameters)
 
 
 def _timed(

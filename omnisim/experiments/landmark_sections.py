@@ -175,7 +175,7 @@ def degradations(
         simulated.run,
         RunLabels(simulated.run, trained.model.colors),
         trained.model,
-        simulated.wheels,
+        simulated.odometry_errors,
         parameters,
         progress,
     )

@@ -8,11 +8,7 @@ import time
 import numpy as np
 
 from omnisim.experiments.experiment_runs import SEEDS, Real, Simulated
-from omnisim.experiments.seeds import (
-    SeedRuns,
-    in_field_of_view,
-    run_seeds,
-)
+from omnisim.experiments.seeds import SeedRuns, in_field_of_view, run_seeds
 from omnisim.localization.filter import LocalizationFilter
 from omnisim.localization.observations import LandmarkMap
 from omnisim.localization.track import notices
@@ -172,7 +168,7 @@ def gains(simulated: Simulated) -> Section:
     full = simulated.seeds
     ahead = run_seeds(
         simulated.run,
-        simulated.wheels,
+        simulated.odometry_errors,
         [in_field_of_view(each, FORWARD_RAD) for each in simulated.observations],
         simulated.parameters,
     )

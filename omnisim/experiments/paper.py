@@ -7,9 +7,7 @@ from pathlib import Path
 from omnisim.experiments import landmark_sections, localization_sections
 from omnisim.experiments.experiment_runs import SEEDS, Real, Simulated
 from omnisim.experiments.recordings import record_all
-from omnisim.experiments.seeds import (
-    Progress,
-)
+from omnisim.experiments.seeds import Progress
 from omnisim.localization.parameters import read_parameters
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_model_file import save_model

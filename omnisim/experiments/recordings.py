@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.errors import RunError
 from omnisim.experiments.real_setting import cluttered
+from omnisim.experiments.seeds import Progress
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
 from omnisim.sensors.degradations import Degradation, preset
@@ -28,7 +28,6 @@ REAL_PRESET = "dragonfly2"
 REAL_DEFOCUS_PX = (1.0, 2.2)
 REAL_EXPOSURE_S = 0.012
 REAL_FULL_WELL_E = 2500.0
-Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 
 
 @dataclass(frozen=True)
