@@ -15,9 +15,9 @@ from omnisim.perception.color_training import Training
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
 from omnisim.plots.detection_plots import detections_figure
 from omnisim.plots.plot_file import check_plot_target, write_plot
-from omnisim.simulation.picture_source import PictureSource, picture_source, run_source
-from omnisim.simulation.run_data import read_run
+from omnisim.simulation.run_data import RunData, read_run
 from omnisim.simulation.run_labels import train_on_run
+from omnisim.simulation.single_picture import SinglePicture, read_single_picture
 
 MAX_COST = 1e9  # past any that makes sense, and far from where a float ends
 SHOWN = 6  # panoramas in the figure
@@ -78,10 +78,10 @@ def detect(request: DetectRequest) -> None:
         detector = LandmarkDetector(model, landmarks, source.mount)
     except LocalizationError as reason:
         raise LocalizationError(f"{request.model} for {request.source}: {reason}") from None
-    shown = np.linspace(0, source.count - 1, min(source.count, SHOWN)).round().astype(int).tolist()
+    shown = np.linspace(0, source.steps - 1, min(source.steps, SHOWN)).round().astype(int).tolist()
     detections: list[tuple[int, Detection]] = []
     rows, empty = [], []
-    for step in track(range(source.count), "detecting", source.count):
+    for step in track(range(source.steps), "detecting", source.steps):
         panorama = detector.panorama(source.picture(step))
         found = detector.find(panorama)
         detections += [(step, detection) for detection in found]
@@ -96,7 +96,7 @@ def detect(request: DetectRequest) -> None:
         write_plot(request.show, detections_figure(rows))
     out.print(
         f"{request.output or request.show or request.source}: "
-        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.count, 'picture')}",
+        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.steps, 'picture')}",
         markup=False,
     )
     if not is_run:
@@ -111,19 +111,19 @@ def detect(request: DetectRequest) -> None:
         print_note(f"no landmark in {pluralize(len(empty), 'picture')}: {steps}")
 
 
-def _open_run(request: DetectRequest) -> PictureSource:
+def _open_run(request: DetectRequest) -> RunData:
     for option, value in (("--height", request.height_m), ("--sensor", request.sensor)):
         if value is not None:
             raise OpticsError(f"{option}: expected a picture, got the run {request.source}")
-    return run_source(request.source, request.scene, request.camera)
+    return read_run(request.source, request.scene, request.camera)
 
 
-def _open_picture(request: DetectRequest) -> PictureSource:
+def _open_picture(request: DetectRequest) -> SinglePicture:
     for option, value in (("--scene", request.scene), ("--camera", request.camera)):
         if value is not None:
             raise OpticsError(f"{option}: expected a run, got the picture {request.source}")
     sensor = None if request.sensor is None else read_sensor(request.sensor)
-    return picture_source(request.source, request.height_m, sensor)
+    return read_single_picture(request.source, request.height_m, sensor)
 
 
 def _measurement(detection: Detection) -> str:

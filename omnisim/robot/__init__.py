@@ -13,7 +13,6 @@ from omnisim.robot.robot_lookup import builtin_robots, find_robot
 from omnisim.robot.timing import time_poses
 from omnisim.robot.trajectory import Trajectory, check_continuous
 from omnisim.robot.trajectory_files import parse_trajectory, read_trajectory, write_trajectory
-from omnisim.robot.waypoints import lap_and_diagonal
 
 __all__ = [
     "Footprint",
@@ -29,7 +28,6 @@ __all__ = [
     "drive_with_period",
     "find_robot",
     "find_violation",
-    "lap_and_diagonal",
     "load_robot",
     "parse_robot",
     "parse_trajectory",

@@ -37,35 +37,6 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
     return points
 
 
-def lap_and_diagonal(
-    start_m: ArrayLike, opposite_m: ArrayLike, clockwise: bool
-) -> NDArray[np.float64]:
-    """Waypoints (6, 2) around a rectangle back to its first corner, then across to the opposite.
-
-    That is the path of the paper's section 3.2, which the real robot drove clockwise and the
-    simulated one counter-clockwise.
-
-    Args:
-        start_m: (2,) the corner where it starts.
-        opposite_m: (2,) the corner that the diagonal leads to.
-        clockwise: as seen from above, x to the right and y up.
-
-    Raises:
-        TrajectoryError: corners that span no rectangle.
-    """
-    start, opposite = check_waypoints([np.asarray(start_m), np.asarray(opposite_m)])
-    width, height = opposite - start
-    if width == 0.0 or height == 0.0:
-        raise TrajectoryError(
-            f"corners {start.tolist()} and {opposite.tolist()} span no rectangle: "
-            "expected both coordinates to differ"
-        )
-    beside, above = (opposite[0], start[1]), (start[0], opposite[1])
-    if clockwise == bool(width * height > 0.0):
-        beside, above = above, beside
-    return np.array((start, beside, opposite, above, start, opposite))
-
-
 def read_waypoints(path: Path) -> NDArray[np.float64] | None:
     """Read waypoints (n, 2) from a CSV file with the columns x_m and y_m and no others.
 

@@ -187,13 +187,6 @@ class Vehicle:
             cameras.append(dataclasses.replace(camera, sensor=sensor))
         return dataclasses.replace(self, cameras=tuple(cameras))
 
-    def body_seen_by(self, mounted: MountedCamera | MountedScanner) -> Scene | None:
-        """Body without the nodes that a sensor hides, or None: nothing is left."""
-        if self.body is None:
-            return None
-        shown = tuple(i for i in self.body.instances if i.name not in mounted.hides)
-        return dataclasses.replace(self.body, instances=shown) if shown else None
-
 
 def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted:
     if name is None and sensors:

@@ -63,10 +63,8 @@ def test_the_pioneer():
     laser = pioneer.scanner("lms200")
     assert laser.scanner == LaserScanner.lms200()
     np.testing.assert_array_equal(laser.base_from_scanner, pose((0.160, 0.0, 0.361)))
-    seen = {instance.name for instance in pioneer.body_seen_by(laser).instances}
-    whole = {instance.name for instance in pioneer.body.instances}
-    assert whole - seen == {"lms200"}
-    assert pioneer.body_seen_by(pioneer.camera()).instances == pioneer.body.instances
+    assert laser.hides == ("lms200",)
+    assert pioneer.camera().hides == ()
 
 
 def test_mounts_are_composed(load, tmp_path):
@@ -91,7 +89,6 @@ def test_scanners_are_as_asked_for():
     assert lms.scanner == LaserScanner.lms200(0.25, "cm", 3).without_noise()
     assert usarsim.scanner == LaserScanner.usarsim()
     assert vehicle.body is None
-    assert vehicle.body_seen_by(lms) is None
     around = vehicle_of({**robot["usarsim"], "scan_fov_rad": 6.2832}).scanner().scanner
     assert around.field_of_view_deg == 360.0
 
@@ -105,9 +102,9 @@ def test_sensors_by_name():
         vehicle_of().scanner()
 
 
-def test_a_body_that_is_hidden_whole_is_not_seen(load):
+def test_a_sensor_may_stand_in_a_part_that_it_hides(load):
     vehicle = load({**SCANNER, "position_m": (0.0, 0.0, 0.0), "hides": ("cube",)})
-    assert vehicle.body_seen_by(vehicle.scanner()) is None
+    assert vehicle.scanner().hides == ("cube",)
 
 
 OUTSIDE, INSIDE = {"position_m": (0.0, 0.0, 1.01)}, {"position_m": (0.0, 0.0, 0.9)}
