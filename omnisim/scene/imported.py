@@ -46,14 +46,7 @@ def make_mesh(
     Normals or texture coordinates that are not finite, or of another count than the positions,
     are dropped: the mesh is then flat, or in its plain colour.
 
-    Args:
-        name: name in the file.
-        positions: (n, 3).
-        triangles: (m, 3) indices of positions; m > 0.
-        material: index of its material.
-        normals: (n, 3).
-        texture_coordinates: (n, 2).
-        colors: (n, 4).
+    Arrays are as in `Mesh`, with at least one triangle.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)

@@ -13,28 +13,21 @@ from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind
 FILL_AMBIENT = (0.25, 0.25, 0.25)
 # Without: bright overcast daylight from everywhere, a sun from behind the left shoulder and a weak
 # one from the other side, so that no two walls of a corner have the same brightness.
-DEFAULT_AMBIENT = (0.38, 0.39, 0.42)
-DEFAULT_LIGHTS = (
-    ((0.45, -0.30, -0.85), (1.0, 0.97, 0.90), 0.56),
-    ((-0.60, 0.45, -0.30), (0.85, 0.92, 1.0), 0.18),
+DEFAULT_LIGHTING = Lighting(
+    (0.38, 0.39, 0.42),
+    tuple(
+        Light(
+            LightKind.DIRECTIONAL, color, intensity, direction=direction / np.linalg.norm(direction)
+        )
+        for direction, color, intensity in (
+            (np.array((0.45, -0.30, -0.85)), (1.0, 0.97, 0.90), 0.56),
+            (np.array((-0.60, 0.45, -0.30)), (0.85, 0.92, 1.0), 0.18),
+        )
+    ),
 )
 # Share of the lit surface that is no brighter than white; the rest is overexposed.
 WHITE_SHARE = 0.9
 SAMPLED_TRIANGLES = 20_000
-
-
-def default_lighting() -> Lighting:
-    """Ambient light and two directional lights, for files without any."""
-    lights = tuple(
-        Light(
-            LightKind.DIRECTIONAL,
-            color,
-            intensity,
-            direction=np.array(direction) / np.linalg.norm(direction),
-        )
-        for direction, color, intensity in DEFAULT_LIGHTS
-    )
-    return Lighting(DEFAULT_AMBIENT, lights)
 
 
 def expose(
@@ -48,7 +41,7 @@ def expose(
     match. Of more than `MAX_LIGHTS` lights those stay that give the scene most light.
     """
     if not lights:
-        return default_lighting()
+        return DEFAULT_LIGHTING
     centers, normals, areas = _surface_samples(meshes, instances)
     by_light = np.array([illuminance(light, centers, normals) for light in lights])
     strongest = np.sort(np.argsort(-(by_light @ areas), kind="stable")[:MAX_LIGHTS])

@@ -26,7 +26,7 @@ from omnisim.scene.model import (
     bounds_m,
 )
 from omnisim.scene.scene_file import SceneFile
-from omnisim.scene.source import read_bytes, resolve_source
+from omnisim.scene.source import resolve_source
 from omnisim.scene.textures import TextureStore
 
 # A pale clear sky near the horizon, linear RGB.
@@ -49,12 +49,17 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
-    path, settings = resolve_source(source)
-    if path.suffix.lower() not in _GLTF:
-        from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
+    try:
+        path, settings = resolve_source(source)
+        if path.suffix.lower() not in _GLTF:
+            from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
 
-        check_format(path)
-    data = read_bytes(path)
+            check_format(path)
+        data = path.read_bytes()
+    except OSError as reason:  # no permission, a name too long
+        raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+    if not data:
+        raise SceneError(f"{path}: is an empty file")
     try:
         return _load(str(source), path, data, settings, up_axis)
     except SceneError as reason:

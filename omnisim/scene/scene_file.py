@@ -39,12 +39,10 @@ class StartTable(Table):
     yaw_deg: Number = 0.0
 
 
-class NamedStartTable(Table):
+class NamedStartTable(StartTable):
     """Start pose of a vehicle's base."""
 
     name: Name
-    position_m: Point
-    yaw_deg: Number = 0.0
 
 
 class ColorBandTable(Table):

@@ -17,13 +17,7 @@ def builtin_scenes() -> list[str]:
 
 def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
     """Mesh file of a path or built-in name, and the settings of its TOML, if any."""
-    try:
-        return _resolve(Path(source), str(source))
-    except OSError as reason:  # a folder without permission, a name too long
-        raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
-
-
-def _resolve(path: Path, name: str) -> tuple[Path, SceneFile]:
+    path, name = Path(source), str(source)
     if (path / "scene.toml").is_file():
         path = path / "scene.toml"
     if not path.is_file() and name in builtin_scenes():
@@ -43,14 +37,3 @@ def _resolve(path: Path, name: str) -> tuple[Path, SceneFile]:
     if not mesh_file.is_file():
         raise SceneError(f"{path}: file = {settings.file!r}: no such file beside it")
     return mesh_file, settings
-
-
-def read_bytes(path: Path) -> bytes:
-    """Content of a file that is not empty."""
-    try:
-        data = path.read_bytes()
-    except OSError as reason:
-        raise SceneError(f"{path}: cannot be read: {reason.strerror}") from None
-    if not data:
-        raise SceneError(f"{path}: is an empty file")
-    return data

@@ -24,7 +24,7 @@ def file_from_nodes(root: JsonObject, nodes: list[JsonObject]) -> dict[int, NDAr
         roots = [index for index in range(len(nodes)) if index not in children]
     found: dict[int, NDArray[np.float64]] = {}
     stack = [(index, np.eye(4)) for index in roots]
-    while stack:
+    while stack:  # depth first, last child first: instances are labelled in this order
         index, file_from_parent = stack.pop()
         if index in found:
             raise SceneError(f"nodes[{index}]: expected one parent, got two, or itself as ancestor")

@@ -15,9 +15,7 @@ def skin_vertices(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Positions (n, 3) and normals (n, 3) of a primitive in the file's frame.
 
-    Args:
-        primitive: with JOINTS_0 and WEIGHTS_0.
-        matrices: (joints, 4, 4), by `joint_matrices`.
+    `matrices` (joints, 4, 4) are by `joint_matrices`.
     """
     positions, weights = primitive.required("POSITION", 3), primitive.required("WEIGHTS_0", 4)
     joints = primitive.required("JOINTS_0", 4)
@@ -40,10 +38,7 @@ def joint_matrices(
 ) -> NDArray[np.float64]:
     """Transforms (joints, 4, 4) from a skinned mesh to the file's frame.
 
-    Args:
-        skin: its JSON.
-        accessors: of the file.
-        nodes: file_from_node (4, 4) of the scene's nodes.
+    `nodes` has file_from_node (4, 4) of the nodes of the scene.
 
     Source: glTF 2.0, section 3.7.3.3: the joint's global transform times its inverse bind matrix;
     the node of the mesh does not count.
