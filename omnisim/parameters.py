@@ -29,6 +29,7 @@ from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_
 import numpy as np
 import pydantic
 from pydantic import Field
+from pydantic_core import ErrorDetails
 
 from omnisim.errors import OmnisimError, OpticsError, did_you_mean
 
@@ -171,7 +172,7 @@ _RELATIONS = {
 }
 
 
-def _line(fault: Any, model: type[pydantic.BaseModel], at: str) -> str:
+def _line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> str:
     names = [str(part) for part in fault["loc"]]
     key = ".".join([at, *names] if at else names) or "file"
     if fault["type"] == "extra_forbidden":
@@ -185,7 +186,9 @@ def _line(fault: Any, model: type[pydantic.BaseModel], at: str) -> str:
     return f"{key}: {fault['msg'].removeprefix('Value error, ')}"
 
 
-def _expected(fault: Any, model: type[pydantic.BaseModel], names: list[str], key: str) -> str:
+def _expected(
+    fault: ErrorDetails, model: type[pydantic.BaseModel], names: list[str], key: str
+) -> str:
     """Expected value of a fault; empty: the message says all."""
     kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):
