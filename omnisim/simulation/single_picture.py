@@ -58,7 +58,8 @@ def read_single_picture(
         height_m = taken.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
     if height_m is None or not (math.isfinite(height_m) and height_m > 0.0):
         raise OpticsError(
-            f"{path}: camera {height_m} m above the ground: expected more than 0: pass --height METRES"
+            f"{path}: camera {height_m} m above the ground: expected more than 0: pass "
+            "--height METRES"
         )
     base_from_optical = np.eye(4)
     base_from_optical[:3, :3] = taken.base_from_optical
