@@ -76,7 +76,7 @@ def test_every_racer_shows_the_same_frame(pictures):
         assert taken[name].shape[:2] == ours.shape[:2]
 
 
-def test_work_is_what_the_ways_say(pictures):
+def test_texels_and_triangles_of_the_peers(pictures):
     scene, racers, _ = pictures
     triangles = load_scene(scene).triangle_count
     paper, gazebo = racers.peers[field.PAPER], racers.peers[field.GAZEBO]
@@ -152,7 +152,7 @@ def test_a_mirrored_instance_keeps_its_front():
 
 @pytest.mark.skipif(bool(import_failure("embreex")), reason="embreex is missing")
 class TestEmbree:
-    def test_sees_what_the_room_is_painted_with(self):
+    def test_sees_the_paint_of_the_room(self):
         scene = scene_of([room()])
         racer = EmbreeColors(scene)
         pose = SENSOR.base_pose((0.4, -0.3, 0.2), 30.0)

@@ -53,7 +53,7 @@ def test_counts_are_the_same_each_time(frame):
         assert 0 < faces.triangles_inside <= faces.triangles + 6 * 64  # clipping may cut one in two
 
 
-def test_indirect_lists_count_as_what_they_hold(frame, monkeypatch):
+def test_indirect_lists_count_their_draws(frame, monkeypatch):
     # a renderer that draws 5 things from one list, and 2 of another that has 3
     def render():
         for count, first in ((-1, 0), (2, 0), (-1, 1)):

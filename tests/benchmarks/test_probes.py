@@ -47,7 +47,7 @@ def test_small_triangles_are_seen_or_thrown_away(context, monkeypatch):
     assert drawn[triangles.OUTSIDE][1].triangles_inside in (0, None)
 
 
-def test_what_is_read_is_what_was_painted(context):
+def test_readback_returns_the_drawn_colour(context):
     for one, side in zip(readback.readback_probes(context), (360, 360, 1024, 1024), strict=True):
         assert one.amount in (4 * side**2, 3 * side**2)
         one.work()

@@ -21,7 +21,7 @@ def test_bar_is_drawn_between_rounds_and_by_no_thread():
     assert "75%" in shown.getvalue()
 
 
-def test_there_is_no_bar_where_there_is_no_terminal():
+def test_no_bar_without_a_terminal():
     shown = io.StringIO()
     assert list(show_progress(range(3), "fps", 3, Console(file=shown))) == [0, 1, 2]
     assert shown.getvalue() == ""

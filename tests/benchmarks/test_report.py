@@ -25,7 +25,7 @@ def report(context):
     return make_report("some", Options(rounds=3), context, rows, bounds, remark="why")
 
 
-def test_report_holds_to_its_schema_and_says_what_failed(report):
+def test_report_follows_its_schema_and_names_missed_bounds(report):
     check(report)
     assert [bound["passed"] for bound in report["bounds"]] == [False, True]
     assert report["passed"] is False
@@ -76,7 +76,7 @@ def _with(value, *keys):
         (_with({1, 2}, "remark"), "is no JSON"),
     ],
 )
-def test_what_is_no_report_is_refused(report, change, message):
+def test_reports_that_break_the_schema_are_refused(report, change, message):
     changed = copy.deepcopy(report)
     change(changed)
     with pytest.raises(BenchmarkError, match=message):
@@ -98,7 +98,7 @@ def test_a_file_that_is_no_report_is_refused(tmp_path):
         read_report(path)
 
 
-def test_machine_says_what_draws(context):
+def test_machine_names_the_renderer(context):
     machine = describe_machine(graphics_info(context))
     assert machine["renderer"] == context.info["GL_RENDERER"]
     assert machine["is_software"] is ("llvmpipe" in machine["renderer"])

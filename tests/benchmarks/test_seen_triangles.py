@@ -32,7 +32,7 @@ def seen(context, *meshes, materials=None, poses=None, yaw_deg=0.0):
     return count_seen_triangles(context, scene, CAMERA.model, at, 64, CAMERA.near_m)
 
 
-def test_what_is_behind_a_wall_is_not_seen(context):
+def test_triangles_behind_a_wall_are_not_counted(context):
     assert seen(context, wall(2.0, 0.5)) == 2
     assert seen(context, wall(2.0, 0.5), wall(3.0, 0.5)) == 2
     assert seen(context, wall(2.0, 0.5), wall(3.0, 2.0)) == 4

@@ -25,5 +25,5 @@ def test_little_is_shaded_that_the_picture_does_not_show(scene):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_nor_in_a_scene_that_nobody_made_for_omnisim(warehouse):
+def test_shaded_samples_in_a_real_scene(warehouse):
     assert 1.0 < samples_a_mirror_px(warehouse) <= MOST_SAMPLES

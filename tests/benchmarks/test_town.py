@@ -57,7 +57,7 @@ def test_houses_are_seen_from_outside():
         assert np.all(slopes[:, 2] > 0.0)
 
 
-def test_texture_is_as_wide_as_what_it_lies_on():
+def test_texture_is_as_wide_as_its_surface():
     wall = house(KINDS[0])[KINDS[0].wall]
     edges = wall.triangles[:, [[0, 1], [1, 2]]]
     lengths = np.linalg.norm(np.diff(wall.positions[edges], axis=2), axis=-1)

@@ -19,7 +19,7 @@ def _detection(name, range_m, bearing_rad, sigma_m=0.01):
     return Detection(name, bearing_rad, range_m, range_m - 0.01, 0.01, sigma_m, 0, 1, 0, 1, 4)
 
 
-def test_found_is_what_is_where_it_should_be():
+def test_matches_are_near_the_landmark():
     landmarks = LandmarkMap({"a": (2.0, 0.0), "b": (0.0, 3.0), "c": (-1.0, 0.0), "d": (0, -6.0)})
     pose = np.zeros((1, 3))
     seen = [[
@@ -48,7 +48,7 @@ def test_a_range_that_is_far_off_is_no_find_unless_it_says_so():
     assert (off.is_right, unsure.is_right) == (False, True)
 
 
-def test_seeds_are_averaged_over_what_is_known():
+def test_seeds_are_averaged_over_finite_values():
     runs = SeedRuns(
         (), np.zeros((2, 3)), np.zeros((2, 3)),
         np.array([[np.nan, 2.0, 4.0], [np.nan, np.nan, 2.0]]),

@@ -13,7 +13,7 @@ from omnisim.plots.contact_sheet import (
 )
 
 
-def test_pictures_are_there_pixel_for_pixel_below_their_titles(tmp_path):
+def test_pictures_stand_pixel_for_pixel_below_their_titles(tmp_path):
     generator = np.random.default_rng(0)
     picture = generator.integers(0, 256, (40, 60, 3), dtype=np.uint8)
     grey = generator.integers(0, 256, (30, 20), dtype=np.uint8)

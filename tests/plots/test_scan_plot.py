@@ -72,7 +72,7 @@ def test_formats(name, first, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == [name]
 
 
-def test_what_cannot_be_written_is_refused_early(tmp_path):
+def test_unwritable_files_are_refused_early(tmp_path):
     with pytest.raises(OutputError, match=r"a\.gif: expected \.png, \.pdf, \.svg, got \.gif"):
         check_plot_target(tmp_path / "a.gif")
     with pytest.raises(OutputError, match="does not exist: create it first"):

@@ -38,7 +38,7 @@ def test_a_report_tells_whether_bounds_hold(tmp_path):
 
 
 @pytest.mark.parametrize("value", [0.6, math.nan])
-def test_a_missed_bound_is_told(tmp_path, value):
+def test_a_missed_bound_is_named(tmp_path, value):
     report = _report(value)
     assert [measure.name for measure in report.missed] == ["error"]
     report.write(tmp_path)

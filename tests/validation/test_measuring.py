@@ -68,6 +68,6 @@ def test_bounds(value, at_least, passed):
 
 
 @pytest.mark.parametrize("at_least", [True, False])
-def test_what_was_not_measured_never_passes(at_least):
+def test_nan_never_passes(at_least):
     assert not Measure("x", max_abs(np.array([])), bound=1.0, at_least=at_least).passed
     assert not Measure("x", mean_abs(np.array([np.nan, 0.0])), bound=1.0, at_least=at_least).passed

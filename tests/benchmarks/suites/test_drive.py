@@ -19,7 +19,7 @@ def report():
     return drive.run(Options(warm_up=1), frames={"fast": 6, "default": 2}, starts=0)
 
 
-def test_every_frame_of_the_drive_is_there(report, tmp_path):
+def test_report_has_every_frame_of_the_drive(report, tmp_path):
     check(report)
     frames = {row["setting"]: row for row in report["rows"] if row["kind"] == "frames"}
     assert report["scene"] == drive.SCENE
@@ -44,7 +44,7 @@ def test_fast_frames_and_memory_are_held(report):
     assert sum("expected at most" in line for line in drive.lines(report)) == 3
 
 
-def test_a_start_is_told_and_held(report, monkeypatch):
+def test_start_up_is_reported_and_bounded(report, monkeypatch):
     runs = {True: start_up.Run(1.0, 2.0, ""), False: start_up.Run(2.0, 3.0, "")}
     monkeypatch.setattr(start_up, "render", lambda *_, cached=True: runs[cached])
     monkeypatch.setattr(start_up, "phase_seconds", lambda *_: dict.fromkeys(PHASES, 0.25))
@@ -71,7 +71,7 @@ def test_unevenness_is_that_of_the_slowest_percent():
     assert drive.unevenness(np.array([1.0] * 496 + [3.0] * 4)) == pytest.approx(1.0)
 
 
-def test_what_is_usual_nearby_follows_the_view_and_not_a_single_frame():
+def test_running_median_follows_the_view_and_not_a_single_frame():
     slope = np.linspace(1.0, 2.0, 200)
     jumped = slope.copy()
     jumped[100] = 9.0

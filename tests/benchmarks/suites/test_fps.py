@@ -60,7 +60,7 @@ def test_remark_tells_the_cost_beside_the_view():
     assert "costs 8.0 ms, the LMS200 2.0 ms: 4.0 times as much" in lines
 
 
-def test_patrol_goes_along_the_path_and_turns_where_there_is_none():
+def test_patrol_follows_the_path_and_turns_on_the_spot_without_one():
     vehicle = Vehicle.load("p2at")
     soccer, rings = load_scene("soccer"), load_scene("rings")
     along = patrol(soccer, vehicle, 10)

@@ -10,7 +10,7 @@ from tests.camera_examples import CAMERA_EXAMPLES
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_every_model_is_timed_and_the_worst_is_held(tmp_path, monkeypatch):
+def test_every_model_is_timed_and_the_slowest_is_bounded(tmp_path, monkeypatch):
     few = dict(list(CAMERA_EXAMPLES.items())[::7])  # each compiles a shader of its own
     monkeypatch.setattr(lenses, "CAMERA_EXAMPLES", few)
     report = lenses.run(Options(rounds=1, warm_up=0))

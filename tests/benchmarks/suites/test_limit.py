@@ -16,7 +16,7 @@ def report():
     return limit.run(Options(rounds=1, warm_up=1, scenes=("rings", "compass")), size_px=96)
 
 
-def test_frames_and_probes_are_there(report, tmp_path):
+def test_report_has_frames_and_probes(report, tmp_path):
     check(report)
     frames = [row for row in report["rows"] if row["kind"] == "frame"]
     assert [(row["scene"], row["setting"]) for row in frames] == [

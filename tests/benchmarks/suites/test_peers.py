@@ -28,7 +28,7 @@ def report(monkeypatch):
 
 
 @pytest.mark.skipif(bool(import_failure("embreex")), reason="embreex is missing")
-def test_everybody_has_a_row_and_who_is_missing_says_why(report, tmp_path):
+def test_every_racer_has_a_row_and_missing_ones_a_reason(report, tmp_path):
     check(report)
     rows = {row["racer"]: row for row in report["rows"]}
     assert tuple(rows) == field.NAMES

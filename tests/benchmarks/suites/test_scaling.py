@@ -55,7 +55,7 @@ def test_slow_variants_have_fewer_rounds():
     assert [(one.rounds, one.warm_up) for one in fewer] == [(30, 20), (10, 6), (6, 1)]
 
 
-def test_embree_hits_what_the_camera_sees(needs_opengl):
+def test_embree_hits_visible_triangles(needs_opengl):
     if not has_embree():
         pytest.skip("embreex, the ray caster to compare with, is missing")
     scene, sensor = build_town(1000), OmniCamera(polygons=None).resized(120)

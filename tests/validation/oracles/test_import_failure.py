@@ -6,12 +6,12 @@ from omnisim.validation import oracles
 from omnisim.validation.oracles import import_failure
 
 
-def test_what_is_there_is_not_missing():
+def test_installed_modules_have_no_failure():
     assert import_failure("json") == ""
     assert import_failure("json.loads") == ""
 
 
-def test_what_is_not_there():
+def test_missing_modules_name_their_extra():
     assert import_failure("no_such_module") == (
         "no_such_module is not installed: pip install omnisim[oracles]"
     )
@@ -21,7 +21,7 @@ def test_what_is_not_there():
 
 
 @pytest.mark.parametrize("broken", [ImportError("libatomic.so.1: no\nsuch file"), NameError("x")])
-def test_what_is_broken(monkeypatch, broken):
+def test_broken_modules_name_their_error(monkeypatch, broken):
     def import_module(name):
         raise broken
 

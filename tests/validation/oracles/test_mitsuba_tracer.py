@@ -148,7 +148,7 @@ def test_textured_quad(wrap):
     assert np.median(np.abs(traced - ours)[_inside(camera)]) < 0.2 / 255.0
 
 
-def test_what_mitsuba_cannot_show():
+def test_unsupported_materials_are_refused():
     texture = Texture(np.zeros((1, 1, 4), dtype=np.uint8), Wrap.REPEAT, Wrap.CLAMP_TO_EDGE)
     coordinates = np.zeros((8, 2), dtype=np.float32)
     mesh = dataclasses.replace(room(), texture_coordinates=coordinates)

@@ -29,7 +29,7 @@ def _heights(scene, height_m):
     ]
 
 
-def test_backs_are_not_there():
+def test_backs_are_left_out():
     scene = scene_of([_floor()], [Material()])
     assert np.allclose(_heights(scene, 0.5), [0.5])
     assert _heights(scene, -0.5) == []
