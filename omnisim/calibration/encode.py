@@ -14,12 +14,11 @@ from omnisim.calibration.equivalents import equivalent
 from omnisim.calibration.file_frame import (
     camera_from_lens,
     camera_metadata,
-    domain_limit_rad,
     is_catadioptric,
     lens_of,
 )
 from omnisim.calibration.fit import Fit, fit_camera
-from omnisim.calibration.formats.format import Format, Lens, ParsedCamera
+from omnisim.calibration.formats.format import Format, LensT, ParsedCamera
 from omnisim.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras import (
     CAMERA_MODELS,
@@ -37,7 +36,7 @@ GRID = 65
 GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less
 
 
-class Encoded(NamedTuple, Generic[Lens]):
+class Encoded(NamedTuple, Generic[LensT]):
     """A camera by a model of a format.
 
     Attributes:
@@ -46,13 +45,13 @@ class Encoded(NamedTuple, Generic[Lens]):
         residuals: of the fit, if the lens is one.
     """
 
-    lens: Lens
+    lens: LensT
     metadata: CameraMetadata
     residuals: Residuals | None
 
 
 def encode_cameras(
-    cameras: Sequence[CalibratedCamera], form: Format[Lens], model: str | None, source: str
+    cameras: Sequence[CalibratedCamera], form: Format[LensT], model: str | None, source: str
 ) -> tuple[str, tuple[CalibratedCamera, ...]]:
     """Text of a file of a format, and the cameras in it.
 
@@ -84,8 +83,8 @@ def encode_cameras(
 
 
 def encode(
-    camera: CalibratedCamera, form: Format[Lens], place: str, model: str | None = None
-) -> Encoded[Lens]:
+    camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
+) -> Encoded[LensT]:
     """A camera by a model of a format; `place` names file and camera in messages.
 
     Raises:
@@ -108,9 +107,9 @@ def encode(
         same = equivalent(lens, one) if lens is not None and wanted in (None, one) else None
         reason = None if same is None else form.unsupported(same)
         if same is not None and reason is None:
-            limit_rad = domain_limit_rad(source)
-            metadata = camera_metadata(camera.name, source, limit_rad, camera.residuals)
-            return Encoded(same, metadata, camera.residuals)
+            limit_rad, residuals = source.domain_limit_rad, camera.residuals
+            metadata = camera_metadata(camera.name, source, limit_rad, residuals)
+            return Encoded(same, metadata, residuals)
         if reason is not None and reason not in reasons:
             reasons.append(reason)
     if isinstance(source, CylindricalCamera | EquirectangularCamera):
@@ -118,10 +117,10 @@ def encode(
             f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
         )
     fit = _best_fit(source, form, place, wanted, reasons)
-    limit_rad = domain_limit_rad(fit.camera) or domain_limit_rad(source)
-    residuals = dataclasses.replace(fit.residuals, source_model=source.model_name)
-    metadata = camera_metadata(camera.name, source, limit_rad, residuals)
-    return Encoded(fit.camera, metadata, residuals)
+    limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
+    fitted = dataclasses.replace(fit.residuals, source_model=source.model_name)
+    metadata = camera_metadata(camera.name, source, limit_rad, fitted)
+    return Encoded(fit.camera, metadata, fitted)
 
 
 def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
@@ -181,11 +180,11 @@ def _widest_rad(camera: CentralCamera) -> float:
 
 def _best_fit(
     camera: CentralCamera,
-    form: Format[Lens],
+    form: Format[LensT],
     place: str,
     model: type[CentralCamera] | None,
     reasons: list[str],
-) -> Fit[Lens]:
+) -> Fit[LensT]:
     """Fit with the smallest largest residual, of those that show the whole picture."""
     # a mirrored lens is fitted as the lens that it is
     source = camera.lens if isinstance(camera, MirroredCamera) else camera

@@ -41,7 +41,7 @@ from omnisim.cameras import (
 from omnisim.cameras.fisheye import FisheyeCamera
 from omnisim.cameras.focal_camera import FocalCamera
 
-Model = TypeVar("Model", bound=CentralCamera)
+CameraT = TypeVar("CameraT", bound=CentralCamera)
 # c1, c2 and fun of r = c1 f fun(θ/c2)
 IDEAL_FISHEYES: Mapping[type[FocalCamera], tuple[float, float, str]] = {
     PerspectiveCamera: (1.0, 1.0, "tan"),
@@ -52,7 +52,7 @@ IDEAL_FISHEYES: Mapping[type[FocalCamera], tuple[float, float, str]] = {
 }
 
 
-def equivalent(camera: CentralCamera, model: type[Model]) -> Model | None:
+def equivalent(camera: CentralCamera, model: type[CameraT]) -> CameraT | None:
     """Camera of a model that is the same lens, or None."""
     if isinstance(camera, model) and type(camera) is model:
         return camera

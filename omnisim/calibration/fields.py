@@ -17,7 +17,7 @@ from omnisim.poses import check_pose
 
 LARGEST_SIZE_PX = 32768
 SIZE = f"a whole number from 1 to {LARGEST_SIZE_PX}"
-Model = TypeVar("Model", bound=pydantic.BaseModel)
+TableT = TypeVar("TableT", bound=pydantic.BaseModel)
 
 
 def unexpected(place: str, expected: str, got: object) -> CalibrationError:
@@ -54,7 +54,7 @@ class ForeignTable(Table):
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-def parse(data: Any, model: type[Model], source: str) -> Model:
+def parse(data: Any, model: type[TableT], source: str) -> TableT:
     """Check `data` against `model`; `source` names file and place in messages.
 
     Raises:

@@ -28,12 +28,6 @@ from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 
 
-def domain_limit_rad(camera: CentralCamera) -> float | None:
-    """Angle from the axis where a camera's domain ends by its own parameters, if at all."""
-    lens = camera.lens if isinstance(camera, MirroredCamera) else camera
-    return lens.domain_limit_rad if isinstance(lens, ParametricCamera) else None
-
-
 def is_catadioptric(camera: CentralCamera) -> bool:
     """True for a camera that looks down −z of its optical frame, as those under mirrors do."""
     return isinstance(camera, MirroredCamera) or optical_axis(camera) < 0.0

@@ -40,11 +40,11 @@ MAX_RMS = 0.02  # as a share of the picture's longer side; more is another kind 
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
 
-Model = TypeVar("Model", bound=CentralCamera)
+CameraT = TypeVar("CameraT", bound=CentralCamera)
 FITTED_MODELS = {model.model_name: model for model in FITTED}
 
 
-class Fit(NamedTuple, Generic[Model]):
+class Fit(NamedTuple, Generic[CameraT]):
     """A camera in another model.
 
     Attributes:
@@ -53,18 +53,18 @@ class Fit(NamedTuple, Generic[Model]):
         covered: share of the source's valid pixels that the fitted camera shows.
     """
 
-    camera: Model
+    camera: CameraT
     residuals: Residuals
     covered: float
 
 
 def fit_camera(
     camera: CentralCamera,
-    model: type[Model],
+    model: type[CameraT],
     *,
     mirrored: bool = False,
     fixed: Mapping[str, Any] | None = None,
-) -> Fit[Model]:
+) -> Fit[CameraT]:
     """Fit a model to a camera.
 
     Args:
@@ -92,7 +92,7 @@ def fit_camera(
     except OpticsError as reason:
         raise _failure(camera, model, f"{reason}{_hint(camera, mirrored)}") from None
     assert isinstance(fitted, model)
-    fit: Fit[Model] = _evaluate(camera, fitted, mirrored)
+    fit: Fit[CameraT] = _evaluate(camera, fitted, mirrored)
     if fit.covered < MIN_COVERED:
         share = f"it would show {100.0 * fit.covered:.1f} % of the valid pixels"
         raise _failure(camera, model, share + _hint(camera, mirrored))
@@ -199,7 +199,7 @@ def _refined(
     return camera_of(found.x) if 2.0 * found.cost < float(before @ before) else start
 
 
-def _evaluate(source: CentralCamera, target: Model, mirrored: bool) -> Fit[Model]:
+def _evaluate(source: CentralCamera, target: CameraT, mirrored: bool) -> Fit[CameraT]:
     """Fit with its residuals, at pixels that it was not made from.
 
     Raises:

@@ -34,6 +34,7 @@ class CentralCamera(Protocol):
         model_name: stem of the model's files, `cameras/<model>.py` and
             `shaders/camera/<model>.glsl`.
         rig_from_optical: (3, 3) orientation in a level rig: looking ahead, or up into its mirror.
+        domain_limit_rad: angle from the axis where the domain ends by a parameter, or None.
     """
 
     @property
@@ -50,6 +51,9 @@ class CentralCamera(Protocol):
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]: ...  # noqa: D102
+
+    @property
+    def domain_limit_rad(self) -> float | None: ...  # noqa: D102
 
     def __hash__(self) -> int: ...
 

@@ -72,6 +72,11 @@ class MirroredCamera:
         """(u, v) of the axis in the picture."""
         return self.lens.principal_point_px
 
+    @property
+    def domain_limit_rad(self) -> float | None:
+        """Angle from the axis where the lens's domain ends by a parameter, or None."""
+        return self.lens.domain_limit_rad
+
     def scaled(self, scale: float) -> MirroredCamera:
         """The same view in a picture `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, lens=self.lens.scaled(scale))

@@ -17,8 +17,8 @@ from omnisim.calibration.calibrated_camera import NamedPose
 from omnisim.cameras import CentralCamera, UnifiedCamera
 from omnisim.errors import CalibrationError, OpticsError
 
-Lens = TypeVar("Lens", bound=CentralCamera)
-LensRead = TypeVar("LensRead", bound=CentralCamera, covariant=True)
+LensT = TypeVar("LensT", bound=CentralCamera)
+LensT_co = TypeVar("LensT_co", bound=CentralCamera, covariant=True)
 Fixed = Mapping[str, Any]
 ANY: Fixed = {}
 PINHOLE: Fixed = {"xi": 0.0}  # makes the unified model a pinhole camera with distortion
@@ -34,7 +34,7 @@ class MetadataPlace(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class ParsedCamera(Generic[LensRead]):
+class ParsedCamera(Generic[LensT_co]):
     """One camera as its file describes it.
 
     Attributes:
@@ -44,12 +44,12 @@ class ParsedCamera(Generic[LensRead]):
     """
 
     name: str
-    lens: LensRead
+    lens: LensT_co
     poses: tuple[NamedPose, ...] = ()
 
 
-class Format(ABC, Generic[Lens]):
-    """A file format, for the lenses `Lens`.
+class Format(ABC, Generic[LensT]):
+    """A file format of lenses `LensT`.
 
     Attributes:
         name: on the command line.
@@ -70,8 +70,8 @@ class Format(ABC, Generic[Lens]):
     name: ClassVar[str]
     title: ClassVar[str]
     suffix: ClassVar[str]
-    models: tuple[type[Lens], ...]
-    fits: tuple[tuple[type[Lens], Fixed], ...]
+    models: tuple[type[LensT], ...]
+    fits: tuple[tuple[type[LensT], Fixed], ...]
     signature: ClassVar[re.Pattern[str]]
     metadata_place: ClassVar[MetadataPlace] = MetadataPlace.LINES
     max_theta_rad: ClassVar[float] = math.inf
@@ -99,10 +99,10 @@ class Format(ABC, Generic[Lens]):
         """
 
     @abstractmethod
-    def encode(self, cameras: Sequence[ParsedCamera[Lens]]) -> str:
+    def encode(self, cameras: Sequence[ParsedCamera[LensT]]) -> str:
         """Text of a file of the cameras, which are one if the format holds no more."""
 
-    def unsupported(self, lens: Lens) -> str | None:
+    def unsupported(self, lens: LensT) -> str | None:
         """Reason why the format cannot represent a lens of its models, or None."""
         if not isinstance(lens, UnifiedCamera):
             return None
@@ -110,7 +110,7 @@ class Format(ABC, Generic[Lens]):
         missing = (term for term, value in used if value and term not in self.unified_terms)
         return next((f"it has no {term}" for term in missing), None)
 
-    def native(self, camera: CentralCamera) -> Lens | None:
+    def native(self, camera: CentralCamera) -> LensT | None:
         """The camera itself, where the format represents mirrors as mirrors, or None."""
         return None
 

@@ -38,7 +38,7 @@ from omnisim.calibration.formats.format import (
     NO_SKEW,
     PINHOLE,
     Format,
-    Lens,
+    LensT,
     ParsedCamera,
     error_context,
 )
@@ -90,7 +90,7 @@ class _File(NamedTuple):
     place: str  # of the coefficients, for messages
 
 
-class _Opencv(Format[Lens]):
+class _Opencv(Format[LensT]):
     """Base of OpenCV's formats: sizes, K and D."""
 
     suffix = ".yaml"
