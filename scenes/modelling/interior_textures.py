@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.noise import blend, fractal_noise, smooth_step
+from scenes.modelling.noise import blend, fractal_noise, grid_cells, smooth_step
 
 Colour = tuple[float, float, float]
 
 
 def carpet(size: int, squares: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
     """Carpet squares whose pile runs across from one to the next."""
-    row, column, across_y, across_x = _cells(size, size, squares, squares)
+    row, column, across_y, across_x = grid_cells(size, size, squares, squares)
     along = fractal_noise(size, size, (6, size // 8), 2, rng)
     across = fractal_noise(size, size, (size // 8, 6), 2, rng)
     pile = np.where((row + column) % 2 == 0, along, across)
@@ -26,7 +26,7 @@ def carpet(size: int, squares: int, colour: Colour, rng: np.random.Generator) ->
 
 def chequer(size: int, tiles: int, light: Colour, dark: Colour, rng: np.random.Generator):
     """Floor tiles in two colours with thin joints."""
-    row, column, across_y, across_x = _cells(size, size, tiles, tiles)
+    row, column, across_y, across_x = grid_cells(size, size, tiles, tiles)
     image = np.where(((row + column) % 2 == 0)[..., None], np.array(light), np.array(dark))
     tone = 1 + 0.06 * (rng.random((tiles, tiles)) - 0.5)
     image = image * tone[row, column][..., None] * _clouds(size, 0.06, rng)
@@ -38,7 +38,7 @@ def tiled_wall(
     size: int, tiles: int, colour: Colour, joint: Colour, spread: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Square glazed tiles, each a little different in tone."""
-    row, column, across_y, across_x = _cells(size, size, tiles, tiles)
+    row, column, across_y, across_x = grid_cells(size, size, tiles, tiles)
     tone = 1 + spread * (rng.random((tiles, tiles)) - 0.5)
     image = np.array(colour) * tone[row, column][..., None] * _clouds(size, 0.03, rng)
     lines = 1 - smooth_step(0.02, 0.055, _edge_distance(across_y, across_x))
@@ -49,7 +49,7 @@ def parquet(
     size: int, blocks: int, staves: int, colour: Colour, rng: np.random.Generator
 ) -> np.ndarray:
     """Basket parquet: blocks of staves, turned from one block to the next."""
-    row, column, across_y, across_x = _cells(size, size, blocks, blocks)
+    row, column, across_y, across_x = grid_cells(size, size, blocks, blocks)
     turned = (row + column) % 2 == 1
     across, along = np.where(turned, across_x, across_y), np.where(turned, across_y, across_x)
     stave = np.minimum((across * staves).astype(int), staves - 1)
@@ -66,7 +66,7 @@ def parquet(
 
 def floorboards(size: int, boards: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
     """Long boards along the image's x axis with staggered ends."""
-    row, _, across_y, _ = _cells(size, size, boards, 1)
+    row, _, across_y, _ = grid_cells(size, size, boards, 1)
     x = (np.arange(size) + 0.5)[None, :] / size + rng.random(boards)[row[:, :1]]
     half = np.floor(2 * x).astype(int) % 2
     tone = 1 + 0.26 * (rng.random((boards, 2)) - 0.5)
@@ -111,7 +111,7 @@ def concrete(size: int, colour: Colour, rng: np.random.Generator, slabs: int = 1
     pores = fractal_noise(size, size, size // 3, 1, rng)
     image *= np.where(pores > 0.95, 0.86, 1.0)[..., None]
     if slabs > 1:
-        _, _, across_y, across_x = _cells(size, size, slabs, slabs)
+        _, _, across_y, across_x = grid_cells(size, size, slabs, slabs)
         joint = 1 - smooth_step(0.004, 0.012, _edge_distance(across_y, across_x))
         image = blend(image, np.array(colour) * 0.45, joint)
     return image
@@ -146,7 +146,7 @@ def wallpaper(size: int, stripes: int, light: Colour, dark: Colour, rng: np.rand
 
 def wood_panelling(size: int, panels: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
     """Three metres of wall in upright panels with shadow gaps and a rail."""
-    _, column, _, across = _cells(size, size, 1, panels)
+    _, column, _, across = grid_cells(size, size, 1, panels)
     height = 3.0 * (1 - (np.arange(size) + 0.5) / size)[:, None] * np.ones((1, size))
     figure = fractal_noise(size, size, (3, size // 10), 4, rng)
     tone = 1 + 0.16 * (rng.random(panels) - 0.5)
@@ -185,7 +185,7 @@ def broken_plaster(
 
 def ceiling_panels(size: int, panels: int, rng: np.random.Generator, missing: int = 0):
     """Mineral fibre panels in a white grid; some may be missing and show the dark above."""
-    row, column, across_y, across_x = _cells(size, size, panels, panels)
+    row, column, across_y, across_x = grid_cells(size, size, panels, panels)
     specks = fractal_noise(size, size, size // 4, 1, rng)
     tone = 1 + 0.03 * (rng.random((panels, panels)) - 0.5)
     image = np.array([0.93, 0.93, 0.91]) * tone[row, column][..., None]
@@ -199,20 +199,12 @@ def ceiling_panels(size: int, panels: int, rng: np.random.Generator, missing: in
 
 def metal_panels(size: int, columns: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
     """Coated sheet-metal panels with seams."""
-    _, column, across_y, across_x = _cells(size, size, 2, columns)
+    _, column, across_y, across_x = grid_cells(size, size, 2, columns)
     tone = 1 + 0.08 * (rng.random(columns) - 0.5)
     brushed = fractal_noise(size, size, (2, size // 8), 3, rng)
     image = np.array(colour) * (tone[column] * (0.95 + 0.08 * brushed))[..., None]
     edge = np.minimum(np.minimum(across_x, 1 - across_x), 2 * np.minimum(across_y, 1 - across_y))
     return image * (0.55 + 0.45 * smooth_step(0.008, 0.025, edge))[..., None]
-
-
-def _cells(height: int, width: int, rows: int, columns: int) -> tuple[np.ndarray, ...]:
-    """Row and column number of every pixel's cell, and where in the cell it lies (0..1)."""
-    y = (np.arange(height) + 0.5) * rows / height
-    x = (np.arange(width) + 0.5) * columns / width
-    y, x = np.broadcast_arrays(y[:, None], x[None, :])
-    return y.astype(int), x.astype(int), y % 1, x % 1
 
 
 def _edge_distance(across_y: np.ndarray, across_x: np.ndarray) -> np.ndarray:

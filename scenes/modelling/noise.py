@@ -42,6 +42,14 @@ def blend(base: np.ndarray, other: np.ndarray, weight: np.ndarray) -> np.ndarray
     return base * (1 - weight) + other * weight
 
 
+def grid_cells(height: int, width: int, rows: int, columns: int) -> tuple[np.ndarray, ...]:
+    """Row and column number of every pixel's cell, and its position in the cell (0..1)."""
+    y = (np.arange(height) + 0.5) * rows / height
+    x = (np.arange(width) + 0.5) * columns / width
+    y, x = np.broadcast_arrays(y[:, None], x[None, :])
+    return y.astype(int), x.astype(int), y % 1, x % 1
+
+
 def smooth_step(low: float, high: float, value: np.ndarray) -> np.ndarray:
     """0 below low, 1 above high, an S-shaped ramp between."""
     return _ease(np.clip((value - low) / (high - low), 0.0, 1.0))

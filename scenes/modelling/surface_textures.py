@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.noise import blend, fractal_noise, smooth_step
+from scenes.modelling.noise import blend, fractal_noise, grid_cells, smooth_step
 
 Colour = tuple[float, float, float]
 
@@ -15,7 +15,7 @@ Colour = tuple[float, float, float]
 def paving(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
     """Square stone slabs in a gentle two-tone check; straight joints show mirror distortion."""
     light, dark = np.array([0.80, 0.75, 0.66]), np.array([0.66, 0.60, 0.52])
-    row, column, across_y, across_x = _cells(size, size, tiles, tiles)
+    row, column, across_y, across_x = grid_cells(size, size, tiles, tiles)
     tone = 1 + 0.09 * (rng.random((tiles, tiles)) - 0.5)
     warmth = 0.03 * (rng.random((tiles, tiles)) - 0.5)
     checked = ((row + column) % 2)[..., None]
@@ -27,7 +27,7 @@ def paving(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
 
 def terracotta_floor(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
     """Hand-made clay tiles of the arcade walk, laid square."""
-    row, column, across_y, across_x = _cells(size, size, tiles, tiles)
+    row, column, across_y, across_x = grid_cells(size, size, tiles, tiles)
     tone = 1 + 0.28 * (rng.random((tiles, tiles)) - 0.5)
     image = np.array([0.70, 0.40, 0.28]) * tone[row, column][..., None]
     image *= _grain(size, size, 0.16, rng)[..., None]
@@ -87,7 +87,7 @@ def brick(size: int, courses: int, rng: np.random.Generator) -> np.ndarray:
 
 def roof_tiles(size: int, columns: int, rows: int, rng: np.random.Generator) -> np.ndarray:
     """Barrel tiles: one column of tiles per texture column, overlaps drawn as dark edges."""
-    row, column, across_y, _across_x = _cells(size, size, rows, columns)
+    row, column, across_y, _across_x = grid_cells(size, size, rows, columns)
     tone = 1 + 0.36 * (rng.random((rows, columns)) - 0.5)
     moss = fractal_noise(size, size, 3, 4, rng)
     image = np.array([0.76, 0.43, 0.29]) * tone[row, column][..., None]
@@ -117,7 +117,7 @@ def plaster_wall(size: int, hue: Colour, dado: Colour, rng: np.random.Generator)
 
 def planks(size: int, boards: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
     """Boards running along the image's x axis."""
-    row, _, across_y, _ = _cells(size, size, boards, 1)
+    row, _, across_y, _ = grid_cells(size, size, boards, 1)
     tone = 1 + 0.22 * (rng.random(boards) - 0.5)
     streaks = fractal_noise(size, size, (24, 2), 4, rng)
     image = np.array(colour) * tone[row][..., None] * (0.78 + 0.40 * streaks)[..., None]
@@ -145,7 +145,7 @@ def mosaic(size: int, pieces: int, rng: np.random.Generator) -> np.ndarray:
     palette = np.array(
         [[0.12, 0.42, 0.52], [0.18, 0.55, 0.60], [0.85, 0.82, 0.70], [0.10, 0.30, 0.45]]
     )
-    row, column, across_y, across_x = _cells(size, size, pieces, pieces)
+    row, column, across_y, across_x = grid_cells(size, size, pieces, pieces)
     image = palette[rng.choice(len(palette), (pieces, pieces), p=[0.35, 0.3, 0.15, 0.2])]
     image = image[row, column] * _grain(size, size, 0.1, rng)[..., None]
     return _with_joints(image, across_y, across_x, 0.09, (0.78, 0.76, 0.70))
@@ -156,16 +156,8 @@ def _grain(height: int, width: int, strength: float, rng: np.random.Generator) -
     return 1 - strength / 2 + strength * fine
 
 
-def _cells(height: int, width: int, rows: int, columns: int) -> tuple[np.ndarray, ...]:
-    """Row and column number of every pixel's cell, and where in the cell it lies (0..1)."""
-    y = (np.arange(height) + 0.5) * rows / height
-    x = (np.arange(width) + 0.5) * columns / width
-    y, x = np.broadcast_arrays(y[:, None], x[None, :])
-    return y.astype(int), x.astype(int), y % 1, x % 1
-
-
 def _bond(size: int, courses: int, blocks: int) -> tuple[np.ndarray, ...]:
-    """Like _cells, with each second row shifted by half a block."""
+    """Like `grid_cells`, with each second row shifted by half a block."""
     y = ((np.arange(size) + 0.5) * courses / size)[:, None] * np.ones((1, size))
     x = ((np.arange(size) + 0.5) * blocks / size)[None, :] + 0.5 * (y.astype(int) % 2)
     return y.astype(int), x.astype(int) % blocks, y % 1, x % 1
