@@ -12,6 +12,7 @@ from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
+from omnisim.gpu.scene.vertex_format import vertex_array
 from omnisim.gpu.uniforms import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
 
@@ -148,7 +149,9 @@ class _SurfaceShader:
 
     def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
         program = surface.program
-        self._vertex_array = buffers.vertex_array(program)
+        self._vertex_array = vertex_array(
+            buffers.context, program, buffers.vertices, buffers.indices
+        )
         self._clip_from_mesh = uniform(program, "u_clip_from_mesh")
         self._base_color = uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import moderngl
 
@@ -36,12 +37,9 @@ def build_program(
     Raises:
         GraphicsError: a file is missing or does not compile; names file and line.
     """
-    files: list[str] = []
-    sources = [_expand(name, files, defines, includes or {}) for name in (vertex, fragment)]
-    try:
+    with _file_names() as files:
+        sources = [_expand(name, files, defines, includes or {}) for name in (vertex, fragment)]
         return context.program(vertex_shader=sources[0], fragment_shader=sources[1])
-    except moderngl.Error as reason:
-        raise GraphicsError(_with_file_names(str(reason), files)) from None
 
 
 def build_compute_shader(
@@ -52,12 +50,8 @@ def build_compute_shader(
     Raises:
         GraphicsError: the file is missing or does not compile; names file and line.
     """
-    files: list[str] = []
-    source = _expand(compute, files, defines, {})
-    try:
-        return context.compute_shader(source)
-    except moderngl.Error as reason:
-        raise GraphicsError(_with_file_names(str(reason), files)) from None
+    with _file_names() as files:
+        return context.compute_shader(_expand(compute, files, defines, {}))
 
 
 def included_files(name: str) -> frozenset[str]:
@@ -98,9 +92,16 @@ def _expand(
     return "\n".join(expanded) + "\n"
 
 
-def _with_file_names(message: str, files: Sequence[str]) -> str:
+@contextmanager
+def _file_names() -> Iterator[list[str]]:
+    """Yield a list for names of files; a compiler's message then points at them."""
+    files: list[str] = []
+
     def locate(match: re.Match[str]) -> str:
         number, line = divmod(int(match[1] or match[2]), _LINES_PER_FILE)
         return f"{files[number - 1]}:{line}" if 1 <= number <= len(files) else match[0]
 
-    return "shader: " + _LOCATION.sub(locate, message).strip()
+    try:
+        yield files
+    except moderngl.Error as reason:
+        raise GraphicsError(f"shader: {_LOCATION.sub(locate, str(reason)).strip()}") from None

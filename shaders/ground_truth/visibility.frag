@@ -1,10 +1,10 @@
-// Visibility buffer: 1 + the frame's ID of the triangle at each texel of the cube; 0: none. With
-// HOLES only where alpha reaches the cutoff: a blended surface has one, too. With ALBEDO also the
-// plain base colour: its square root, for which 8 bits are as fine as sRGB's.
+// Triangle ID that a texel shows: 1 + its ID in this frame, see triangle_ids.py; 0: nothing.
+// With HOLES only where alpha reaches the cutoff: a blended surface has one, too.
+// With ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
 #version 430 core
 
-uniform uint u_first_plus_one;  // 1 + number of the call's first triangle
-layout(location = 0) out uint out_number;
+uniform uint u_first_plus_one;  // 1 + ID of the call's first triangle
+layout(location = 0) out uint out_id_plus_one;
 
 #ifdef ALBEDO
 layout(location = 1) out vec4 out_albedo;
@@ -28,7 +28,7 @@ void main() {
 #ifdef HOLES
     if (color.a < u_alpha_cutoff) discard;
 #endif
-    out_number = u_first_plus_one + uint(gl_PrimitiveID);
+    out_id_plus_one = u_first_plus_one + uint(gl_PrimitiveID);
 #ifdef ALBEDO
     out_albedo = vec4(sqrt(color.rgb), 1.0);
 #endif

@@ -1,5 +1,4 @@
-// A vertex of the scene, for one face of the cube; with HOLES or ALBEDO also what its colour is
-// made of. Uniforms as in scene/surface.vert.
+// Vertex of the scene, for one tile; with HOLES or ALBEDO also its colour. Uniforms as in scene/surface.vert.
 #version 430 core
 
 uniform mat4 u_clip_from_mesh;

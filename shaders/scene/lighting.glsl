@@ -1,7 +1,7 @@
-// vec3 light_on_surface(vec3 position, vec3 normal): what a white surface shows, linear RGB.
+// vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/lighting.py.
-// DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: how many directional lights, and how many point and spot lights; known when this is
+// DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights; known when
 // compiled, so that the loops unroll and nothing branches. A point light is a spot light whose
 // cone has every direction in it.
 // Source: glTF extension KHR_lights_punctual (falloff and cone).

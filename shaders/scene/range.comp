@@ -97,7 +97,7 @@ void main() {
     bvec3 above = greaterThanEqual(vec3(a.position.z, b.position.z, c.position.z), vec3(0.0));
     if (all(above) || !any(above)) return;
 
-    // turn the triangle until its first corner is alone on its side
+    // rotate the corners until its first corner is alone on its side
     if (above.x == above.y) {
         Corner last = c;
         c = b;
@@ -120,10 +120,10 @@ void main() {
         end = crossing(c, a);
     }
 
-    float turn = atan(cross2(start.position.xy, end.position.xy),
+    float sweep = atan(cross2(start.position.xy, end.position.xy),
                       dot(start.position.xy, end.position.xy));
     float from = atan(start.position.y, start.position.x);
-    float low = min(from, from + turn) - ATAN_ERROR, high = max(from, from + turn) + ATAN_ERROR;
+    float low = min(from, from + sweep) - ATAN_ERROR, high = max(from, from + sweep) + ATAN_ERROR;
     float last = float(beams.length() - 1);
     for (float whole_turn = -2.0 * PI; whole_turn < 7.0; whole_turn += 2.0 * PI) {
         float shift = whole_turn - u_angle_min;

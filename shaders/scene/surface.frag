@@ -1,7 +1,7 @@
 // A surface of the scene: linear base colour, lit or not. Colours are linear throughout; the
 // texture is stored as sRGB and decoded by the sampler.
 // With NORMALS_AGREE all normals point to the front side, which alone is seen: none is missing, and
-// none is turned round. POSITION: where the surface is counts, for lamps or for the missing normals.
+// none is flipped. POSITION: the position counts, for punctual lights or for missing normals.
 #version 430 core
 
 #ifdef TEXTURED
@@ -49,13 +49,13 @@ void main() {
 #ifdef POSITION
     vec3 position = v_position;
 #else
-    vec3 position = vec3(0.0);  // nobody asks
+    vec3 position = vec3(0.0);  // unused
 #endif
     color.rgb *= light_on_surface(position, normalize(normal));
 #endif
 #ifndef ALPHA_BLEND
     color.a = 1.0;
 #endif
-    // the largest half float: beside a lamp light has no bound, and infinity spoils mip levels
+    // the largest half float: near a punctual light there is no bound, and infinity spoils mip levels
     out_color = vec4(min(color.rgb, vec3(65504.0)), color.a);
 }

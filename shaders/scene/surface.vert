@@ -1,8 +1,8 @@
-// A vertex of the scene, for one face of the cube.
+// Vertex of the scene, for one tile.
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
 // u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, metres
 // u_normal_from_mesh  cofactors of the above: normals under any scale
-// With BAKED in_light is what a white surface shows there, linear RGB.
+// With BAKED in_light is the light on a white surface, linear RGB.
 #version 430 core
 
 uniform mat4 u_clip_from_mesh;

@@ -1,7 +1,7 @@
 // The scene's triangles for shaders that read them themselves: the two buffers, word by word.
 // uint vertex_at(uint index): first word of the vertex that an entry of the index buffer names.
 // vec3 position_at(uint at), normal_at(uint at): of the vertex there, in the frame of its mesh.
-// The layout of a vertex is that in omnisim/gpu/scene/scene_buffers.py, in words of 4 bytes.
+// The layout of a vertex is that in omnisim/gpu/scene/vertex_format.py, in words of 4 bytes.
 
 layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Indices { uint indices[]; };

@@ -52,16 +52,16 @@ MATERIALS = [
     Material("leaves", texture=_leaves(), alpha_mode=AlphaMode.MASK, double_sided=True),
     Material("one side of leaves", texture=_leaves(), alpha_mode=AlphaMode.MASK, alpha_cutoff=0.3),
     Material("glass", (0.3, 0.5, 0.9, 0.4), alpha_mode=AlphaMode.BLEND, double_sided=True),
-    Material("lamp", (1.0, 0.9, 0.5, 1.0), unlit=True),
+    Material("unlit", (1.0, 0.9, 0.5, 1.0), unlit=True),
     # one thing in common with another one too few
     Material("red on both sides", (0.8, 0.2, 0.1, 1.0), double_sided=True),
-    Material("red lamp", (0.8, 0.2, 0.1, 1.0), unlit=True),
+    Material("red unlit", (0.8, 0.2, 0.1, 1.0), unlit=True),
 ]
 SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.9, 0.8), 0.5, direction=np.array([0.6, 0.0, -0.8]))
 LAMP = Light(LightKind.POINT, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.5, -0.5, 1.0]))
 
 
-def mixed_scene(*lamps):
+def mixed_scene(*lights):
     """Sheets of every material in a room, at random poses, half of them mirrored or sheared."""
     generator = np.random.default_rng(8)
     meshes, poses = [room()], [np.eye(4)]
@@ -81,7 +81,7 @@ def mixed_scene(*lamps):
         if number % 4 == 3:
             pose[:3, :3] = pose[:3, :3] @ np.array([[1, 0.3, 0], [0, 1.2, 0], [0, 0, 0.7]])
         poses.append(pose)
-    lighting = Lighting((0.2, 0.2, 0.25), lamps or (SUN, LAMP))
+    lighting = Lighting((0.2, 0.2, 0.25), lights or (SUN, LAMP))
     return scene_of(meshes, MATERIALS, poses, lighting=lighting, background=(0.1, 0.2, 0.4))
 
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.capture.tile_uniforms import bind_tiles
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
-from omnisim.gpu.ground_truth.visibility_program import alpha_cutoff
-from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms, alpha_cutoff
 from omnisim.gpu.scene.triangle_table import table_texture, write_table
 from omnisim.gpu.uniforms import uniform
 

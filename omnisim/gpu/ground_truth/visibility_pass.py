@@ -11,13 +11,9 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds
-from omnisim.gpu.ground_truth.visibility_program import (
-    VisibilityProgram,
-    VisibilityVariant,
-    alpha_cutoff,
-)
+from omnisim.gpu.ground_truth.visibility_program import VisibilityProgram, VisibilityVariant
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.scene.draw_item import InstanceTransforms
+from omnisim.gpu.scene.draw_item import InstanceTransforms, alpha_cutoff
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers

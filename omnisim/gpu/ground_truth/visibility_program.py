@@ -8,19 +8,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.scene.draw_item import alpha_cutoff
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, uniform
-from omnisim.scene.model import AlphaMode, Material
-
-# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
-BLENDED_CUTOFF = 0.5
-
-
-def alpha_cutoff(material: Material) -> float:
-    """Alpha from which on a surface counts; 0: everywhere."""
-    if material.alpha_mode is AlphaMode.MASK:
-        return material.alpha_cutoff
-    return BLENDED_CUTOFF if material.alpha_mode is AlphaMode.BLEND else 0.0
+from omnisim.scene.model import Material
 
 
 class VisibilityVariant(NamedTuple):

@@ -1,4 +1,4 @@
-"""Mip levels of textures with holes: what was half leaf and half air stays so from afar."""
+"""Mip levels of masked textures, whose share of holes stays the same at every level."""
 
 from __future__ import annotations
 

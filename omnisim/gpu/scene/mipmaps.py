@@ -1,5 +1,8 @@
-"""Mip levels of textures, made here: a software driver first compiles a program for each kind of
-size before it makes its own, which takes longer than all the textures of a scene."""
+"""Mip levels of textures, averaged in linear light.
+
+A software driver compiles a program for each kind of size before it makes its own levels, which
+takes longer than all the textures of a scene.
+"""
 
 from __future__ import annotations
 
@@ -66,8 +69,8 @@ def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
     if count % 2 == 0:
         mean = (first + second + np.uint16(1)) >> np.uint16(1)
     else:
-        place = np.arange(half, dtype=np.uint32).reshape(-1, *(1,) * (rows.ndim - 1))
-        total = first * (half - place) + second * np.uint32(half) + rows[2::2] * (place + 1)
+        index = np.arange(half, dtype=np.uint32).reshape(-1, *(1,) * (rows.ndim - 1))
+        total = first * (half - index) + second * np.uint32(half) + rows[2::2] * (index + 1)
         mean = ((total + count // 2) // count).astype(np.uint16)
     return np.moveaxis(mean, 0, axis)
 

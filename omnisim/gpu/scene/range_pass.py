@@ -8,15 +8,12 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.draw_item import DrawItem, alpha_cutoff
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.scene.model import AlphaMode
 
-# A blended surface is glass or a picture with soft edges. The beam passes where less than half of
-# what is behind it is hidden.
-_BLENDED_CUTOFF = 0.5
 _GROUP_SIZE = 64  # triangles; local_size_x in range.comp
 _MAX_GROUPS = 65535  # in one direction, which every GPU allows
 _VERTICES, _INDICES, _BEAMS, _RANGES = range(4)  # bindings in range.comp and vertex_words.glsl
@@ -102,9 +99,8 @@ class RangePass:
         material = item.material
         program = self._opaque if material.alpha_mode is AlphaMode.OPAQUE else self._masked
         if program is self._masked:
-            is_masked = material.alpha_mode is AlphaMode.MASK
             program["u_base_alpha"] = material.base_color[3]
-            program["u_alpha_cutoff"] = material.alpha_cutoff if is_masked else _BLENDED_CUTOFF
+            program["u_alpha_cutoff"] = alpha_cutoff(material)
             item.texture.use(0)
         triangles = item.triangles
         uniform(program, "u_scanner_from_mesh").write(scanner_from_mesh)

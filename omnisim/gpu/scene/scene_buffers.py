@@ -18,7 +18,7 @@ from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.static_geometry import StaticGeometry, build_static_geometry
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
-from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices, vertex_array
+from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices
 from omnisim.scene.model import AlphaMode, Scene
 
 
@@ -155,10 +155,6 @@ class SceneBuffers:
             raise GraphicsError(
                 f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
             )
-
-    def vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        """Vertex array that feeds a program; attributes it does not use are skipped."""
-        return vertex_array(self.context, program, self.vertices, self.indices)
 
     def sort_triangles(self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64]) -> None:
         """Sort the triangles of a blended item in the index buffer, back to front.

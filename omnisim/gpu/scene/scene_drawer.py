@@ -113,7 +113,9 @@ class SceneDrawer(Generic[P]):
             size = max(2 * indices.nbytes, self._indices.size)
             self._indices = self._context.buffer(reserve=size, dynamic=True)
             self._batch_arrays = {
-                one: self._geometry.vertex_array(one.program, self._indices)
+                one: vertex_array(
+                    self._context, one.program, self._geometry.vertices, self._indices
+                )
                 for one in set(self._batch_programs)
             }
         self._indices.write(indices)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.culling.clusters import ClusterHierarchy, Clusters, build_clusters, ranges
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
-from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices, vertex_array
+from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices
 from omnisim.scene.model import AlphaMode, Lighting, Material
 
 # Each instance has its own copy here: one that would take more triangles than this is drawn on its
@@ -50,7 +50,6 @@ class StaticGeometry:
     """Static instances of opaque and masked materials, see `build_static_geometry`.
 
     Attributes:
-        context: that holds it.
         batches: materials of the clusters.
         anchor_m: (3,) float64, origin of the positions, world.
         hierarchy: clusters of one batch each, counted from the anchor; its order is of the
@@ -61,7 +60,6 @@ class StaticGeometry:
         triangles: (m,) of `TRIANGLE`, cluster by cluster.
     """
 
-    context: moderngl.Context
     batches: tuple[MaterialBatch, ...]
     anchor_m: NDArray[np.float64]
     hierarchy: ClusterHierarchy
@@ -74,12 +72,6 @@ class StaticGeometry:
     def clusters(self) -> Clusters:
         """Clusters of the hierarchy."""
         return self.hierarchy.clusters
-
-    def vertex_array(
-        self, program: moderngl.Program, indices: moderngl.Buffer
-    ) -> moderngl.VertexArray:
-        """Vertex array that feeds a program; attributes it does not use are skipped."""
-        return vertex_array(self.context, program, self.vertices, indices)
 
     def triangles_of(self, clusters: NDArray[np.intp]) -> NDArray[np.int64]:
         """Numbers (n,) of the triangles of clusters, in their order."""
@@ -114,7 +106,6 @@ def build_static_geometry(
     batches, batch_of_triangle = _material_batches(items, len(Shading) * item_of_triangle + shading)
     hierarchy = build_clusters(corners, batch_of_triangle)
     return StaticGeometry(
-        context=context,
         batches=batches,
         anchor_m=anchor_m,
         hierarchy=hierarchy,

@@ -1,4 +1,4 @@
-"""Parts of faces beside brute force over the pixels that look at them."""
+"""Regions of faces, beside brute force over the pixels that see them."""
 
 from functools import cache
 
@@ -27,7 +27,7 @@ def _plan(name, subdivide=True):
     return plan_tiles(camera, camera.rig_from_optical, subdivide=subdivide)
 
 
-def _looks(camera, count=4000):
+def _lookups(camera, count=4000):
     """Rays of random pixels: face (n,), tangents (n, 2), pixels to a tangent of 1 (n,)."""
     generator = np.random.default_rng(0)
     size = np.array([camera.width_px, camera.height_px])
@@ -52,9 +52,9 @@ def _tiles_of(plan, faces, tangents):
 
 
 @examples
-def test_every_look_is_at_one_part_that_is_fine_enough_and_drawn_there(name):
+def test_every_lookup_is_in_one_region_that_is_dense_enough_and_padded(name):
     camera = CAMERA_EXAMPLES[name]
-    faces, tangents, finest = _looks(camera)
+    faces, tangents, finest = _lookups(camera)
     plan = _plan(name)
     assert len(plan.tiles) <= MAX_TILES
     tiles = _tiles_of(plan, faces, tangents)

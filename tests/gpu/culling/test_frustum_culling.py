@@ -103,7 +103,7 @@ def test_screen_bounds_cover_all_texels_that_boxes_do(far_m, radius_px):
     assert checked > 1000
 
 
-def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
+def test_boxes_beyond_the_far_or_before_the_near_plane_are_culled():
     views = _views(30.0)
     forward = views[0].clip_from_viewpoint[3, :3]  # a row of the matrix: w is the distance along it
     ahead_m = np.array([-1.0, 0.02, 0.08, 5.0, 29.0, 31.0, 40.0])[:, None] * forward
@@ -116,7 +116,7 @@ def test_what_is_beyond_the_far_plane_or_before_the_near_one_is_not_in_view():
     assert large.any(axis=0).tolist() == [True, False]
 
 
-def test_what_is_between_the_centres_of_texels_is_not_drawn():
+def test_boxes_between_the_centres_of_texels_are_culled():
     """One sample per texel: a box as small as a tenth of a texel is mostly missed."""
     views = _views(np.inf)
     generator = np.random.default_rng(4)

@@ -64,14 +64,14 @@ def test_nothing_is_hidden_where_a_texel_is_farther(shape):
         assert hidden.sum() > 0.5 * truth.sum()
 
 
-def test_what_is_in_front_of_everything_or_nowhere_near_is_not_hidden():
+def test_boxes_in_front_or_at_the_near_plane_are_not_occluded():
     hi_z = _hi_z(np.full((40, 40), 0.25, dtype=np.float32))
     first, last = np.tile([[4, 4]], (4, 1)), np.tile([[20, 30]], (4, 1))
     boxes = _bounds(first, last, [0.2, 0.25, 0.3, np.inf])
     assert hi_z.occludes(boxes).tolist() == [True, False, False, False]
 
 
-def test_only_what_is_very_large_is_taken_to_be_seen():
+def test_only_very_large_boxes_count_as_visible():
     """Boxes of any shape less than twice as large as the largest rectangle."""
     most = (2 * MAX_SIDE - 1) * MIN_CELL_PX
     sizes = np.array([(1, 1), (most, 1), (3, most), (most, most), (17, 5), (most + 1, 1)])

@@ -52,9 +52,7 @@ def _pass(buffers, albedo=False):
 
 @pytest.mark.parametrize("min_triangles", [0, 10**9], ids=["occlusion passes", "one pass"])
 @pytest.mark.parametrize("albedo", [False, True])
-def test_texels_show_what_they_show_when_every_instance_is_drawn_one_by_one(
-    context, monkeypatch, min_triangles, albedo
-):
+def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, albedo):
     monkeypatch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (min_triangles,) * 2)
     scene = _scene()
     clustered = SceneBuffers(context, scene)

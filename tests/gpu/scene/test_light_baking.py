@@ -52,7 +52,7 @@ def test_light_of_another_triangle_is_not(normals, kind):
     assert _shading(normals)[0] is kind
 
 
-def test_nor_is_that_of_one_of_many_colors_or_of_no_area_or_beside_a_lamp():
+def test_many_colors_no_area_and_punctual_lights_are_not_baked():
     assert _shading([UP] * 3, np.eye(4)[:3])[0] is Shading.NORMALS_AGREE
     assert _shading([UP] * 3, [(0.5, 0.0, 1.0, 1.0)] * 3)[0] is Shading.BAKED
     assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is Shading.UNKNOWN
@@ -60,7 +60,7 @@ def test_nor_is_that_of_one_of_many_colors_or_of_no_area_or_beside_a_lamp():
     assert _shading([UP] * 3, lighting=beside)[0] is Shading.NORMALS_AGREE
 
 
-def test_light_is_what_lambert_says():
+def test_light_is_lamberts():
     sun = Light(LightKind.DIRECTIONAL, (1.0, 0.5, 0.25), 2.0, direction=np.array(DOWN))
     lighting = Lighting((0.1, 0.2, 0.3), (sun,), exposure=0.5)
     light = bake_directional_light(np.array([UP, DOWN, LEANING], dtype=np.float32), lighting)

@@ -37,7 +37,7 @@ def test_levels_are_the_drivers(context):
     theirs.release()
 
 
-def test_what_is_uploaded_is_what_is_sampled(context):
+def test_uploaded_levels_are_sampled(context):
     pixels = _noise(5, 3)
     ours = _texture(context, pixels)
     levels = mipmaps(pixels)

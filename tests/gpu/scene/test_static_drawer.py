@@ -84,13 +84,13 @@ def test_scenes_look_as_if_drawn_one_by_one(source, monkeypatch, request):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("lamps", [(SUN, LAMP), (SUN,)], ids=["a lamp near by", "the sun alone"])
+@pytest.mark.parametrize("lights", [(SUN, LAMP), (SUN,)], ids=["point", "directional"])
 @pytest.mark.parametrize("samples", [1, 4])
 def test_materials_dynamic_objects_and_mirrored_instances_look_as_if_drawn_one_by_one(
-    samples, lamps, monkeypatch
+    samples, lights, monkeypatch
 ):
     camera = dataclasses.replace(FAST.resized(200), samples=samples)
-    scenes = mixed_scene(*lamps), dynamic_object()
+    scenes = mixed_scene(*lights), dynamic_object()
     with Stage(*scenes) as stage, reference_stage(monkeypatch, *scenes) as reference:
         pictures = Pictures(monkeypatch, stage, camera)
         one_by_one = Pictures(monkeypatch, reference, camera)

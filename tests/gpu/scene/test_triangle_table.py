@@ -16,7 +16,7 @@ def _entries(table):
     return np.frombuffer(table.corners.read(), dtype=[("at", "<f4", 3), ("beside", "<u4")])
 
 
-def test_corners_are_those_of_the_index_buffer_and_what_is_beside_them(context):
+def test_corners_are_those_of_the_index_buffer_with_their_neighbours(context):
     # more than a row of the texture
     meshes = [sheet("large", 0, side=40), box("small", 0), box("glass", 1)]
     buffers = SceneBuffers(context, scene_of(meshes, MATERIALS))
