@@ -165,9 +165,9 @@ def _size(node: yaml.Node, sizes: dict[int, float]) -> float:
     return sizes[id(node)]
 
 
-def _mapping(data: Any, source: str, wanted: str) -> dict[str, Any]:
+def _mapping(data: Any, source: str, expected: str) -> dict[str, Any]:
     if not isinstance(data, dict):
-        raise CalibrationError(f"{source}: expected {wanted}, got a {type(data).__name__}")
+        raise CalibrationError(f"{source}: expected {expected}, got a {type(data).__name__}")
     return {str(key): value for key, value in data.items()}
 
 

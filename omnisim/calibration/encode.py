@@ -95,8 +95,8 @@ def encode(
     if native is not None and model in (None, source.model_name):
         metadata = camera_metadata(camera.name, None, None, camera.residuals)
         return Encoded(native, metadata, camera.residuals)
-    wanted = None if model is None else CAMERA_MODELS.get(model)
-    if model is not None and wanted not in form.models:
+    target = None if model is None else CAMERA_MODELS.get(model)
+    if model is not None and target not in form.models:
         names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
         known = ", ".join(names[one] for one in form.models)
         raise CalibrationError(f"--model {model}: {form.name} has {known}")
@@ -104,7 +104,7 @@ def encode(
     lens = lens_of(source)
     reasons: list[str] = []
     for one in form.models:
-        same = equivalent(lens, one) if lens is not None and wanted in (None, one) else None
+        same = equivalent(lens, one) if lens is not None and target in (None, one) else None
         reason = None if same is None else form.unsupported(same)
         if same is not None and reason is None:
             limit_rad, residuals = source.domain_limit_rad, camera.residuals
@@ -116,7 +116,7 @@ def encode(
         raise CalibrationError(
             f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
         )
-    fit = _best_fit(source, form, place, wanted, reasons)
+    fit = _best_fit(source, form, place, target, reasons)
     limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
     fitted = dataclasses.replace(fit.residuals, source_model=source.model_name)
     metadata = camera_metadata(camera.name, source, limit_rad, fitted)

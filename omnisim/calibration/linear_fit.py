@@ -129,12 +129,12 @@ def linear_fit(
     return _pinhole(profile) if is_pinhole else FITTED[model].initialise(profile)
 
 
-def _solve(columns: list[NDArray[np.float64]], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Solution of a linear least-squares problem, its columns scaled to the same length."""
     matrix = np.stack(columns, axis=-1)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     solution: NDArray[np.float64] = (
-        np.linalg.lstsq(matrix / lengths, wanted, rcond=None)[0] / lengths
+        np.linalg.lstsq(matrix / lengths, values, rcond=None)[0] / lengths
     )
     return solution
 

@@ -90,7 +90,7 @@ class HyperbolicCamera(FocalCamera):
         """Make the camera that `parameters()` describes.
 
         Raises:
-            OpticsError: naming the key and what was wanted.
+            OpticsError: naming the key, the expected value and its own.
         """
         mirror = HyperbolicMirror(
             number(parameters, "k"),
@@ -115,7 +115,7 @@ class HyperbolicCamera(FocalCamera):
     def unified_focal_length_px(self) -> float:
         """γ of the unified (Geyer, Mei) model with the mirror's ξ: f ψ = f/(k − 1).
 
-        That model wants its z axis along the mirror's: (x, y, −z) of the optical frame. It is a
+        That model has its z axis along the mirror's: (x, y, −z) of the optical frame. It is a
         mirrored frame, as the picture of a mirror is a mirrored picture.
         """
         return self.focal_length_px / (self.mirror.k - 1.0)

@@ -1,6 +1,6 @@
 """Catadioptric camera that was calibrated as if it were a lens: its rays with z reflected.
 
-Calibration tools want z > 0 in front of the camera, also where a camera looks up into a mirror and
+Calibration tools expect z > 0 in front of the camera, also where it looks up into a mirror and
 sees what is behind it. They are given (x, y, −z) then, a mirrored frame; this camera undoes that.
 The GLSL twin is the lens's own, and `MIRRORED` in `shaders/capture/lens.frag`.
 """

@@ -28,7 +28,7 @@ def check_finite(camera: object, name: str) -> None:
 
 
 def check_limits(
-    camera: object, name: str, lowest: float, highest: float, wanted: str | None = None
+    camera: object, name: str, lowest: float, highest: float, expected: str | None = None
 ) -> None:
     """Refuse a number outside [lowest, highest].
 
@@ -37,8 +37,8 @@ def check_limits(
     """
     value = getattr(camera, name)
     if not lowest <= value <= highest:  # false for NaN, too
-        wanted = wanted or f"{lowest:g} to {highest:g}"
-        raise OpticsError(f"camera: {name}: expected {wanted}, got {value:g}")
+        expected = expected or f"{lowest:g} to {highest:g}"
+        raise OpticsError(f"camera: {name}: expected {expected}, got {value:g}")
 
 
 def number(parameters: Mapping[str, Any], key: str) -> float:
@@ -108,5 +108,5 @@ def _value(parameters: Mapping[str, Any], key: str) -> Any:
     return parameters[key]
 
 
-def _unexpected(key: str, wanted: str, value: object) -> OpticsError:
-    return OpticsError(f"camera: {key}: expected {wanted}, got {value!r}")
+def _unexpected(key: str, expected: str, value: object) -> OpticsError:
+    return OpticsError(f"camera: {key}: expected {expected}, got {value!r}")

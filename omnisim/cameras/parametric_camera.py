@@ -72,8 +72,8 @@ class ParametricCamera(ABC):
             check_finite(self, field.name)
             if field.name == "theta_max_rad":
                 largest = self.largest_theta_rad
-                wanted = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
-                check_limits(self, field.name, 1e-6, largest, wanted)
+                expected = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
+                check_limits(self, field.name, 1e-6, largest, expected)
 
     @abstractmethod
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:

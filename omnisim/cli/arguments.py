@@ -95,7 +95,7 @@ MirroredOption = Annotated[
     bool | None,
     typer.Option(
         "--mirrored/--not-mirrored",
-        help="The file's camera looks into a mirror. [dim]as the file's remarks say, or not[/]",
+        help="The file's camera looks into a mirror. [dim]as in the file's metadata, or not[/]",
         show_default=False,
     ),
 ]

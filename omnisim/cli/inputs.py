@@ -57,7 +57,7 @@ def read_camera(
         sensor: a sensor file.
         calibration: a calibration file.
         camera_name: a camera of the calibration file; by default the first.
-        mirrored: it looks into a mirror; by default as the file's remarks say.
+        mirrored: it looks into a mirror; by default as in the file's metadata.
 
     Raises:
         OmnisimError: both files, or a fault of either.

@@ -35,7 +35,8 @@ class CameraInfo(Format[CameraInfoLens]):
     """Base of the formats with a CameraInfo.
 
     Attributes:
-        distortion_models: names of the distortion models; the last one is the fisheye's.
+        distortion_models: names of Brown's distortion models.
+        fisheye_models: names of Kannala and Brandt's.
     """
 
     models = (UnifiedCamera, KannalaBrandtCamera)

@@ -115,7 +115,7 @@ class Colmap(Format[ColmapLens]):
         return text
 
     def camera_name(self, index: int, name: str) -> str:
-        """Name as COLMAP wants it: a number."""
+        """Name in COLMAP's way: a number."""
         return name if name.isascii() and name.isdecimal() else str(index + 1)
 
 

@@ -134,7 +134,7 @@ class Kalibr(Format[KalibrLens]):
         return text
 
     def camera_name(self, index: int, name: str) -> str:
-        """Name as Kalibr wants it: cam0, cam1, …"""
+        """Name in Kalibr's way: cam0, cam1, …"""
         return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
 
 

@@ -58,8 +58,8 @@ class Ocamcalib(Format[OcamcalibCamera]):
         """The camera."""
         lines = _lines(text)
         if len(lines) != len(BLOCKS):
-            wanted = f"{len(BLOCKS)} lines of numbers: {', '.join(BLOCKS)}"
-            raise unexpected(source, wanted, len(lines))
+            blocks_named = f"{len(BLOCKS)} lines of numbers: {', '.join(BLOCKS)}"
+            raise unexpected(source, blocks_named, len(lines))
         blocks = []
         for (line, words), block, count in zip(lines, BLOCKS, COUNTS, strict=True):
             place = f"{source}: line {line}: {block}"
