@@ -77,7 +77,7 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return pose_from_rotation(rotation, -(rotation @ pose[..., :3, 3:])[..., 0])
 
 
-def interpolate(
+def interpolate_pose(
     first: NDArray[np.float64], second: NDArray[np.float64], share: float
 ) -> NDArray[np.float64]:
     """Pose (4, 4) at a share of the way from one to another: straight, about one axis, evenly.
@@ -174,8 +174,13 @@ def rotation_angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> 
 
 
 def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations (n, 3, 3) from matrices (n, 3, 3) that are rotations but for rounding."""
-    return scipy.spatial.transform.Rotation.from_matrix(matrix).as_matrix()
+    """Rotations (..., 3, 3) nearest to matrices that are rotations but for rounding.
+
+    Source: Higham, Computing the polar decomposition (1986): its orthogonal factor.
+    """
+    u, _, vt = np.linalg.svd(matrix)
+    rotation: NDArray[np.float64] = u @ vt
+    return rotation
 
 
 def is_rotation(matrices: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:

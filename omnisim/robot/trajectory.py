@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import TrajectoryError
 from omnisim.poses import (
     LARGEST_M,
-    interpolate,
+    interpolate_pose,
     is_pose,
     pose_from_rotation,
     rotation_from_yaw,
@@ -93,7 +93,7 @@ class Trajectory:
         share = float((time_s - times[step]) / (times[step + 1] - times[step]))
         if share == 0.0:
             return np.array(poses[step])
-        return interpolate(poses[step], poses[step + 1], share)
+        return interpolate_pose(poses[step], poses[step + 1], share)
 
     @property
     def step_lengths_m(self) -> NDArray[np.float64]:
