@@ -3,15 +3,23 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.errors import OmnisimError
 from omnisim.poses import (
+    check_pose,
+    interpolate_pose,
+    inverse,
     is_rotation,
     nearest_rotation,
+    pose,
+    pose_from_rotation,
     quaternion_from_rotation,
     roll_pitch_yaw_from_rotation,
     rotation_angles,
     rotation_from_quaternion,
     rotation_from_roll_pitch_yaw,
     rotation_from_yaw,
+    wrap_angle,
+    wrap_angles,
     yaw_from_rotation,
 )
 
@@ -101,3 +109,52 @@ def test_rounded_rotation_is_repaired():
 )
 def test_what_is_no_rotation(matrix):
     assert not is_rotation(matrix, 1e-3)
+
+
+def test_signs_of_roll_pitch_yaw_are_rep_103s():
+    left_turn, nose_down, left_side_up = pose(yaw_deg=90), pose(pitch_deg=90), pose(roll_deg=90)
+    np.testing.assert_allclose(left_turn[:3, :3] @ (1, 0, 0), (0, 1, 0), atol=1e-15)
+    np.testing.assert_allclose(nose_down[:3, :3] @ (1, 0, 0), (0, 0, -1), atol=1e-15)
+    np.testing.assert_allclose(left_side_up[:3, :3] @ (0, 1, 0), (0, 0, 1), atol=1e-15)
+
+
+def test_roll_comes_before_pitch_before_yaw():
+    together = pose((1, 2, 3), roll_deg=10, pitch_deg=20, yaw_deg=30)
+    one_by_one = pose((1, 2, 3)) @ pose(yaw_deg=30) @ pose(pitch_deg=20) @ pose(roll_deg=10)
+    np.testing.assert_allclose(together, one_by_one, atol=1e-15)
+
+
+@pytest.mark.parametrize("scale", [1.0 + 5e-6, 1.0 - 5e-6])
+def test_a_scaled_rotation_is_no_pose(scale):
+    with pytest.raises(OmnisimError, match="no scale"):
+        check_pose(np.diag([scale, scale, scale, 1.0]))
+
+
+@pytest.mark.parametrize("position", [(0, 0), (0, 0, np.nan), (1e39, 0, 0)])
+def test_impossible_positions(position):
+    with pytest.raises(OmnisimError, match="three finite numbers"):
+        pose(position)
+
+
+def test_inverse_poses():
+    generator = np.random.default_rng(4)
+    rotations = rotation_from_quaternion(generator.normal(size=(50, 4)))
+    poses = pose_from_rotation(rotations, generator.normal(size=(50, 3)))
+    np.testing.assert_allclose(inverse(poses) @ poses, np.broadcast_to(np.eye(4), poses.shape),
+                               atol=1e-14)  # fmt: skip
+    np.testing.assert_array_equal(inverse(poses[0]), inverse(poses)[0])
+
+
+def test_interpolated_pose_moves_and_turns_evenly():
+    first, second = pose((1, 2, 3), yaw_deg=10), pose((3, 2, 1), yaw_deg=50)
+    np.testing.assert_allclose(
+        interpolate_pose(first, second, 0.25), pose((1.5, 2, 2.5), yaw_deg=20), atol=1e-15
+    )
+
+
+def test_wrapped_angles():
+    angles = np.array([0.0, 3.0, -3.0, 4.0, -4.0, 20.0])
+    wrapped = wrap_angles(angles)
+    np.testing.assert_allclose(wrapped, [wrap_angle(angle) for angle in angles], atol=1e-14)
+    np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-14)
+    assert np.all(np.abs(wrapped) <= math.pi)
