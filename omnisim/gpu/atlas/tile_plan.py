@@ -205,8 +205,8 @@ def _tile(
     last = step * (np.ceil(texels[1]).astype(int) + 1)
     left, top = first.tolist()
     width, height = (last - first).tolist()
-    (first_right, first_down), (last_right, last_down) = region.tolist()
-    corners = ((first_right, first_down), (last_right, last_down))
+    (first_x, first_y), (last_x, last_y) = region.tolist()
+    corners = ((first_x, first_y), (last_x, last_y))
     return Tile(face, face_size_px, (left, top), (width, height), corners)
 
 

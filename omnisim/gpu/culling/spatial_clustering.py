@@ -96,12 +96,7 @@ def _merge_cells(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """First and number of boxes of each cell, of any level, that is better not split.
 
-    Args:
-        bounds: (6, n), of the boxes from each of `first` on.
-        first, levels: (n,).
-        total: boxes.
-        last_level: of the cell with everything.
-        max_size, split_factor: see `spatial_clusters`.
+    `bounds` (6, n) are of the boxes from each of `first` (n,) on, which begin at `levels` (n,).
     """
     counts = np.diff(first, append=total)
     costs = _half_areas(bounds) * counts

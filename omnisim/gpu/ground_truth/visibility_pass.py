@@ -103,7 +103,7 @@ class VisibilityPass:
         tiles.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
         self.triangle_ids.begin()
-        views = tiles.views(world_from_rig)
+        views = tiles.views.at(world_from_rig)
         tiles.draw(target, views, world_from_rig[:3, 3], transforms, drawer)
         tiles.end(target)
         for program in drawer.programs:

@@ -97,7 +97,7 @@ class CubePass:
         transforms = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
         for program in self._drawer.programs:
             program.set_viewpoint(viewpoint_m)
-        views = tiles.views(world_from_rig)
+        views = tiles.views.at(world_from_rig)
         blended = self._back_to_front(views, transforms)
         tiles.begin(target, (*self._background, 1.0))
         tiles.draw(target, views, viewpoint_m, transforms, self._drawer)

@@ -18,12 +18,12 @@ from omnisim.srgb import linear_from_srgb, srgb8_from_linear
 SRGB8_ALPHA8 = 0x8C43
 # Linear light in 14 bits: a step is a fifth of one of 8-bit sRGB where that is finest, and two
 # values add up within 16 bits.
-_MOST = 2**14 - 1
+_MAX_LINEAR = 2**14 - 1
 _SHADES = np.linspace(0.0, 1.0, 256)
-_LEVELS = np.linspace(0.0, 1.0, _MOST + 1)
-_LINEAR = np.rint(_MOST * linear_from_srgb(_SHADES)).astype(np.uint16)
+_LEVELS = np.linspace(0.0, 1.0, _MAX_LINEAR + 1)
+_LINEAR = np.rint(_MAX_LINEAR * linear_from_srgb(_SHADES)).astype(np.uint16)
 _SRGB = srgb8_from_linear(_LEVELS)
-_WIDE_ALPHA = np.rint(_MOST * _SHADES).astype(np.uint16)  # linear as it is
+_WIDE_ALPHA = np.rint(_MAX_LINEAR * _SHADES).astype(np.uint16)  # linear as it is
 _ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
 _BLOCK = 1 << 16  # looked up at once: NumPy makes 64-bit indices of them, which fit into a cache
 

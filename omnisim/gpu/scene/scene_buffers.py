@@ -175,13 +175,10 @@ class SceneBuffers:
 def _concatenate_meshes(
     parts: Sequence[Scene],
 ) -> tuple[NDArray[np.void], NDArray[np.uint32], list[list[tuple[int, int]]]]:
-    """Concatenate the meshes of all scenes.
-
-    Instances of a mesh share its indices, but blended ones, whose order is their own.
+    """Concatenate all meshes; instances share their indices, but for blended ones, sorted apart.
 
     Returns:
-        Vertices (n,) of `VERTEX`; indices (m,); and for each scene, for each of its instances, the
-        first index and the first vertex of its mesh.
+        Vertices (n,), indices (m,), and first index and first vertex of each scene's instances.
     """
     vertices = np.zeros(
         sum(len(mesh.positions) for part in parts for mesh in part.meshes), dtype=VERTEX

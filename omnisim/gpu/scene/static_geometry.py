@@ -119,12 +119,7 @@ def build_static_geometry(
 def _material_batches(
     items: Sequence[DrawItem], kinds: NDArray[np.intp]
 ) -> tuple[tuple[MaterialBatch, ...], NDArray[np.intp]]:
-    """Batches of triangles (n,), and the batch of each.
-
-    Args:
-        items: the draw items.
-        kinds: (n,), number of the item times the number of shadings, plus the shading.
-    """
+    """Batches of triangles (n,), by item times the number of shadings plus shading, and of each."""
     batches: dict[tuple[object, ...], MaterialBatch] = {}
     batch_of_kind = np.zeros(len(Shading) * len(items), dtype=np.intp)
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
@@ -153,13 +148,11 @@ def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDAr
     contained = np.zeros(len(items), dtype=np.bool_)
     triangles = 0
     for index, item in enumerate(items):
-        if item.object_index is not None or item.is_blended:
-            continue
-        if not item.count:  # a mesh without triangles has no cluster
-            continue
-        if np.linalg.norm(item.centre_m - anchor_m) + item.radius_m > MAX_DISTANCE_M:
-            continue
-        if triangles + item.triangles <= MAX_TRIANGLES:
+        # a mesh without triangles has no cluster
+        fits = item.triangles and triangles + item.triangles <= MAX_TRIANGLES
+        far_m = np.linalg.norm(item.centre_m - anchor_m) + item.radius_m
+        is_static = item.object_index is None and not item.is_blended
+        if is_static and fits and far_m <= MAX_DISTANCE_M:
             triangles += item.triangles
             contained[index] = True
     return contained
@@ -192,17 +185,11 @@ def _bake(
     baked: NDArray[np.bool_],
     lights: NDArray[np.float32],
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Bake light into the vertices of triangles, in place of normals.
-
-    Args:
-        vertices: (n,) of `VERTEX`.
-        triangles: (m, 3), all.
-        baked: (m,), k of them.
-        lights: (k, 3), linear RGB.
+    """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) marks.
 
     Returns:
         The vertices, and copies of those that have two lights, or light and a normal; and the
-        triangles (k, 3).
+        baked triangles (k, 3).
     """
     own = triangles[baked].ravel()
     lights = np.repeat(lights, 3, axis=0)

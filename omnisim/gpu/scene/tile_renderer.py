@@ -55,6 +55,7 @@ class TileRenderer:
         samples: of a texel.
 
     Attributes:
+        views: of the tiles.
         static: draws the static geometry; None where there is none.
     """
 
@@ -67,13 +68,9 @@ class TileRenderer:
         samples: int = 1,
     ):
         self._context, self._buffers, self._items = buffers.context, buffers, items
-        self._views = TileViews(plan, cameras.near_m, cameras.far_m)
+        self.views = TileViews(plan, cameras.near_m, cameras.far_m)
         geometry = buffers.static_geometry
         self.static = None if geometry is None else StaticDrawer(geometry, plan, samples)
-
-    def views(self, world_from_rig: NDArray[np.float64]) -> list[TileView]:
-        """Views of the tiles from a pose (4, 4)."""
-        return self._views.at(world_from_rig)
 
     def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
         """Clear a target and use it, with depth."""
