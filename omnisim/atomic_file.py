@@ -31,6 +31,16 @@ def atomic_write(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8: all of it, or nothing.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with atomic_write(path) as partial:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+
+
 def check_target(path: Path, may_make_folder: bool = False) -> None:
     """Check that a file can be written, before the work is done.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 
-from omnisim.atomic_file import atomic_write, check_target
+from omnisim.atomic_file import check_target, write_text
 from omnisim.cli.console import out, print_note
 from omnisim.cli.robot_requests import CheckRequest, ImportRequest
 from omnisim.errors import OutputError
@@ -65,8 +65,7 @@ def import_robot(request: ImportRequest) -> None:
         raise OutputError(f"--output: expected another name than the configuration's, got {output}")
     robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
     Vehicle.from_robot(robot)  # raises for a robot that could not be used
-    with atomic_write(output) as partial:
-        partial.write_text(imported.text, encoding="utf-8", newline="\n")
+    write_text(output, imported.text)
     for notice in imported.notices:
         print_note(notice)
     sensors = ", ".join(f"{mount.name} ({mount.type})" for mount in robot.mounts)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import atomic_write
+from omnisim.atomic_file import write_text
 from omnisim.ground_truth.labels import Labels
 from omnisim.version import __version__
 
@@ -114,5 +114,4 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    with atomic_write(path) as partial:
-        partial.write_text(json.dumps(content) + "\n", encoding="utf-8", newline="\n")
+    write_text(path, json.dumps(content) + "\n")

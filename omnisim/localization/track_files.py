@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import atomic_write
+from omnisim.atomic_file import write_text
 from omnisim.localization.track import Track
 from omnisim.robot import Trajectory, write_trajectory
 
@@ -41,7 +41,7 @@ def write_track(folder: Path, track: Track) -> None:
         nis = f"{estimate.nis:.6g}" if math.isfinite(estimate.nis) else ""
         cells += [str(accepted[k]), str(rejected[k]), nis, str(estimate.nis_degrees)]
         lines.append(",".join(cells))
-    _write(folder / ESTIMATE_CSV, lines)
+    write_text(folder / ESTIMATE_CSV, "\n".join(lines) + "\n")
     lines = [_MEASUREMENT_COLUMNS]
     for step, estimate in enumerate(track.estimates):
         for association in estimate.associations:
@@ -55,9 +55,4 @@ def write_track(folder: Path, track: Track) -> None:
             cells = [str(step), f"{estimate.time_s:.9f}", association.landmark]
             cells += [f"{number:.6f}" for number in numbers]
             lines.append(",".join((*cells, association.verdict)))
-    _write(folder / MEASUREMENTS, lines)
-
-
-def _write(path: Path, lines: list[str]) -> None:
-    with atomic_write(path) as partial:
-        partial.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_text(folder / MEASUREMENTS, "\n".join(lines) + "\n")

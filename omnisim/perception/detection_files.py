@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from omnisim.atomic_file import atomic_write
+from omnisim.atomic_file import write_text
 from omnisim.perception.landmark_detector import Detection
 
 COLUMNS = (
@@ -34,5 +34,4 @@ def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) ->
         box = (found.left, found.right, found.top, found.bottom, found.area_px)
         cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
         lines.append(",".join((str(step), found.landmark, *cells)))
-    with atomic_write(path) as partial:
-        partial.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_text(path, "\n".join(lines) + "\n")

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
 
-from omnisim.atomic_file import atomic_write, check_target
+from omnisim.atomic_file import check_target, write_text
 from omnisim.errors import TrajectoryError
 from omnisim.robot.formats import euroc, kitti, pose_csv, tum
 from omnisim.robot.formats.parsed_trajectory import ParsedTrajectory
@@ -101,8 +101,7 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
         OutputError: the file cannot be written.
     """
     check_target(path)
-    with atomic_write(path) as partial:
-        partial.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
+    write_text(path, "".join(f"{line}\n" for line in lines))
 
 
 def _known(name: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import atomic_write
+from omnisim.atomic_file import write_text
 from omnisim.sensors.laser_scanner import LaserScanner
 
 
@@ -70,5 +70,4 @@ class Scan:
             f"{beam},{angle:.6f},{range_m:.6f}"
             for beam, (angle, range_m) in enumerate(zip(angles_deg, self.ranges_m, strict=True))
         ]
-        with atomic_write(Path(path)) as partial:
-            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_text(Path(path), "\n".join(lines) + "\n")

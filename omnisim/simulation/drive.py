@@ -12,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
 from omnisim.gpu.context import graphics_info
 from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
@@ -201,7 +202,7 @@ class PlannedDrive:
                 (CALIBRATION, calibration_json(camera.sensor)),
             ):
                 if not run.has(f"{camera.name}/{name}"):
-                    run.write_text(f"{camera.name}/{name}", text)
+                    write_text(run.path / camera.name / name, text)
 
 
 def scene_contents(scene: Scene) -> str:

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omnisim.atomic_file import atomic_write
+from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
 from omnisim.simulation.manifest import (
     Manifest,
@@ -87,15 +87,6 @@ class RunFolder:
     def has(self, name: str) -> bool:
         """A file of the run is there, such as `GROUND_TRUTH`."""
         return is_written(self.path / name)
-
-    def write_text(self, name: str, text: str) -> None:
-        """Write a text file.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        with atomic_write(self.path / name) as partial:
-            partial.write_text(text, encoding="utf-8", newline="\n")
 
     def steps_done(self) -> int:
         """Count the steps, from the first one on, that have all their files."""
@@ -204,7 +195,7 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
     for leftover in path.rglob(PARTIAL):  # of a run that was killed
         leftover.unlink()
     if old is None or force:
-        run.write_text(MANIFEST, json.dumps(content, indent=2) + "\n")
+        write_text(path / MANIFEST, json.dumps(content, indent=2) + "\n")
     for name in run.manifest.sensors:
         (path / name).mkdir(exist_ok=True)
 
