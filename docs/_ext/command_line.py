@@ -1,0 +1,45 @@
+"""Command-line reference from the program's own help."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import typer
+import typer.main
+
+from omnisim.cli.app import app
+
+_HEADER = """# Command line
+
+Every command ends with status 0, or with one line that says what was wrong and status 1; a wrong
+option ends with status 2. `omnisim COMMAND --help` prints what stands here.
+"""
+
+
+def command_line_page() -> str:
+    """Markdown of all commands, those of groups included."""
+    return "\n".join([_HEADER, *_sections(typer.main.get_command(app), "omnisim")])
+
+
+def _sections(command: typer.core.TyperCommand, name: str) -> Iterator[str]:
+    context = typer.Context(command, info_name=name)
+    if isinstance(command, typer.core.TyperGroup):
+        for child in command.list_commands(context):
+            yield from _sections(command.commands[child], f"{name} {child}")
+        return
+    usage = command.get_usage(context).removeprefix("Usage: ")
+    yield f"## {name}\n\n{_one_line(command.help or '')}\n\n```text\n{usage}\n```\n"
+    records = [parameter.get_help_record(context) for parameter in command.get_params(context)]
+    rows = [f"| `{_cell(names)}` | {_cell(text)} |" for names, text in filter(None, records)]
+    yield "\n".join(["| option | meaning |", "| --- | --- |", *rows, ""])
+
+
+def _cell(text: str) -> str:
+    """A table's cell: rich's dimmed text is an option's default."""
+    plain = re.sub(r"\[dim\](.*?)\[/\]", r"Default: \1.", _one_line(text))
+    return plain.replace("[required]", "**Required.**").replace("|", "\\|")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,101 @@
+"""Every command and code block of README and the documentation, run page by page, in order.
+
+A page's blocks share one empty folder with a link to `examples/`. Shell and Python blocks are run;
+a TOML block whose first line is `# name.toml` becomes that file. Other blocks are not for running.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    {ROOT / "README.md", *(ROOT / "docs").rglob("*.md")}
+    - {*(ROOT / "docs").rglob("generated/*.md")}
+)
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
+MAIN = "import sys; sys.argv[0] = 'omnisim'; from omnisim.cli.app import main; sys.exit(main())"
+
+
+def _text(page):
+    """The text of a page, with that of the pages it includes."""
+    text = page.read_text(encoding="utf-8")
+    for name in INCLUDE.findall(text):
+        included = page.parent / name
+        if "generated" not in included.parts:
+            text += _text(included)
+    return text
+
+
+def _blocks(page):
+    return [block for block in BLOCK.findall(_text(page)) if block[0] in ("sh", "python", "toml")]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An empty folder with the examples and an `omnisim` command."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    commands = tmp_path / ".bin"
+    commands.mkdir()
+    for name, arguments in (("omnisim", f"-c {MAIN!r}"), ("python", "")):
+        command = commands / name
+        command.write_text(f'#!/bin/sh\nexec {sys.executable} {arguments} "$@"\n')
+        command.chmod(0o755)
+    return tmp_path
+
+
+def _run(arguments, folder):
+    environment = os.environ | {
+        "PATH": f"{folder / '.bin'}:{os.environ['PATH']}",
+        "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}",
+    }
+    done = subprocess.run(
+        arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{arguments[-1]}\n{done.stdout}{done.stderr}"
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if _blocks(page)], ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_blocks_run(page, folder):
+    for language, code in _blocks(page):
+        if language == "toml":
+            name = re.match(r"# (\S+\.toml)\n", code)
+            if name:
+                (folder / name[1]).write_text(code, encoding="utf-8")
+        elif language == "sh":
+            _run(["bash", "-euc", code], folder)
+        else:
+            _run([sys.executable, "-W", "error", "-c", code], folder)
+
+
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
+def test_notebooks_run(notebook, folder):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    _run([sys.executable, "-W", "error", "-c", code], folder)
+    assert not any(cell.get("outputs") for cell in cells), "want a notebook without outputs"
+
+
+@pytest.mark.slow
+def test_documentation_builds_without_a_warning_or_the_net(tmp_path):
+    pytest.importorskip("sphinx", reason="Sphinx, of the extra docs, is not installed")
+    arguments = ["-m", "sphinx", "-q", "-W", "-b", "html", str(ROOT / "docs"), str(tmp_path)]
+    _run([sys.executable, *arguments], ROOT)
+    loaded = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"https?:")
+    for page in tmp_path.rglob("*.html"):
+        assert not loaded.search(page.read_text(encoding="utf-8")), page.name
