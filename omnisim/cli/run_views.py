@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.run_requests import PlotRequest, VideoRequest
-from omnisim.errors import OutputError, RunError, SceneError, did_you_mean
+from omnisim.errors import OutputError, RunError, SceneError
 from omnisim.image_files import read_image
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.run_plot import run_figure, steps_to_show
@@ -31,15 +31,11 @@ def plot(request: PlotRequest) -> None:
     truth = read_trajectory(folder / GROUND_TRUTH)
     reckoned = read_odometry(folder / ODOMETRY).dead_reckoned().positions_m[:, :2]
     for name, count in ((GROUND_TRUTH, len(truth)), (ODOMETRY, len(reckoned))):
-        if count != run.manifest.steps:
-            raise RunError(
-                f"{folder / name}: has {count} steps, the run has {run.manifest.steps}: "
-                "delete it, and drive again to have it back"
-            )
+        run.check_steps(name, count)
     done = run.steps_done()
     pictures = {}
     if run.manifest.cameras:
-        camera = run.manifest.cameras[0]
+        camera = run.camera()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
         pictures = {step: _picture(run.file(camera, step, ".png")) for step in shown}
     title = _title(
@@ -57,13 +53,7 @@ def video(request: VideoRequest) -> None:
         raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")
     run = RunFolder.read(folder)
     check_video_target(output)
-    names = run.manifest.cameras
-    if not names:
-        raise RunError(f"{folder}: this run has no camera")
-    name = names[0] if request.camera is None else request.camera
-    if name not in names:
-        hint = did_you_mean(name, names, "it has")
-        raise RunError(f"{folder}: camera {name!r}: not there; {hint}")
+    name = run.camera(request.camera)
     done = run.steps_done()
     if done == 0:
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")

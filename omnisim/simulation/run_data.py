@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import RunError, did_you_mean
+from omnisim.errors import RunError
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
 from omnisim.robot import Trajectory, read_odometry, read_trajectory
@@ -102,7 +102,7 @@ def planar_poses(trajectory: Trajectory) -> NDArray[np.float64]:
 
 
 def read_run(folder: Path, scene: str | None = None, camera: str | None = None) -> RunData:
-    """Read what is there of a run.
+    """Read a run as far as it is there.
 
     Args:
         folder: of the run.
@@ -113,7 +113,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
         OmnisimError: no run, no camera, no picture yet, no landmarks, or a damaged file.
     """
     run = RunFolder.read(folder)
-    name = _camera_name(run, camera)
+    name = run.camera(camera)
     recorded = run.manifest.scene
     found = load_scene(scene or recorded.file, recorded.up_axis)
     if not found.landmarks:
@@ -124,24 +124,9 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     if steps == 0:
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
     odometry = read_odometry(folder / ODOMETRY)
+    run.check_steps(ODOMETRY, len(odometry.times_s))
     truth = read_trajectory(folder / GROUND_TRUTH) if run.has(GROUND_TRUTH) else None
-    for file, count in ((ODOMETRY, len(odometry.times_s)), (GROUND_TRUTH, truth and len(truth))):
-        if count is not None and count != run.manifest.steps:
-            raise RunError(
-                f"{folder / file}: has {count} steps, the run has {run.manifest.steps}: "
-                "delete it, and drive again to have it back"
-            )
+    if truth is not None:
+        run.check_steps(GROUND_TRUTH, len(truth))
     mount = read_mount(folder / name / CALIBRATION)
     return RunData(run, name, mount, found, odometry, truth, steps)
-
-
-def _camera_name(run: RunFolder, wanted: str | None) -> str:
-    names = run.manifest.cameras
-    if not names:
-        raise RunError(f"{run.path}: this run has no camera")
-    if wanted is None:
-        return names[0]
-    if wanted not in names:
-        hint = did_you_mean(wanted, names, "it has")
-        raise RunError(f"{run.path}: camera {wanted!r}: not there; {hint}")
-    return wanted

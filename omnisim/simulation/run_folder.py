@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.atomic_file import write_text
-from omnisim.errors import RunError
+from omnisim.errors import RunError, did_you_mean
 from omnisim.simulation.manifest import (
     Manifest,
     first_difference,
@@ -87,6 +87,32 @@ class RunFolder:
     def has(self, name: str) -> bool:
         """A file of the run is there, such as `GROUND_TRUTH`."""
         return is_written(self.path / name)
+
+    def camera(self, name: str | None = None) -> str:
+        """Name of a camera of the run; by default the first.
+
+        Raises:
+            RunError: there is none, or none of this name.
+        """
+        names = self.manifest.cameras
+        if not names:
+            raise RunError(f"{self.path}: this run has no camera")
+        if name is not None and name not in names:
+            hint = did_you_mean(name, names, "it has")
+            raise RunError(f"{self.path}: camera {name!r}: not there; {hint}")
+        return names[0] if name is None else name
+
+    def check_steps(self, name: str, count: int) -> None:
+        """Refuse a file of the run with another number of steps.
+
+        Raises:
+            RunError: naming the file and both numbers.
+        """
+        if count != self.manifest.steps:
+            raise RunError(
+                f"{self.path / name}: has {count} steps, the run has {self.manifest.steps}: "
+                "delete it, and drive again to have it back"
+            )
 
     def steps_done(self) -> int:
         """Count the steps, from the first one on, that have all their files."""
