@@ -11,7 +11,7 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.town.house import KINDS, house
 from benchmarks.town.land import START_X_M, Plots, land
 from benchmarks.town.materials import town_materials
-from benchmarks.town.pieces import Part, Pieces
+from benchmarks.town.mesh_builder import MeshBuilder, Submesh
 from benchmarks.town.street import GARDEN_M, KERB_HIGH_M, KERB_M, ROAD_MIDDLE_M, ground, lamp, tree
 from omnisim.scene.model import Instance, Light, Lighting, LightKind, Mesh, Scene, StartPose
 
@@ -25,7 +25,7 @@ LIGHTING = Lighting(ambient=(0.42, 0.46, 0.52), lights=(_SUN,))
 class _Placed(NamedTuple):
     """Parts of an object, and its poses in the town."""
 
-    parts: dict[str, Part]
+    parts: dict[str, Submesh]
     world_from_object: NDArray[np.float64]  # (n, 3, 3), turned and scaled
     position_m: NDArray[np.float64]  # (n, 3)
     block: NDArray[np.intp]  # (n,)
@@ -82,7 +82,7 @@ def _scene(objects: list[_Placed], plots: Plots) -> Scene:
     meshes: list[Mesh] = []
     instances: list[Instance] = []
 
-    def add(node: str, origin_m: NDArray[np.float64], parts: dict[str, list[Part]]) -> None:
+    def add(node: str, origin_m: NDArray[np.float64], parts: dict[str, list[Submesh]]) -> None:
         world_from_mesh = np.eye(4)
         world_from_mesh[:3, 3] = origin_m
         for name, found in parts.items():
@@ -91,7 +91,7 @@ def _scene(objects: list[_Placed], plots: Plots) -> Scene:
 
     for block in range(1 + int(plots.block.max())):
         origin_m = plots.position_m[plots.block == block].mean(axis=0)
-        parts: dict[str, list[Part]] = {}
+        parts: dict[str, list[Submesh]] = {}
         for item in objects:
             in_block = item.block == block
             if in_block.any():
@@ -113,21 +113,21 @@ def _scene(objects: list[_Placed], plots: Plots) -> Scene:
 
 
 def _placed(
-    part: Part, world_from_object: NDArray[np.float64], position_m: NDArray[np.float64]
-) -> Part:
+    part: Submesh, world_from_object: NDArray[np.float64], position_m: NDArray[np.float64]
+) -> Submesh:
     """Copies of a part at n poses, each with vertices of its own."""
     count, vertices = len(position_m), len(part.positions)
     positions = part.positions @ world_from_object.transpose(0, 2, 1).astype(np.float32)
     positions += position_m[:, None].astype(np.float32)
     first = (vertices * np.arange(count, dtype=np.uint32))[:, None, None]
-    return Part(
+    return Submesh(
         positions.reshape(-1, 3),
         np.tile(part.texture_coordinates, (count, 1)),
         (part.triangles + first).reshape(-1, 3),
     )
 
 
-def _mesh(name: str, material: int, texture_m: float, parts: list[Part]) -> Mesh:
+def _mesh(name: str, material: int, texture_m: float, parts: list[Submesh]) -> Mesh:
     """Mesh of a block's parts of one material, whose texture is so wide."""
     bases = np.cumsum([0, *(len(part.positions) for part in parts)], dtype=np.uint32)
     triangles = [part.triangles + base for part, base in zip(parts, bases, strict=False)]
@@ -141,9 +141,9 @@ def _mesh(name: str, material: int, texture_m: float, parts: list[Part]) -> Mesh
     )
 
 
-def _outskirts(plots: Plots) -> dict[str, Part]:
+def _outskirts(plots: Plots) -> dict[str, Submesh]:
     """A meadow below and around the town, and the first street, which goes on across it."""
-    pieces = Pieces()
+    builder = MeshBuilder()
     x0, y0, _ = plots.position_m.min(axis=0) - OUTSKIRTS_M
     x1, y1, _ = plots.position_m.max(axis=0) + OUTSKIRTS_M
     half = KERB_M - ROAD_MIDDLE_M
@@ -151,9 +151,9 @@ def _outskirts(plots: Plots) -> dict[str, Part]:
         ("grass", y0, y1, -3.0 * KERB_HIGH_M),
         ("asphalt", -half, half, -1.2 * KERB_HIGH_M),
     ):
-        pieces.quad(material, (x0, low, z), (x1, low, z), (x1, high, z), (x0, high, z))
-    return pieces.parts()
+        builder.quad(material, (x0, low, z), (x1, low, z), (x1, high, z), (x0, high, z))
+    return builder.submeshes()
 
 
-def _count(parts: dict[str, Part]) -> int:
+def _count(parts: dict[str, Submesh]) -> int:
     return sum(len(part.triangles) for part in parts.values())

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.town.pieces import Part, Pieces
+from benchmarks.town.mesh_builder import MeshBuilder, Submesh
 
 STOREY_M, DEPTH_M = 2.7, 8.0
 WINDOW_M, SILL_M, REVEAL_M = (1.1, 1.3), 0.9, 0.14
@@ -55,7 +55,7 @@ KINDS = (
 class _Wall:
     """A wall's own axes: from its lower left corner to the right and up, seen from outside."""
 
-    pieces: Pieces
+    builder: MeshBuilder
     corner: NDArray[np.float64]
     right: NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class _Wall:
     def rectangle(
         self, material: str, x0: float, x1: float, z0: float, z1: float, inward: float = 0.0
     ) -> None:
-        self.pieces.quad(
+        self.builder.quad(
             material, self.at(x0, z0, inward), self.at(x1, z0, inward), self.at(x1, z1, inward),
             self.at(x0, z1, inward),
         )  # fmt: skip
@@ -75,26 +75,26 @@ class _Wall:
         x0, x1, z0, z1 = hole
         rim = [(x0, z0), (x0, z1), (x1, z1), (x1, z0)]
         for one, other in zip(rim, rim[1:] + rim[:1], strict=True):
-            self.pieces.quad(
+            self.builder.quad(
                 material, self.at(*one), self.at(*one, REVEAL_M), self.at(*other, REVEAL_M),
                 self.at(*other),
             )  # fmt: skip
 
 
-def house(kind: HouseKind) -> dict[str, Part]:
-    """Parts of a house, by material."""
-    pieces = Pieces()
+def house(kind: HouseKind) -> dict[str, Submesh]:
+    """Submeshes of a house, by material."""
+    builder = MeshBuilder()
     half, deep, high = 0.5 * kind.width_m, 0.5 * DEPTH_M, 2.0 * STOREY_M
     corners = np.array([(-half, -deep, 0), (half, -deep, 0), (half, deep, 0), (-half, deep, 0)])
     columns = (kind.columns, 1, kind.columns, 1)
     for side, corner in enumerate(corners):
         to_next = corners[(side + 1) % 4] - corner
         width_m = float(np.linalg.norm(to_next))
-        wall = _Wall(pieces, corner, to_next / width_m)
+        wall = _Wall(builder, corner, to_next / width_m)
         door_column = kind.door_column if side == 0 else None
         _pierced(wall, kind, width_m, high, columns[side], door_column)
-    _roof(pieces, kind, half, deep, high)
-    return pieces.parts()
+    _roof(builder, kind, half, deep, high)
+    return builder.submeshes()
 
 
 def _pierced(
@@ -139,11 +139,11 @@ def _window(wall: _Wall, hole: tuple[float, float, float, float]) -> None:
     out, low = -0.09, z0 - 0.08
     left, right = x0 - 0.08, x1 + 0.08
     wall.rectangle("stone", left, right, low, z0, out)
-    wall.pieces.quad(
+    wall.builder.quad(
         "stone", wall.at(left, z0, out), wall.at(right, z0, out), wall.at(right, z0, REVEAL_M),
         wall.at(left, z0, REVEAL_M),
     )  # fmt: skip
-    wall.pieces.quad(
+    wall.builder.quad(
         "stone", wall.at(left, low), wall.at(right, low), wall.at(right, low, out),
         wall.at(left, low, out),
     )  # fmt: skip
@@ -163,18 +163,18 @@ def _door(wall: _Wall, kind: HouseKind, hole: tuple[float, float, float, float])
     wall.rectangle("white paint", left, right, low, high, out)
     for over in ((low, 0.0, out), (high, out, 0.0)):  # below and above
         z, near, far = over
-        wall.pieces.quad(
+        wall.builder.quad(
             "white paint", wall.at(left, z, near), wall.at(right, z, near),
             wall.at(right, z, far), wall.at(left, z, far),
         )  # fmt: skip
     for x, near, far in ((left, 0.0, out), (right, out, 0.0)):
-        wall.pieces.quad(
+        wall.builder.quad(
             "white paint", wall.at(x, low, near), wall.at(x, low, far), wall.at(x, high, far),
             wall.at(x, high, near),
         )  # fmt: skip
 
 
-def _roof(pieces: Pieces, kind: HouseKind, half: float, deep: float, high: float) -> None:
+def _roof(builder: MeshBuilder, kind: HouseKind, half: float, deep: float, high: float) -> None:
     """Two slopes, the ridge along x, with boards, gutters, gables and a chimney."""
     rise, reach = kind.roof_rise_m, deep + OVERHANG_M
     low, ridge = high - rise * OVERHANG_M / deep, high + rise
@@ -182,13 +182,13 @@ def _roof(pieces: Pieces, kind: HouseKind, half: float, deep: float, high: float
     for sign in (-1.0, 1.0):
         a, b = (left, right) if sign < 0.0 else (right, left)
         eave, top = sign * reach, 0.0
-        pieces.quad(kind.roof, (a, eave, low), (b, eave, low), (b, top, ridge), (a, top, ridge))
+        builder.quad(kind.roof, (a, eave, low), (b, eave, low), (b, top, ridge), (a, top, ridge))
         under = -0.12
-        pieces.quad(
+        builder.quad(
             "white paint", (a, top, ridge + under), (b, top, ridge + under), (b, eave, low + under),
             (a, eave, low + under),
         )  # fmt: skip
-        pieces.quad(
+        builder.quad(
             "white paint", (a, eave, low + under), (b, eave, low + under), (b, eave, low),
             (a, eave, low),
         )  # fmt: skip
@@ -196,12 +196,12 @@ def _roof(pieces: Pieces, kind: HouseKind, half: float, deep: float, high: float
             board = [
                 (x, eave, low + under), (x, eave, low), (x, top, ridge), (x, top, ridge + under),
             ]  # fmt: skip
-            pieces.quad("white paint", *(board if flip else board[::-1]))
+            builder.quad("white paint", *(board if flip else board[::-1]))
         gutter = (min(eave, eave + 0.12 * sign), low - 0.1), (max(eave, eave + 0.12 * sign), low)
-        pieces.box("metal", (left, *gutter[0]), (right, *gutter[1]), "+z")
+        builder.box("metal", (left, *gutter[0]), (right, *gutter[1]), "+z")
     for x, order in ((-half, 1), (half, -1)):
         gable = [(x, deep, high), (x, -deep, high), (x, 0.0, ridge - 0.1)]
-        pieces.quad(kind.wall, *gable[::order])
+        builder.quad(kind.wall, *gable[::order])
     x = 0.5 * half
-    pieces.box("brick", (x - 0.35, 0.6, high + 0.6), (x + 0.35, 1.3, ridge + 0.8), "-z")
-    pieces.post("red tiles", (x, 0.95, ridge + 0.8), 0.4, (0.16, 0.13))
+    builder.box("brick", (x - 0.35, 0.6, high + 0.6), (x + 0.35, 1.3, ridge + 0.8), "-z")
+    builder.post("red tiles", (x, 0.95, ridge + 0.8), 0.4, (0.16, 0.13))

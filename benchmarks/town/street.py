@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.town.pieces import Part, Pieces
+from benchmarks.town.mesh_builder import MeshBuilder, Submesh
 
 PLOT_WIDTH_M = 13.0
 ROAD_MIDDLE_M, KERB_M, GARDEN_M, BACK_M = -14.0, -10.5, -8.5, 9.0  # y, from the house's middle
@@ -16,13 +16,13 @@ KERB_HIGH_M = 0.12
 HEDGE_M = (0.5, 0.8)  # thick, high
 
 
-def ground() -> dict[str, Part]:
+def ground() -> dict[str, Submesh]:
     """Half the road with its line, kerb, pavement, garden with a path, and a hedge."""
-    pieces = Pieces()
+    builder = MeshBuilder()
     half = 0.5 * PLOT_WIDTH_M
 
     def lying(material: str, x0: float, x1: float, y0: float, y1: float, z: float) -> None:
-        pieces.quad(material, (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
+        builder.quad(material, (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
 
     lying("asphalt", -half, half, ROAD_MIDDLE_M, KERB_M, -KERB_HIGH_M)
     for x in (-0.5 * half, 0.5 * half):
@@ -30,7 +30,7 @@ def ground() -> dict[str, Part]:
             "white paint", x - 1.0, x + 1.0, ROAD_MIDDLE_M, ROAD_MIDDLE_M + 0.07,
             -KERB_HIGH_M + 0.01,
         )  # fmt: skip
-    pieces.quad(
+    builder.quad(
         "stone", (-half, KERB_M, -KERB_HIGH_M), (half, KERB_M, -KERB_HIGH_M), (half, KERB_M, 0.0),
         (-half, KERB_M, 0.0),
     )  # fmt: skip
@@ -39,33 +39,33 @@ def ground() -> dict[str, Part]:
     lying("paving", -0.6, 0.6, GARDEN_M, -4.0, 0.015)
     thick, high = HEDGE_M
     for x0, x1 in ((-half, -0.8), (0.8, half)):
-        pieces.box("leaves", (x0, GARDEN_M, 0.0), (x1, GARDEN_M + thick, high), "-z")
-    pieces.box("leaves", (half - thick, GARDEN_M, 0.0), (half, BACK_M, high), "-z")
-    return pieces.parts()
+        builder.box("leaves", (x0, GARDEN_M, 0.0), (x1, GARDEN_M + thick, high), "-z")
+    builder.box("leaves", (half - thick, GARDEN_M, 0.0), (half, BACK_M, high), "-z")
+    return builder.submeshes()
 
 
-def tree() -> dict[str, Part]:
+def tree() -> dict[str, Submesh]:
     """A trunk and five clumps of leaves, each with 20 sides."""
-    pieces = Pieces()
-    pieces.post("bark", (0.0, 0.0, 0.0), 2.4, (0.2, 0.12))
+    builder = MeshBuilder()
+    builder.post("bark", (0.0, 0.0, 0.0), 2.4, (0.2, 0.12))
     clumps = (
         (0.0, 0.0, 3.6, 1.5), (0.8, 0.3, 2.9, 1.0), (-0.7, 0.5, 3.0, 1.1), (0.1, -0.8, 2.8, 1.0),
         (0.2, 0.2, 4.8, 0.9),
     )  # fmt: skip
     for index, (x, y, z, radius) in enumerate(clumps):
         for corners in _icosahedron(0.7 * index):
-            pieces.quad("leaves", *(corners * (radius, radius, 0.85 * radius) + (x, y, z)))
-    return pieces.parts()
+            builder.quad("leaves", *(corners * (radius, radius, 0.85 * radius) + (x, y, z)))
+    return builder.submeshes()
 
 
-def lamp() -> dict[str, Part]:
+def lamp() -> dict[str, Submesh]:
     """A post with an arm over the road, which is at −y."""
-    pieces = Pieces()
-    pieces.post("metal", (0.0, 0.0, 0.0), 5.0, (0.08, 0.05))
-    pieces.box("metal", (-0.03, -1.2, 4.9), (0.03, 0.0, 4.96), "+y")
-    pieces.box("metal", (-0.12, -1.6, 4.86), (0.12, -1.0, 4.98))
-    pieces.box("lamp", (-0.09, -1.5, 4.82), (0.09, -1.1, 4.86), "+z")
-    return pieces.parts()
+    builder = MeshBuilder()
+    builder.post("metal", (0.0, 0.0, 0.0), 5.0, (0.08, 0.05))
+    builder.box("metal", (-0.03, -1.2, 4.9), (0.03, 0.0, 4.96), "+y")
+    builder.box("metal", (-0.12, -1.6, 4.86), (0.12, -1.0, 4.98))
+    builder.box("lamp", (-0.09, -1.5, 4.82), (0.09, -1.1, 4.86), "+z")
+    return builder.submeshes()
 
 
 def _icosahedron(yaw_rad: float) -> NDArray[np.float64]:

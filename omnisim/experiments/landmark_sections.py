@@ -26,7 +26,7 @@ from omnisim.plots.detection_plots import (
 )
 from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section, Table
+from omnisim.reports.report import CaptionedFigure, ResultTable, Section
 from omnisim.simulation.run_labels import RunLabels
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)
@@ -93,7 +93,7 @@ def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
         ]
         for title, each in (("clean pictures", simulated), ("degraded pictures", real))
     }
-    table = Table(
+    table = ResultTable(
         "Pixels, on drives that nothing was learned from. A threshold Θ is that of Eq. 3 which "
         "costs least on held-out pictures, where a false alarm costs four misses.",
         ("colour", "Θ", "found, clean", "found, degraded", "false in 10⁶, clean",
@@ -149,7 +149,7 @@ def detection(simulated: Simulated, real: Real) -> Section:
         "more than a quarter of its range and three of its own sigmas, counts as a false one; "
         "distances are the true ones.",
         numbers,
-        (Table("Within 4 m, clean.",
+        (ResultTable("Within 4 m, clean.",
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
         (CaptionedFigure("recall", rates_figure({"clean": _rates(simulated.found),
                                          "real setting": _rates(real.found)}),
@@ -201,7 +201,8 @@ def degradations(
         "What the paper's discussion asks for. The pictures of experiment 1 degraded one way at a "
         "time; colours are those learned from clean ones, and the start is known.",
         tables=(
-            Table("Landmarks within 4 m; error of the place: mean after step 5, median of 5 seeds.",
+            ResultTable("Landmarks within 4 m; error of the place: mean after step 5, median of 5 "
+                  "seeds.",
                   ("degradation", "level", "recall", "precision", "bearing, RMS", "range, RMS",
                    "false pixels in 10⁶", "error of the place"), tuple(rows)),
         ),

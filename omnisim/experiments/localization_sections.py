@@ -20,7 +20,7 @@ from omnisim.plots.localization_plots import (
     seeds_figure,
 )
 from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section, Table
+from omnisim.reports.report import CaptionedFigure, ResultTable, Section
 
 LATE_STEP = 5
 PAPER_BOUND_M, SIMULATED_BOUND_M = 0.6, 0.5
@@ -195,7 +195,7 @@ def gains(simulated: Simulated) -> Section:
         "would have seen only those within 45° of the front: its range and resolution are taken to "
         "be as good. Where it sees nothing, the wheels lead.",
         tables=(
-            Table("Experiment 1, 20 seeds, error after step 5 in metres.",
+            ResultTable("Experiment 1, 20 seeds, error after step 5 in metres.",
                   ("camera", "landmarks a picture", "mean error, median", "its 95 % band",
                    "largest error, median"), tuple(rows)),
         ),

@@ -33,7 +33,7 @@ class CaptionedFigure:
 
 
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """A caption, column headings, and rows of as many cells, as text."""
 
     caption: str
@@ -58,7 +58,7 @@ class Section:
     title: str
     text: str = ""
     measures: Sequence[Measure] = ()
-    tables: Sequence[Table] = ()
+    tables: Sequence[ResultTable] = ()
     figures: Sequence[CaptionedFigure] = ()
     notices: Sequence[str] = ()
     key: str = ""

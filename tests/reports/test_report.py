@@ -8,14 +8,20 @@ from matplotlib.figure import Figure
 
 from omnisim.errors import OutputError
 from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Report, Section, Table, check_report_target
+from omnisim.reports.report import (
+    CaptionedFigure,
+    Report,
+    ResultTable,
+    Section,
+    check_report_target,
+)
 
 
 def _report(value):
     section = Section(
         "One & two", "What was done.",
         (Measure("error", value, "m", 0.5, paper="0.349 m"), Measure("count", 3.0)),
-        (Table("Side by side.", ("a", "b"), (("x", "1"),)),),
+        (ResultTable("Side by side.", ("a", "b"), (("x", "1"),)),),
         (CaptionedFigure("dots", Figure(figsize=(1, 1)), "A dot."),),
         ("Mind the <gap>.",),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
 from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
 from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section, Table
+from omnisim.reports.report import CaptionedFigure, ResultTable, Section
 from omnisim.sensors import OmniCamera, Stage
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.psnr import psnr_db
@@ -96,7 +96,7 @@ def _detail(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return picture[top : top + height, left : left + width]
 
 
-def _table(results: dict[int, MeshResult]) -> Table:
+def _table(results: dict[int, MeshResult]) -> ResultTable:
     rows = tuple(
         (
             str(polygons),
@@ -108,7 +108,7 @@ def _table(results: dict[int, MeshResult]) -> Table:
         for polygons, result in results.items()
     )
     heads = ("polygons", "mean px", "95 % px", "max px", "PSNR dB")
-    return Table("Meshes against the exact capture, 360 × 360 px", heads, rows)
+    return ResultTable("Meshes against the exact capture, 360 × 360 px", heads, rows)
 
 
 def _figure(results: dict[int, MeshResult], slope: float) -> Figure:

@@ -14,7 +14,7 @@ from omnisim.frame import Frame
 from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot
 from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section, Table
+from omnisim.reports.report import CaptionedFigure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mirror_camera
@@ -127,7 +127,7 @@ def exact_radius_px(
     return camera.focal_length_px * psi * np.sin(theta) / (xi + np.cos(theta))
 
 
-def _table(exact: Rings, mesh: Rings) -> Table:
+def _table(exact: Rings, mesh: Rings) -> ResultTable:
     rows = tuple(
         (
             f"{angle:.0f}°",
@@ -148,7 +148,7 @@ def _table(exact: Rings, mesh: Rings) -> Table:
             strict=True,
         )
     )
-    return Table(
+    return ResultTable(
         "Radii in pixels of a 360 × 360 picture, and their differences from the exact relation",
         ("θ", "exact relation", "measured, exact capture", "measured, 1024 polygons", "Eq. 2",
          "exact capture −", "1024 polygons −", "Eq. 2 −"),

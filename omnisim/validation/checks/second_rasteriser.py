@@ -9,7 +9,7 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section, Table
+from omnisim.reports.report import CaptionedFigure, ResultTable, Section
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import linear_from_srgb
 from omnisim.validation.fixture import Fixture
@@ -59,7 +59,9 @@ def check(fixture: Fixture, title: str) -> Section:
             Measure("worst face, as it is", min(plain), "dB", BOUND_DB, at_least=True),
             Measure("worst face, averaged", min(averaged), "dB", AVERAGED_BOUND_DB, at_least=True),
         ),
-        tables=(Table("PSNR of each face in dB", ("face", "as it is", "averaged"), tuple(rows)),),
+        tables=(
+            ResultTable("PSNR of each face in dB", ("face", "as it is", "averaged"), tuple(rows)),
+        ),
         figures=(
             CaptionedFigure("faces", gallery(pictures, 2), "Two of the faces by both: the same."),
         ),

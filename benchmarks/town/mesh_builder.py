@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-class Part(NamedTuple):
+class Submesh(NamedTuple):
     """Triangles of one material."""
 
     positions: NDArray[np.float32]  # (n, 3), metres
@@ -16,7 +16,7 @@ class Part(NamedTuple):
     triangles: NDArray[np.uint32]  # (m, 3)
 
 
-class Pieces:
+class MeshBuilder:
     """Quads collected by material; corners run counter-clockwise, seen from outside."""
 
     def __init__(self) -> None:
@@ -55,12 +55,12 @@ class Pieces:
         for at in range(sides):
             self.quad(material, low[at], low[at + 1], high[at + 1], high[at])
 
-    def parts(self) -> dict[str, Part]:
-        """Parts by material."""
+    def submeshes(self) -> dict[str, Submesh]:
+        """Submeshes by material."""
         return {material: _part(np.array(quads)) for material, quads in self._corners.items()}
 
 
-def _part(quads: NDArray[np.float64]) -> Part:
+def _part(quads: NDArray[np.float64]) -> Submesh:
     """Triangles of quads (n, 4, 3); their textures lie flat on them, as wide as they are."""
     right = quads[:, 1] - quads[:, 0]
     width = np.linalg.norm(right, axis=1, keepdims=True)
@@ -76,7 +76,7 @@ def _part(quads: NDArray[np.float64]) -> Part:
     flat = quads.reshape(-1, 3)
     a, b, c = (flat[triangles[:, corner]] for corner in range(3))
     has_area = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9
-    return Part(
+    return Submesh(
         flat.astype(np.float32),
         np.stack((u, v), axis=-1).reshape(-1, 2).astype(np.float32),
         triangles[has_area].astype(np.uint32),
