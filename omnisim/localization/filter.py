@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from omnisim.poses import wrap_angle
 
 Verdict = Literal["accepted", "gated", "superseded", "singular"]
 _EYE = np.eye(3)
+_DISTANCE = attrgetter("distance_squared")
 # A symmetric matrix whose determinant is below this share of the largest it could have is singular.
 _SINGULAR = 1e-12
 
@@ -223,15 +225,13 @@ class LocalizationFilter:
         nearest = [
             min(
                 (self._hypothesis(each, name, (x, y, yaw), spread) for name in each.candidates),
-                key=_distance_squared,
+                key=_DISTANCE,
             )
             for each in observations
         ]
         holders: dict[str, _Hypothesis] = {}  # by landmark
         for each in nearest:
-            holders[each.landmark] = min(
-                holders.get(each.landmark, each), each, key=_distance_squared
-            )
+            holders[each.landmark] = min(holders.get(each.landmark, each), each, key=_DISTANCE)
         gate = self._parameters.measurement.gate
         verdicts: list[Verdict] = []
         for each in nearest:
@@ -283,10 +283,6 @@ class LocalizationFilter:
             observation, landmark, distance, (a0, a1, a2, b0, b1, b2),
             (variance_m2, variance_rad2), (nu_m, nu_rad),
         )  # fmt: skip
-
-
-def _distance_squared(hypothesis: _Hypothesis) -> float:
-    return hypothesis.distance_squared
 
 
 def _check(observation: Observation) -> None:

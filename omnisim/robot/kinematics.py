@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
@@ -45,15 +45,12 @@ class Kinematics:
             raise TrajectoryError(
                 f"drive {self.drive!r}: expected one of {', '.join(get_args(DriveType))}"
             )
-        for name in (
-            "max_speed_mps",
-            "max_turn_rate_radps",
-            "max_acceleration_mps2",
-            "max_turn_acceleration_radps2",
-        ):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 1e-6 <= value <= 1e6):
-                raise TrajectoryError(f"{name} = {value}: expected a number from 1e-06 to 1e+06")
+        for limit in fields(self)[1:]:
+            value = getattr(self, limit.name)
+            if not 1e-6 <= value <= 1e6:  # false for NaN, too
+                raise TrajectoryError(
+                    f"{limit.name} = {value}: expected a number from 1e-06 to 1e+06"
+                )
 
 
 @dataclass(frozen=True, eq=False)

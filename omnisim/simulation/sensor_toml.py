@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.sensors import OmniCamera
 
@@ -24,7 +24,7 @@ def sensor_toml(sensor: OmniCamera) -> str:
         group, geometry = "mirror", _mirror(sensor.model, sensor.polygons)
         picture = _picture(sensor.model)
     else:
-        group, geometry, picture = "lens", _lens(sensor.model), ""
+        group, geometry, picture = "lens", _keys(sensor.model.parameters()), ""
     return f"""[{group}]
 {geometry}
 [{group}.mounting]
@@ -71,10 +71,6 @@ def _degradation(sensor: OmniCamera) -> str:
         f"\n[degradation.{name}]\n{_keys(values)}"
         for name, values in sensor.degradation.tables().items()
     )
-
-
-def _lens(camera: CentralCamera) -> str:
-    return _keys(camera.parameters())
 
 
 def _keys(values: dict[str, Any]) -> str:

@@ -125,16 +125,16 @@ class _Reader:
     def __init__(self, entry: Entry) -> None:
         self._entry, self._text, self._at = entry, entry.value, 0
 
+    def _fault(self, words: str) -> RobotFileError:
+        return self._entry.fault(f"{self._entry.key}: {words}")
+
     def whole(self) -> Struct:
         if self._next() != "(":
             raise self._entry.fault(f"{self._entry.key}={quote(self._text)}: expected (...)")
         struct = self._struct(1)
         rest = self._text[self._at :].strip()
         if rest and not rest.startswith(COMMENTS):
-            raise self._entry.fault(
-                f"{self._entry.key}: {quote(rest)!r} after the last parenthesis: "
-                "unbalanced parentheses"
-            )
+            raise self._fault(f"{quote(rest)!r} after the last parenthesis: unbalanced parentheses")
         return struct
 
     def _next(self) -> str:
@@ -145,7 +145,7 @@ class _Reader:
 
     def _struct(self, depth: int) -> Struct:
         if depth > DEEPEST:
-            raise self._entry.fault(f"{self._entry.key}: more than {DEEPEST} parentheses deep")
+            raise self._fault(f"more than {DEEPEST} parentheses deep")
         self._at += 1
         struct: Struct = {}
         while True:
@@ -155,18 +155,18 @@ class _Reader:
                 self._at += 1
                 return struct
             elif not self._next():
-                raise self._entry.fault(f"{self._entry.key}: a parenthesis is not closed")
+                raise self._fault("a parenthesis is not closed")
             else:
                 name, value = self._pair(depth)
                 if name.lower() in struct:
-                    raise self._entry.fault(f"{self._entry.key}: {name} twice: expected it once")
+                    raise self._fault(f"{name} twice: expected it once")
                 struct[name.lower()] = (name, value)
 
     def _pair(self, depth: int) -> tuple[str, Value]:
         found = re.compile(r"([A-Za-z_][\w()\[\]]*)\s*=").match(self._text, self._at)
         if found is None:
             rest = quote(self._text[self._at :])
-            raise self._entry.fault(f"{self._entry.key}: {rest!r}: expected name=value")
+            raise self._fault(f"{rest!r}: expected name=value")
         self._at = found.end()
         if self._next() == "(":
             return found[1], self._struct(depth + 1)
@@ -180,8 +180,8 @@ class _Reader:
             if letter in "\"'":
                 end = self._text.find(letter, self._at + 1) + 1
                 if not end:
-                    raise self._entry.fault(f"{self._entry.key}: {name}: a quote is not closed")
+                    raise self._fault(f"{name}: a quote is not closed")
             yield self._text[self._at : end]
             self._at = end
         if self._text[self._at : self._at + 1] == "(":
-            raise self._entry.fault(f"{self._entry.key}: {name}: a parenthesis within a word")
+            raise self._fault(f"{name}: a parenthesis within a word")
