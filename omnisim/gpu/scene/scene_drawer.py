@@ -124,13 +124,15 @@ class SceneDrawer(Generic[P]):
         """Draw the calls of a tile."""
         self._context.front_face = "cw"
         matrices = tile.clip_from_anchor, tile.viewpoint_from_anchor, _NORMAL_FROM_ANCHOR
-        placed = set()
+        placed, double_sided = set(), None
         for number, first, count in tile.calls:
             batch, program = self._batches[number], self._batch_programs[number]
             if program not in placed:
                 placed.add(program)
                 program.set_matrices(*matrices)
-            self._cull_back_faces(batch.material)
+            if batch.material.double_sided is not double_sided:
+                double_sided = batch.material.double_sided
+                self._cull_back_faces(batch.material)
             program.bind_material(batch.material, batch.texture)
             program.draw(self._batch_arrays[program], first, count, self._first_id + first // 3)
 
