@@ -1,11 +1,13 @@
 # On a fresh Debian or Ubuntu machine with Python and make, each target installs missing dependencies:
 #   make demo          renders a first picture
-#   make test          runs linters and tests
+#   make test          runs linters and the quick tests
+#   make test-all      runs linters and all tests
 #   make validate      validates the geometry
 #   make experiments   repeats the paper's experiments in self-localization
 #   make bench         measures performance, also that of other renderers
 
-.PHONY: help demo test validate experiments bench readme gallery sheets lint setup system clean
+.PHONY: help demo test test-all validate experiments bench docs readme gallery sheets lint setup \
+	system clean
 
 # The first Python that is new enough; override with PYTHON=...
 PYTHON ?= $(shell for python in python3 python3.11 python3.12 python3.13 python3.14; do \
@@ -18,12 +20,14 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 help:
 	@echo "Each target installs missing dependencies first."
 	@echo "make demo         render a first picture: out/courtyard.png"
-	@echo "make test         run linters and tests"
+	@echo "make test         run linters and the quick tests: some 4 minutes on 2 cores"
+	@echo "make test-all     run linters and all tests, of the documentation too"
 	@echo "make lint         run ruff and mypy"
 	@echo "make validate     validate the geometry: out/validation"
 	@echo "make experiments  repeat the paper's experiments in self-localization: out/experiments"
 	@echo "make bench        measure performance, also of other renderers: out/benchmarks"
-	@echo "make readme       validate, and update README's measures and figures"
+	@echo "make docs         build the documentation: out/docs"
+	@echo "make readme       validate, and update measures and figures in the documentation"
 	@echo "make gallery      render a scene through every camera model: omnisim/cameras/gallery"
 	@echo "make sheets       render every channel and degradation: omnisim/sensors/sheets"
 	@echo "make clean        remove the environment and all outputs"
@@ -33,7 +37,11 @@ demo: setup
 	@$(BIN)/omnisim render courtyard --size 720 -o out/courtyard.png
 	@echo "Your first picture: $(CURDIR)/out/courtyard.png"
 
+# Ends with the number of slow tests left out.
 test: setup lint
+	$(BIN)/python -m pytest -m "not slow"
+
+test-all: setup lint
 	$(BIN)/python -m pytest
 
 validate: setup
@@ -47,6 +55,9 @@ experiments: setup
 # Fails if a bound does not hold, after all suites have run.
 bench: setup
 	$(BIN)/python -m benchmarks all -o out/benchmarks
+
+docs: setup
+	$(BIN)/python -m sphinx -q -W -b html docs out/docs
 
 readme: validate
 	$(BIN)/python .ci/renew_readme.py out/validation
@@ -69,7 +80,7 @@ setup: $(VENV)/.installed
 $(VENV)/.installed: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --editable '.[dev,oracles,video]'
+		--constraint constraints.txt --editable '.[dev,docs,oracles,video]'
 	@touch $@
 
 # System packages that pip cannot install: OpenGL, Mitsuba's libatomic, and on Debian Python's venv.

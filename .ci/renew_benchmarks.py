@@ -1,8 +1,8 @@
-"""Keep the benchmarks' reports and figures, and put Fig. 10 and the race into README.
+"""Keep the benchmarks' reports and figures, and put Fig. 10 and the race on their pages.
 
 python .ci/renew_benchmarks.py out/benchmarks [--results-only]
 
-They go to benchmarks/results/<machine>/; with --results-only README stays as it is: it shows one
+They go to benchmarks/results/<machine>/; with --results-only the pages stay: they show one
 machine.
 """
 
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from readme import ROOT, renew_figures, renew_table
+from pages import ROOT, renew_block, renew_figures
 
 sys.path.insert(0, str(ROOT))
 
@@ -27,7 +27,7 @@ USAGE = "usage: python .ci/renew_benchmarks.py DIR [--results-only]"
 
 
 def main() -> None:
-    """Read the reports of a folder, and renew their copies and README."""
+    """Read the reports of a folder, and renew their copies and the pages."""
     arguments = sys.argv[1:]
     is_results_only = "--results-only" in arguments
     names = [argument for argument in arguments if argument != "--results-only"]
@@ -64,7 +64,7 @@ def main() -> None:
                 *table(report), "", *_bounds(report),
                 *(f"- {remark}" for remark in report.get("remarks", ())),
             ]  # fmt: skip
-            renew_table(suite, "\n".join(lines) + "\n")
+            renew_block(suite, "\n".join(lines) + "\n")
 
 
 def _fps_table(report: dict[str, Any]) -> list[str]:

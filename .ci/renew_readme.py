@@ -1,4 +1,4 @@
-"""Put the measures and figures of validation and experiments into README: make readme.
+"""Put the measures and figures of validation and experiments on their pages: make readme.
 
 python .ci/renew_readme.py out/validation
 python .ci/renew_readme.py out/experiments
@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from readme import ROOT, renew_figures, renew_table
+from pages import ROOT, renew_block, renew_figures
 
-# By title of the report: mark in README, folder of the figures, figures that README shows.
+# By title of the report: mark, folder of the figures, figures that the pages show.
 SHOWN = {
     "Validation": (
         "validation",
@@ -38,7 +38,7 @@ SHOWN = {
 
 
 def main() -> None:
-    """Read the report in the folder that is named and renew what README shows of it."""
+    """Read the report in the folder that is named and renew its block and figures."""
     folder = Path(sys.argv[1])
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     if not report["passed"] or report["notices"]:
@@ -46,7 +46,7 @@ def main() -> None:
     mark, figures, shown = SHOWN[report["title"]]
     renew_figures(folder, figures, shown)
     table = _validation_table if report["title"] == "Validation" else _experiments_table
-    renew_table(mark, "\n".join(table(report)) + "\n")
+    renew_block(mark, "\n".join(table(report)) + "\n")
 
 
 def _validation_table(report: dict[str, Any]) -> list[str]:

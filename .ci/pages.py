@@ -1,0 +1,57 @@
+"""Reports on pages of the documentation: downsampled figures, and blocks between two comments."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+EXPLANATION = ROOT / "docs" / "explanation"
+PAGES = (
+    ROOT / "README.md",
+    *(EXPLANATION / f"{name}.md" for name in ("accuracy", "performance", "self-localization")),
+)
+WIDEST_PX = 1100
+
+
+def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
+    """Turn PNG figures of a folder into the JPEGs of another, at most as wide as a page."""
+    target.mkdir(exist_ok=True)
+    for name in names:
+        picture = Image.open(source / f"{name}.png").convert("RGB")
+        picture.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
+        picture.save(target / f"{name}.jpg", quality=88, optimize=True)
+
+
+def renew_block(mark: str, block: str, pages: Iterable[Path] = PAGES) -> None:
+    """Put a block between the comments `mark` and `end of mark` of each page that holds them.
+
+    Links of the block are relative to the project's root; on a page they are relative to it.
+    """
+    pattern = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)", re.DOTALL)
+    holders = 0
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        places = len(pattern.findall(text))
+        if places > 1:
+            sys.exit(f"{page}: expected one place for {mark} between two comments, got {places}")
+        if places:
+            holders += 1
+            moved = _moved_links(block, page)
+            text = pattern.sub(lambda match, moved=moved: match[1] + moved + match[2], text)
+            page.write_text(text, encoding="utf-8")
+    if not holders:
+        sys.exit(f"{mark}: expected a page that has a place for it between two comments, got none")
+
+
+def _moved_links(block: str, page: Path) -> str:
+    return re.sub(
+        r"\]\((?!\w+:|#)([^)]+)\)",
+        lambda match: f"]({os.path.relpath(ROOT / match[1], page.parent)})",
+        block,
+    )
