@@ -80,7 +80,7 @@ setup: $(VENV)/.installed
 $(VENV)/.installed: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --editable '.[dev,docs,oracles,video]'
+		--constraint constraints.txt --editable '.[all,dev,docs,oracles]'
 	@touch $@
 
 # System packages that pip cannot install: OpenGL, Mitsuba's libatomic, and on Debian Python's venv.

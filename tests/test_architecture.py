@@ -27,7 +27,7 @@ LAYERS = (
     {"image_files"},
     {"poses"},
     {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file"},
-    {"parameters"},
+    {"parameters", "extras"},
     {"errors", "version"},
 )
 GPU_LAYERS = (

@@ -30,6 +30,7 @@ from omnisim.cli.run_requests import (
 )
 from omnisim.cli.validation_requests import ExperimentsRequest, ValidateRequest
 from omnisim.errors import OmnisimError
+from omnisim.extras import require_extra
 from omnisim.version import __version__
 
 INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
@@ -83,6 +84,7 @@ def drive(request: DriveRequest) -> None:
 @command(app, LocalizeRequest)
 def localize(request: LocalizeRequest) -> None:
     """Localize the robot of a run by its odometry and the landmarks in its pictures."""
+    require_extra("reports", "omnisim localize")
     from omnisim.cli.localize import run
 
     run(request)
@@ -91,17 +93,19 @@ def localize(request: LocalizeRequest) -> None:
 @command(app, PlotRequest)
 def plot(request: PlotRequest) -> None:
     """Plot a run from above: map, path, odometry, landmarks, pictures."""
-    from omnisim.cli.run_views import plot
+    require_extra("plots", "omnisim plot")
+    from omnisim.cli.plot import run
 
-    plot(request)
+    run(request)
 
 
 @command(app, VideoRequest)
 def video(request: VideoRequest) -> None:
     """Encode the pictures of a run as a video."""
-    from omnisim.cli.run_views import video
+    require_extra("video", "omnisim video")
+    from omnisim.cli.video import run
 
-    video(request)
+    run(request)
 
 
 @command(app, UnwarpRequest)
@@ -123,6 +127,7 @@ def scan(request: ScanRequest) -> None:
 @command(app, ValidateRequest)
 def validate(request: ValidateRequest) -> None:
     """Validate the geometry by the paper's figures and independent oracles; 1 if a bound fails."""
+    require_extra("reports", "omnisim validate")
     from omnisim.cli.validate import run
 
     if not run(request):
@@ -132,6 +137,7 @@ def validate(request: ValidateRequest) -> None:
 @command(app, ExperimentsRequest)
 def experiments(request: ExperimentsRequest) -> None:
     """Repeat the paper's experiments in self-localization; 1 if a bound fails."""
+    require_extra("reports", "omnisim experiments")
     from omnisim.cli.experiments import run
 
     if not run(request):

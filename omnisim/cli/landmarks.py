@@ -9,12 +9,11 @@ from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.inputs import read_sensor
 from omnisim.cli.run_requests import DetectRequest, TrainRequest
 from omnisim.errors import LocalizationError, OpticsError
+from omnisim.extras import require_extra
 from omnisim.perception import color_model_file, detection_files
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_training import Training
 from omnisim.perception.landmark_detector import Detection, LandmarkDetector
-from omnisim.plots.detection_plots import detections_figure
-from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.simulation.run_data import RunData, read_run
 from omnisim.simulation.run_labels import train_on_run
 from omnisim.simulation.single_picture import SinglePicture, read_single_picture
@@ -70,6 +69,9 @@ def detect(request: DetectRequest) -> None:
         check_suffix(request.output, detection_files.SUFFIX)
         check_target(request.output)
     if request.show is not None:
+        require_extra("plots", "--show")
+        from omnisim.plots.plot_file import check_plot_target
+
         check_plot_target(request.show)
     model, landmarks = color_model_file.load_model(request.model)
     is_run = request.source.is_dir()
@@ -93,6 +95,9 @@ def detect(request: DetectRequest) -> None:
     if request.output is not None:
         detection_files.write_detections(request.output, detections)
     if request.show is not None:
+        from omnisim.plots.detection_plots import detections_figure
+        from omnisim.plots.plot_file import write_plot
+
         write_plot(request.show, detections_figure(rows))
     out.print(
         f"{request.output or request.show or request.source}: "

@@ -9,8 +9,7 @@ from omnisim.cli.console import out, print_note
 from omnisim.cli.inputs import Viewpoint
 from omnisim.cli.picture_requests import ScanRequest
 from omnisim.errors import OutputError
-from omnisim.plots.plot_file import check_plot_target, write_plot
-from omnisim.plots.scan_plot import scan_figure
+from omnisim.extras import require_extra
 from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.sensors import LaserRenderer, LaserScanner
@@ -22,6 +21,9 @@ def run(request: ScanRequest) -> None:
         raise OutputError(f"--output: expected a .csv file, got {request.output}")
     check_target(request.output)
     if request.plot is not None:
+        require_extra("plots", "--plot")
+        from omnisim.plots.plot_file import check_plot_target
+
         check_plot_target(request.plot)
     scanner = LaserScanner.lms200(request.resolution_deg, request.mode, request.seed)
     if not request.noise:
@@ -44,5 +46,8 @@ def run(request: ScanRequest) -> None:
         markup=False,
     )
     if request.plot is not None:
+        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.scan_plot import scan_figure
+
         write_plot(request.plot, scan_figure(scan))
         out.print(f"{request.plot}: the scan from above", markup=False)

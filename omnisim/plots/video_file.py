@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_write, check_target
 from omnisim.errors import OutputError
+from omnisim.extras import require_extra
 
 FORMATS = {".mp4": "mp4", ".mkv": "matroska"}
 # Constant quality, lower is better: at 18 few can tell it from the original.
@@ -27,10 +28,7 @@ def check_video_target(path: Path) -> None:
         raise OutputError(
             f"{path}: expected {' or '.join(FORMATS)}, got {path.suffix or 'no suffix'}"
         )
-    try:
-        import av  # noqa: F401
-    except ImportError:
-        raise OutputError("videos need PyAV: pip install omnisim[video]") from None
+    require_extra("video", str(path), OutputError)
     check_target(path)
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.errors import SceneError
+from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
@@ -30,6 +31,7 @@ from omnisim.srgb import linear_from_srgb
 # A surface without any colour: a light grey of 80 % on the screen.
 PLAIN_GREY = float(linear_from_srgb(0.8))
 _OPAQUE_FROM = 0.999
+_COLLADA = {".dae", ".zae"}
 # trimesh also reads paths without surfaces, voxels, and archives of files.
 _NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
 # What it would write to standard error is said by errors and notices.
@@ -38,6 +40,8 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 def check_format(path: Path) -> None:
     """Check that trimesh reads surfaces from files with the suffix of `path`."""
+    if path.suffix.lower() in _COLLADA:
+        require_extra("collada", str(path), SceneError)
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
         raise SceneError(
             f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae, or a scene's "

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from importlib import import_module
 
+from omnisim.extras import install_hint
+
 # Before pyrender is imported: no display, and none of X11's libraries either.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 os.environ.setdefault("PYGLET_HEADLESS", "1")
@@ -21,12 +23,12 @@ def import_failure(name: str) -> str:
         found = import_module(module)
     except ModuleNotFoundError:
         hint = " (on Python 3.11 only)" if name == "pyrender" else ""
-        return f"{name} is not installed: pip install omnisim[oracles]{hint}"
+        return f"{name} is not installed: {install_hint('oracles')}{hint}"
     except Exception as broken:  # whatever a broken installation comes up with
         words = " ".join(f"{type(broken).__name__}: {broken}".split())
         library = SYSTEM_LIBRARIES.get(module)
         hint = f"; sudo apt-get install {library} may help" if library else ""
         return f"{name} is installed and cannot be imported{hint}: {words[:200]}"
     if attribute and not hasattr(found, attribute):
-        return f"{name} is not in this {module}: pip install omnisim[oracles]"
+        return f"{name} is not in this {module}: {install_hint('oracles')}"
     return ""

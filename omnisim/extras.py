@@ -1,0 +1,66 @@
+"""Packages of omnisim, required and in extras, and errors where an extra is missing."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+
+from omnisim.errors import OmnisimError
+
+# Module of each package, by the package's name on the index, as in pyproject.toml.
+REQUIRED = {
+    "moderngl": "moderngl",
+    "numpy": "numpy",
+    "OpenImageIO": "OpenImageIO",
+    "pillow": "PIL",
+    "pydantic": "pydantic",
+    "PyYAML": "yaml",
+    "rich": "rich",
+    "scipy": "scipy",
+    "trimesh": "trimesh",
+    "typer": "typer",
+}
+EXTRAS = {
+    "plots": {"matplotlib": "matplotlib"},
+    "reports": {"matplotlib": "matplotlib", "jinja2": "jinja2"},
+    "collada": {"pycollada": "collada"},
+    "video": {"av": "av"},
+    "oracles": {
+        "embreex": "embreex",
+        "mitsuba": "mitsuba",
+        "opencv-contrib-python-headless": "cv2",
+        "pycolmap": "pycolmap",
+        **({"pyrender": "pyrender"} if sys.version_info < (3, 12) else {}),
+    },
+}
+
+
+def is_installed(module: str) -> bool:
+    """Find a module without importing it."""
+    return find_spec(module) is not None
+
+
+def missing_packages(extra: str) -> list[str]:
+    """Packages of an extra that are not installed."""
+    return [package for package, module in EXTRAS[extra].items() if not is_installed(module)]
+
+
+def install_hint(extra: str) -> str:
+    """Commands that install an extra."""
+    return f"pip install 'omnisim[{extra}]' (in a checkout: pip install '.[{extra}]')"
+
+
+def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimError) -> None:
+    """Refuse a feature whose packages are missing, before any work is done.
+
+    Args:
+        extra: key of `EXTRAS`.
+        feature: subject of the message: a command, an option or a file.
+        error: raised.
+
+    Raises:
+        OmnisimError: naming the packages and the command that installs them.
+    """
+    missing = missing_packages(extra)
+    if missing:
+        raise error(f"{feature} needs {' and '.join(missing)}: {install_hint(extra)}")

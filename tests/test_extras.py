@@ -1,0 +1,123 @@
+"""Extras: a command without its packages ends in one line, and rendering needs none of them."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from omnisim.errors import OutputError, SceneError
+from omnisim.extras import EXTRAS, REQUIRED, install_hint, require_extra
+
+PROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
+OPTIONAL = ("matplotlib", "jinja2", "collada", "networkx", "lxml", "av")
+
+
+def _run(folder, *arguments, missing=OPTIONAL):
+    """The command in a process of its own, in which modules are missing."""
+    code = (
+        f"import sys\nsys.modules.update(dict.fromkeys({missing!r}))\n"
+        f"sys.argv = {['omnisim', *map(str, arguments)]!r}\n"
+        "from omnisim.cli.app import main\nmain()"
+    )
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def _package(requirement):
+    """Package of a requirement, without its versions and markers."""
+    return re.match(r"[\w.-]+", requirement)[0]
+
+
+def test_packages_are_those_of_the_project():
+    project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
+    assert set(REQUIRED) == {_package(each) for each in project["dependencies"]}
+    extras = project["optional-dependencies"]
+    for extra, packages in EXTRAS.items():
+        expected = {_package(each) for each in extras[extra]}
+        if sys.version_info >= (3, 12):
+            expected -= {"pyrender"}
+        assert set(packages) == expected, extra
+    (everything,) = extras["all"]
+    assert set(re.findall(r"\w+", everything)) - {"omnisim"} == EXTRAS.keys() - {"oracles"}
+
+
+def test_constraints_pin_every_package_of_the_extras():
+    lines = (PROJECT.parent / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = {line.partition("==")[0].lower() for line in lines if "==" in line}
+    project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    every = [*project["dependencies"], *(each for extra in extras.values() for each in extra)]
+    assert {_package(each).lower() for each in every} - {"omnisim"} <= pinned
+
+
+def test_missing_packages_are_named_with_both_ways_to_install_them(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    with pytest.raises(OutputError) as error:
+        require_extra("reports", "omnisim validate", OutputError)
+    assert str(error.value) == (
+        "omnisim validate needs matplotlib and jinja2: "
+        "pip install 'omnisim[reports]' (in a checkout: pip install '.[reports]')"
+    )
+
+
+def test_installed_packages_are_no_error():
+    require_extra("plots", "omnisim plot")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "feature", "package", "extra"),
+    [
+        ("plot run", "omnisim plot", "matplotlib", "plots"),
+        ("video run -o a.mp4", "omnisim video", "av", "video"),
+        ("scan mapping -o a.csv --plot a.png", "--plot", "matplotlib", "plots"),
+        ("landmarks detect run --model a.npz --show a.png", "--show", "matplotlib", "plots"),
+        ("localize run -o a", "omnisim localize", "matplotlib and jinja2", "reports"),
+        ("validate -o a", "omnisim validate", "matplotlib and jinja2", "reports"),
+        ("experiments -o a", "omnisim experiments", "matplotlib and jinja2", "reports"),
+        ("render box.dae -o a.png", "box.dae", "pycollada", "collada"),
+    ],
+)
+def test_a_command_without_its_extra_ends_in_one_line(tmp_path, arguments, feature, package, extra):
+    (tmp_path / "box.dae").write_text("<COLLADA/>")
+    (tmp_path / "run").mkdir()
+    done = _run(tmp_path, *arguments.split())
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr == f"error: {feature} needs {package}: {install_hint(extra)}\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["box.dae", "run"]
+
+
+def test_a_collada_scene_without_its_extra_is_a_scene_error(monkeypatch, tmp_path):
+    from omnisim import load_scene
+
+    monkeypatch.setitem(sys.modules, "collada", None)
+    path = tmp_path / "a.dae"
+    path.write_text("<COLLADA/>")
+    with pytest.raises(SceneError, match="needs pycollada: pip install"):
+        load_scene(path)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_pictures_meshes_and_scans_need_no_extra(tmp_path):
+    (tmp_path / "a.obj").write_text("v -2 0 2\nv 2 0 2\nv 0 3 -2\nf 1 2 3\n")
+    for arguments, written in (
+        ("render a.obj --size 24 -o a.png", "a.png"),
+        ("mirror -n 64 -o a.glb", "a.glb"),
+        ("mirror -n 64 -o a.ply", "a.ply"),
+        ("scan mapping -o a.csv", "a.csv"),
+    ):
+        done = _run(tmp_path, *arguments.split())
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / written).is_file()
+
+
+def test_every_command_shows_its_help_without_extras(tmp_path):
+    for name in ("plot", "video", "validate", "experiments", "localize", "scan"):
+        done = _run(tmp_path, name, "--help")
+        assert done.returncode == 0, done.stderr
