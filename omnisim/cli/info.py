@@ -3,28 +3,76 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 from rich.table import Table
 
 from omnisim.cli.console import out
 from omnisim.errors import GraphicsError
+from omnisim.extras import EXTRAS, REQUIRED, install_hint, is_installed, missing_packages
 from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
+from omnisim.robot import builtin_robots
 from omnisim.scene import builtin_scenes
 from omnisim.version import __version__
 
-PACKAGES = ("moderngl", "numpy", "trimesh", "OpenImageIO", "pydantic")
+PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def run() -> None:
-    """Print versions, built-in scenes and the capabilities of each GPU.
+    """Print the installation, built-in scenes and robots, and the OpenGL devices.
 
     Raises:
         GraphicsError: there is no usable OpenGL; with the way to install one.
     """
-    out.print(f"omnisim {__version__}, Python {platform.python_version()}")
-    out.print(", ".join(f"{name} {version(name)}" for name in PACKAGES))
-    out.print("built-in scenes: " + (", ".join(builtin_scenes()) or "none"))
+    for name, text in _installation():
+        out.print(f"{name:9}{text}", markup=False)
+    _print_devices()
+
+
+def _installation() -> list[tuple[str, str]]:
+    """Names and values of everything but OpenGL."""
+    lines = [
+        ("omnisim", f"{__version__}, in {PACKAGE}"),
+        ("python", f"{platform.python_version()}, {sys.executable}"),
+        ("system", f"{_system()}, {platform.machine()}"),
+        ("packages", _versions(REQUIRED)),
+    ]
+    for extra, packages in EXTRAS.items():
+        missing = missing_packages(extra)
+        found = _versions({name: packages[name] for name in packages if name not in missing})
+        lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
+        lines.append((extra, "; ".join(filter(None, (found, lacking)))))
+    lines += [
+        ("scenes", ", ".join(builtin_scenes()) or "none"),
+        ("robots", ", ".join(builtin_robots()) or "none"),
+    ]
+    return lines
+
+
+def _system() -> str:
+    """Operating system with its kernel: Debian GNU/Linux 12 (bookworm), Linux 6.1.0."""
+    kernel = f"{platform.system()} {platform.release()}"
+    try:
+        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {kernel}"
+    except (OSError, KeyError):
+        return kernel
+
+
+def _versions(packages: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {_version(name, module)}" for name, module in packages.items())
+
+
+def _version(package: str, module: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # installed by other means, as OpenCV often is
+        return "of unknown version" if is_installed(module) else "missing"
+
+
+def _print_devices() -> None:
     devices = list_devices()
     usable = [(number, found) for number, found in devices if isinstance(found, GraphicsInfo)]
     for number, found in devices:
