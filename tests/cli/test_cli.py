@@ -1,11 +1,15 @@
 """The command line: output, files and errors."""
 
+import platform
 import subprocess
 import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
+from omnisim.cli.info import PACKAGE
+from omnisim.extras import install_hint
 from omnisim.image_files import read_image
 from omnisim.scene import load_scene
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
@@ -153,12 +157,28 @@ def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_info_names_the_device(omnisim):
+def test_info_has_what_a_bug_report_needs(omnisim):
     status, out, _ = omnisim("info")
     assert status == 0
-    assert f"omnisim {__version__}" in out
-    assert "courtyard" in out
+    lines = dict(line.split(maxsplit=1) for line in out.splitlines()[:12])
+    assert lines["omnisim"] == f"{__version__}, in {PACKAGE}"
+    assert lines["python"] == f"{platform.python_version()}, {sys.executable}"
+    assert platform.release() in lines["system"]
+    assert platform.machine() in lines["system"]
+    assert f"numpy {version('numpy')}" in lines["packages"]
+    assert "courtyard" in lines["scenes"]
+    assert "superscout" in lines["robots"]
     assert "OpenGL" in out
+
+
+def test_info_tells_how_to_get_a_missing_extra(omnisim, monkeypatch):
+    monkeypatch.setitem(sys.modules, "av", None)
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    _, out, _ = omnisim("info")
+    assert f"\nvideo    no av: {install_hint('video')}\n" in out
+    plots = f"matplotlib {version('matplotlib')}"
+    assert f"\nplots    {plots}\n" in out
+    assert f"\nreports  {plots}; no jinja2: {install_hint('reports')}\n" in out
 
 
 def test_version_and_help(omnisim):
@@ -178,6 +198,8 @@ def test_missing_opengl_is_one_line(omnisim, monkeypatch):
         assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: sudo apt")
         assert error.count("\n") == 1
         assert "cannot be used" not in out
+    for known in (f"{__version__}, in {PACKAGE}", "numpy", "plots", "courtyard", "superscout"):
+        assert known in out  # of info, without OpenGL too
 
 
 def test_help_needs_no_graphics_library():
