@@ -160,7 +160,7 @@ def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
 def test_info_has_what_a_bug_report_needs(omnisim):
     status, out, _ = omnisim("info")
     assert status == 0
-    lines = dict(line.split(maxsplit=1) for line in out.splitlines()[:12])
+    lines = dict(line.split(maxsplit=1) for line in out.splitlines()[:11])
     assert lines["omnisim"] == f"{__version__}, in {PACKAGE}"
     assert lines["python"] == f"{platform.python_version()}, {sys.executable}"
     assert platform.release() in lines["system"]
