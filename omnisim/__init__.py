@@ -1,9 +1,20 @@
 """Simulator of omnidirectional cameras, accurate to a tenth of a pixel.
 
-scene = omnisim.load_scene("courtyard")
-with omnisim.Renderer(scene, omnisim.OmniCamera()) as renderer:
+with omnisim.Renderer("courtyard") as renderer:
     frame = renderer.render(renderer.camera.base_pose((0.0, 0.0, 1.0), yaw_deg=30.0))
     frame.save("frame.png")
+
+Scenes and poses: `load_scene`, `Scene`, `pose`.
+Cameras: `OmniCamera`, `Degradation`; models are in `omnisim.cameras`.
+Calibration files: `load_calibration`, `save_calibration`, `calibration_of`, `Calibration`.
+Pictures and ground truth: `Renderer`, `Frame`, `Stage`, `Twist`; channels are in
+`omnisim.ground_truth.CHANNELS`.
+Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
+Errors: `OmnisimError`.
+
+Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
+documents a name, `omnisim --help` the command line. Tutorials, guides, reference and explanation
+are in `docs/` of the source code.
 """
 
 from typing import TYPE_CHECKING
@@ -69,6 +80,10 @@ __all__ = [
     "pose",
     "save_calibration",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> object:

@@ -1,0 +1,6 @@
+"""The command line, as `python -m omnisim`."""
+
+from omnisim.cli.app import main
+
+if __name__ == "__main__":
+    main()
