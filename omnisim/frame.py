@@ -14,7 +14,9 @@ from omnisim.errors import OutputError
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.files import write_boxes, write_previews, write_sidecars
-from omnisim.image_files import is_float_format, write_image
+from omnisim.ground_truth.frame_channels import FrameChannels
+from omnisim.image_files import is_float_format, png_bytes, write_image
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +28,7 @@ class Frame:
         linear: (height, width, 3) float32 linear RGB, where it was asked for.
         metadata: camera, mirror, scene and pose, as JSON can hold them.
         channels: ground truth by name, (height, width) or (height, width, n), where it was asked
-            for; see `omnisim.ground_truth.CHANNELS`.
+            for; see `omnisim.ground_truth.CHANNELS`. A notebook shows their previews.
         labels: of the IDs of classes and instances, or None: no channels.
     """
 
@@ -35,6 +37,25 @@ class Frame:
     metadata: dict[str, Any]
     channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: Labels | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", FrameChannels(self.channels, self.labels))
+
+    def __repr__(self) -> str:
+        height, width = self.rgba.shape[:2]
+        camera = self.metadata.get("camera")
+        return short_repr(
+            self,
+            f"{width} × {height} px",
+            f"scene {self.metadata['scene']!r}" if "scene" in self.metadata else "",
+            f"model {camera['model']!r}" if isinstance(camera, dict) else "",
+            "linear" if self.linear is not None else "",
+            f"channels {' '.join(self.channels)}" if self.channels else "",
+        )
+
+    def _repr_png_(self) -> bytes:
+        """PNG file of the picture, as notebooks show it."""
+        return png_bytes(self.rgb)
 
     @property
     def rgb(self) -> NDArray[np.uint8]:

@@ -80,6 +80,21 @@ def write_image(
     _write(path, pixels, attributes, metadata)
 
 
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+    """A picture (height, width, 3 or 4) uint8 sRGB as the bytes of a PNG file.
+
+    Raises:
+        OutputError: pixels of another kind.
+    """
+    if pixels.dtype != np.uint8 or pixels.ndim != 3:
+        raise OutputError(f"PNG: expected (height, width, 3) uint8, got {pixels.shape}")
+    attributes: Attributes = {
+        "oiio:ColorSpace": "srgb_rec709_scene",
+        "png:compressionLevel": _PNG_LEVEL,
+    }
+    return _encode(Path("picture.png"), pixels, attributes)
+
+
 def write_numbers(
     path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: Metadata | None = None
 ) -> None:

@@ -11,6 +11,7 @@ import omnisim
 PACKAGE = Path(omnisim.__file__).parent
 # Top-down; a module imports from lower layers and from its own folder.
 LAYERS = (
+    {"__main__"},
     {"cli"},
     {"validation", "experiments"},
     {"reports"},
@@ -28,7 +29,7 @@ LAYERS = (
     {"poses"},
     {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file"},
     {"parameters", "extras"},
-    {"errors", "version"},
+    {"errors", "short_repr", "version"},
 )
 GPU_LAYERS = (
     {"pipeline"},

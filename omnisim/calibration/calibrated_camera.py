@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, MirroredCamera
+from omnisim.cameras import CentralCamera, MirroredCamera, summary
 from omnisim.poses import inverse
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,9 @@ class NamedPose:
     target: str
     source: str
     target_from_source: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"{self.target} from {self.source}")
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,9 @@ class CalibratedCamera:
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
     file_model: str | None = None
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), summary(self.camera))
 
     @property
     def mirrored(self) -> bool:

@@ -10,8 +10,9 @@ from omnisim.calibration.calibrated_camera import CalibratedCamera
 from omnisim.calibration.encode import encode_cameras
 from omnisim.calibration.read import read_cameras
 from omnisim.calibration.registry import format_named
-from omnisim.cameras import CentralCamera
+from omnisim.cameras import CameraSensor, CentralCamera, summary
 from omnisim.errors import CalibrationError, OutputError
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,10 @@ class Calibration:
     cameras: tuple[CalibratedCamera, ...]
     format: str = "omnisim"
     source: str = "calibration"
+
+    def __repr__(self) -> str:
+        cameras = [f"{camera.name}: {summary(camera.camera)}" for camera in self.cameras]
+        return short_repr(self, repr(self.source), self.format, *cameras)
 
     @property
     def names(self) -> list[str]:
@@ -75,9 +80,21 @@ class Calibration:
         return save_calibration(self, path, format, model)
 
 
-def calibration_of(camera: CentralCamera, name: str = "cam0") -> Calibration:
-    """Calibration of a camera, to save it."""
-    return Calibration((CalibratedCamera(name, camera),))
+def calibration_of(camera: CentralCamera | CameraSensor, name: str = "cam0") -> Calibration:
+    """Calibration of a camera, to save it.
+
+    Args:
+        camera: a camera model, or the sensor of a renderer.
+        name: of the camera in the file.
+
+    Raises:
+        CalibrationError: neither.
+    """
+    model = camera.model if isinstance(camera, CameraSensor) else camera
+    if not isinstance(model, CentralCamera):
+        kind = type(camera).__name__
+        raise CalibrationError(f"calibration: expected a camera model or a sensor, got {kind}")
+    return Calibration((CalibratedCamera(name, model),))
 
 
 def load_calibration(

@@ -15,7 +15,14 @@ Conventions, for all models:
 from collections.abc import Mapping
 from typing import Any
 
-from omnisim.cameras.camera import CentralCamera, Pixels, Rays, pixel_grid
+from omnisim.cameras.camera import (
+    CameraSensor,
+    CentralCamera,
+    Pixels,
+    Rays,
+    pixel_grid,
+    summary,
+)
 from omnisim.cameras.cylindrical import CylindricalCamera
 from omnisim.cameras.double_sphere import DoubleSphereCamera
 from omnisim.cameras.elliptic import EllipticCamera
@@ -42,6 +49,7 @@ from omnisim.errors import OpticsError
 
 __all__ = [
     "CAMERA_MODELS",
+    "CameraSensor",
     "CentralCamera",
     "CylindricalCamera",
     "DoubleSphereCamera",
@@ -69,6 +77,7 @@ __all__ = [
     "UnifiedCamera",
     "camera_from_parameters",
     "pixel_grid",
+    "summary",
 ]
 
 CAMERA_MODELS: dict[str, type[ParametricCamera]] = {

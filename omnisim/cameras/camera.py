@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from omnisim.errors import OpticsError
 
 Uniforms = dict[str, float | tuple[float, ...]]
 CameraParameters = dict[str, float | int | str | list[float]]
@@ -25,6 +27,7 @@ class Pixels(NamedTuple):
     valid: NDArray[np.bool_]  # (...,): the direction is seen, inside or outside the picture
 
 
+@runtime_checkable
 class CentralCamera(Protocol):
     """A camera all of whose rays meet in one effective viewpoint; immutable and hashable.
 
@@ -76,6 +79,47 @@ class CentralCamera(Protocol):
     def parameters(self) -> CameraParameters:
         """Model and parameters by name, as JSON can hold them, for the picture's metadata."""
         ...
+
+
+def summary(camera: CentralCamera) -> str:
+    """Model and size of a camera in a few words."""
+    return f"{camera.model_name} {camera.width_px} × {camera.height_px} px"
+
+
+@runtime_checkable
+class CameraSensor(Protocol):
+    """A sensor that takes its pictures by a camera model, such as an `OmniCamera`."""
+
+    @property
+    def model(self) -> CentralCamera: ...  # noqa: D102
+
+
+def as_pixels(pixels_px: ArrayLike) -> NDArray[np.float64]:
+    """Pixels (..., 2) as an array, without a copy where they are one.
+
+    Raises:
+        OpticsError: another shape, or no numbers.
+    """
+    return _as_vectors(pixels_px, 2, "pixels (..., 2)")
+
+
+def as_directions(directions: ArrayLike) -> NDArray[np.float64]:
+    """Directions (..., 3) as an array, without a copy where they are one.
+
+    Raises:
+        OpticsError: another shape, or no numbers.
+    """
+    return _as_vectors(directions, 3, "directions (..., 3)")
+
+
+def _as_vectors(values: ArrayLike, length: int, expected: str) -> NDArray[np.float64]:
+    try:
+        vectors = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise OpticsError(f"camera: expected {expected}, got no array of numbers") from None
+    if vectors.shape[-1:] != (length,):
+        raise OpticsError(f"camera: expected {expected}, got an array of shape {vectors.shape}")
+    return vectors
 
 
 def pixel_grid(width_px: int, height_px: int) -> NDArray[np.float64]:

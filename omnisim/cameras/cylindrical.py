@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
 from omnisim.cameras.focal_camera import FocalCamera
 
 
@@ -44,7 +44,7 @@ class CylindricalCamera(FocalCamera):
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); valid where the azimuth is within ±180°."""
-        pixels = np.asarray(pixels_px, dtype=np.float64)
+        pixels = as_pixels(pixels_px)
         scaled = (pixels - self.principal_point_px) / self.focal_length_px
         azimuth, tangent = scaled[..., 0], scaled[..., 1]
         directions = np.stack((np.sin(azimuth), tangent, np.cos(azimuth)), axis=-1)
@@ -53,7 +53,7 @@ class CylindricalCamera(FocalCamera):
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid off the cylinder's axis."""
-        rays = np.asarray(directions, dtype=np.float64)
+        rays = as_directions(directions)
         across = np.hypot(rays[..., 0], rays[..., 2])
         valid = across > 1e-12 * np.abs(rays[..., 1])
         tangent = rays[..., 1] / np.where(valid, across, 1.0)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.cameras.camera import Pixels, Rays, Uniforms
+from omnisim.cameras.camera import Pixels, Rays, Uniforms, as_directions, as_pixels
 from omnisim.cameras.parametric_camera import ParametricCamera
 
 
@@ -51,7 +51,7 @@ class EquirectangularCamera(ParametricCamera):
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); valid inside the picture."""
-        pixels = np.asarray(pixels_px, dtype=np.float64)
+        pixels = as_pixels(pixels_px)
         size = np.array([self.width_px, self.height_px], dtype=np.float64)
         offset = pixels - self.principal_point_px
         valid = np.all(np.abs(offset) <= 0.5 * size, axis=-1)
@@ -65,7 +65,7 @@ class EquirectangularCamera(ParametricCamera):
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; all are valid."""
-        x, y, z = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)
+        x, y, z = np.moveaxis(as_directions(directions), -1, 0)
         angles = np.stack((np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))), axis=-1)
         positions = angles / self.radians_per_pixel + self.principal_point_px
         return Pixels(positions, np.ones(x.shape, dtype=bool))

@@ -32,7 +32,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
+from omnisim.cameras.camera import (
+    CameraParameters,
+    Pixels,
+    Rays,
+    Uniforms,
+    as_directions,
+    as_pixels,
+)
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.parameters import number, point, whole_number
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
@@ -150,7 +157,7 @@ class HyperbolicCamera(FocalCamera):
 
         Source: `HyperbolicMirror.tangent_from_theta`, written as a stereographic lift.
         """
-        pixels = np.asarray(pixels_px, dtype=np.float64)
+        pixels = as_pixels(pixels_px)
         tangent = (pixels - self.principal_point_px) / self.focal_length_px
         squared = np.sum(tangent * tangent, axis=-1, keepdims=True)
         half = tangent * (self.mirror.half_angle_ratio / (1.0 + np.sqrt(1.0 + squared)))
@@ -162,7 +169,7 @@ class HyperbolicCamera(FocalCamera):
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid where θ ≤ θ_max."""
-        rays = np.asarray(directions, dtype=np.float64)
+        rays = as_directions(directions)
         across = np.hypot(rays[..., 0], rays[..., 1])
         theta = np.arctan2(across, -rays[..., 2])
         valid = theta <= self.mirror.theta_max_rad

@@ -15,9 +15,17 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CameraParameters, CentralCamera, Pixels, Rays, Uniforms
+from omnisim.cameras.camera import (
+    CameraParameters,
+    CentralCamera,
+    Pixels,
+    Rays,
+    Uniforms,
+    as_directions,
+)
 from omnisim.errors import OpticsError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -33,6 +41,9 @@ class MirroredCamera:
 
     lens: CentralCamera
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.lens))
 
     def __post_init__(self) -> None:
         if not np.array_equal(self.lens.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD):
@@ -88,7 +99,7 @@ class MirroredCamera:
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid where the lens's are."""
-        return self.lens.pixel_from_ray(np.asarray(directions, dtype=np.float64) * FLIP_Z)
+        return self.lens.pixel_from_ray(as_directions(directions) * FLIP_Z)
 
     def uniforms(self) -> Uniforms:
         """Values for the lens's GLSL file."""

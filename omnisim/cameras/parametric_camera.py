@@ -24,6 +24,7 @@ from omnisim.cameras.parameters import (
 )
 from omnisim.errors import OpticsError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.short_repr import short_repr
 
 _READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
     "int": whole_number,
@@ -62,6 +63,14 @@ class ParametricCamera(ABC):
 
         @property
         def principal_point_px(self) -> tuple[float, float]: ...  # noqa: D102
+
+    def __init_subclass__(cls) -> None:
+        setattr(cls, "__repr__", ParametricCamera.__repr__)  # noqa: B010  not the dataclass's own
+
+    def __repr__(self) -> str:
+        size, *others = f"{self.width_px} × {self.height_px} px", *dataclasses.fields(self)[2:]
+        values = [f"{field.name}={_short(getattr(self, field.name))}" for field in others]
+        return short_repr(self, size, *values)
 
     def __post_init__(self) -> None:
         if self.width_px < 1 or self.height_px < 1:
@@ -138,6 +147,13 @@ class ParametricCamera(ABC):
             value = _map(math.degrees, value) if _is_angle(field.name) else value
             named[_key(field.name)] = list(value) if isinstance(value, tuple) else value
         return named
+
+
+def _short(value: Any) -> str:
+    """A parameter in 6 digits; of a long list the count."""
+    if isinstance(value, tuple):
+        return f"{len(value)} values" if len(value) > 4 else f"({', '.join(map(_short, value))})"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _is_angle(name: str) -> bool:

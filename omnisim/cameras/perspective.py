@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.errors import OpticsError
 
@@ -61,7 +61,7 @@ class PerspectiveCamera(FocalCamera):
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); all are valid."""
-        pixels = np.asarray(pixels_px, dtype=np.float64)
+        pixels = as_pixels(pixels_px)
         tangents = (pixels - self.principal_point_px) / self.focal_length_px
         directions = np.concatenate((tangents, np.ones_like(tangents[..., :1])), axis=-1)
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
@@ -69,7 +69,7 @@ class PerspectiveCamera(FocalCamera):
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid in front."""
-        rays = np.asarray(directions, dtype=np.float64)
+        rays = as_directions(directions)
         # at 90° from the axis the picture is infinitely far away
         valid = rays[..., 2] > 1e-12 * np.hypot(rays[..., 0], rays[..., 1])
         depth = np.where(valid, rays[..., 2], 1.0)[..., None]

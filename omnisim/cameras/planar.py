@@ -23,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.camera import Pixels, Rays, as_directions
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
@@ -42,4 +42,4 @@ class PlanarCamera(PerspectiveCamera):
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid in front of the mirror."""
-        return super().pixel_from_ray(np.asarray(directions, dtype=np.float64) * FLIP_Z)
+        return super().pixel_from_ray(as_directions(directions) * FLIP_Z)

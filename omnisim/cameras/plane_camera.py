@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
 from omnisim.cameras.parametric_camera import ParametricCamera
 
 # The ray of a pixel at the very edge of the domain is rounded; projected again it must be valid.
@@ -46,11 +46,11 @@ class PlaneCamera(ParametricCamera):
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""
-        return self._rays_from_plane(self._plane_from_pixels(np.asarray(pixels_px, np.float64)))
+        return self._rays_from_plane(self._plane_from_pixels(as_pixels(pixels_px)))
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid in the domain."""
-        points = self._plane_from_rays(np.asarray(directions, dtype=np.float64))
+        points = self._plane_from_rays(as_directions(directions))
         return Pixels(self._pixels_from_plane(points.positions), points.valid)
 
     def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:

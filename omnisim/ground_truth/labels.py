@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.short_repr import counted, short_repr
+
 NOTHING = 0  # ID of class and instance where nothing is hit
 _GOLDEN = 0.61803398875  # hues that far apart never come close to one another
 
@@ -61,6 +63,14 @@ class Labels:
     instances: tuple[InstanceLabel, ...]
     source: str
     unlabelled: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return short_repr(
+            self,
+            counted(len(self.classes), "class", "classes"),
+            counted(len(self.instances), "instance"),
+            f"source {self.source!r}",
+        )
 
     @cached_property
     def class_of_instance(self) -> NDArray[np.uint16]:

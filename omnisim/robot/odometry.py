@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import TrajectoryError
 from omnisim.poses import LARGEST_M, wrap_angles
 from omnisim.robot.trajectory import Trajectory
+from omnisim.short_repr import counted, short_repr
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,10 @@ class Odometry:
     distances_m: NDArray[np.float64]
     turns_rad: NDArray[np.float64]
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __repr__(self) -> str:
+        distance_m = float(np.abs(self.distances_m).sum())
+        return short_repr(self, counted(len(self.times_s), "reading"), f"{distance_m:.4g} m")
 
     def __post_init__(self) -> None:
         for name in ("times_s", "distances_m", "turns_rad"):

@@ -18,6 +18,7 @@ from omnisim.robot.kinematics import DriveType, Kinematics
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_lookup import find_robot
 from omnisim.robot.sensor_mounts import Name, SensorMount, parse_mounts
+from omnisim.short_repr import short_repr
 from omnisim.toml_file import read_toml
 
 Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
@@ -107,6 +108,9 @@ class Robot:
     odometry: OdometryErrors
     footprint: Footprint | None
     mounts: tuple[SensorMount, ...]
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), *(mount.name for mount in self.mounts))
 
 
 def load_robot(source: str | Path) -> Robot:

@@ -16,6 +16,7 @@ from omnisim.poses import (
     rotation_from_yaw,
     yaw_from_rotation,
 )
+from omnisim.short_repr import counted, short_repr
 
 LARGEST_S = 1e12  # some 30 000 years: a stamp beyond is in another unit
 
@@ -67,6 +68,10 @@ class Trajectory:
             TrajectoryError: as the constructor.
         """
         return cls(np.asarray(times_s, dtype=np.float64), poses_on_ground(positions_m, yaw_rad))
+
+    def __repr__(self) -> str:
+        poses = counted(len(self), "pose")
+        return short_repr(self, poses, f"{self.path_length_m:.4g} m", f"{self.duration_s:.4g} s")
 
     def __len__(self) -> int:
         return len(self.times_s)

@@ -9,6 +9,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.short_repr import counted, short_repr
+
 
 class Wrap(Enum):
     """Wrapping mode of a texture beyond its edges."""
@@ -38,6 +40,10 @@ class Texture:
     wrap_u: Wrap = Wrap.REPEAT
     wrap_v: Wrap = Wrap.REPEAT
 
+    def __repr__(self) -> str:
+        height, width = self.pixels.shape[:2]
+        return short_repr(self, f"{width} × {height} px")
+
 
 @dataclass(frozen=True, eq=False)
 class Material:
@@ -60,6 +66,10 @@ class Material:
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     unlit: bool = False
+
+    def __repr__(self) -> str:
+        texture = "" if self.texture is None else repr(self.texture)
+        return short_repr(self, repr(self.name), self.alpha_mode.value, texture)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +94,10 @@ class Mesh:
     texture_coordinates: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
 
+    def __repr__(self) -> str:
+        vertices = counted(len(self.positions), "vertex", "vertices")
+        return short_repr(self, repr(self.name), vertices, counted(len(self.triangles), "triangle"))
+
 
 @dataclass(frozen=True, eq=False)
 class Instance:
@@ -98,6 +112,9 @@ class Instance:
     name: str
     mesh: int
     world_from_mesh: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), f"mesh {self.mesh}")
 
 
 class LightKind(Enum):
@@ -132,6 +149,9 @@ class Light:
     range_m: float = math.inf
     cone_cosines: tuple[float, float] = (1.0, 0.0)
 
+    def __repr__(self) -> str:
+        return short_repr(self, self.kind.value, f"intensity {self.intensity:g}")
+
 
 MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
 
@@ -152,6 +172,9 @@ class Lighting:
     ambient: tuple[float, float, float]
     lights: tuple[Light, ...]
     exposure: float = 1.0
+
+    def __repr__(self) -> str:
+        return short_repr(self, counted(len(self.lights), "light"), f"exposure {self.exposure:g}")
 
 
 @dataclass(frozen=True)
@@ -207,6 +230,10 @@ class Landmark:
     footprint_m: tuple[float, float]
     bands: tuple[ColorBand, ...]
 
+    def __repr__(self) -> str:
+        colors = "/".join(band.color for band in self.bands)
+        return short_repr(self, repr(self.name), colors, f"at {_point(self.position_m)} m")
+
     @property
     def height_m(self) -> float:
         """Height from its base to the top of its last band."""
@@ -232,6 +259,9 @@ class ScenePath:
     waypoints_m: tuple[tuple[float, float], ...]
     start_yaw_deg: float | None = None
 
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), counted(len(self.waypoints_m), "waypoint"))
+
 
 @dataclass(frozen=True)
 class LabelRule:
@@ -248,6 +278,9 @@ class LabelRule:
     name: str
     color: tuple[int, int, int]
     nodes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,6 +313,18 @@ class Scene:
     landmarks: tuple[Landmark, ...] = ()
     labels: tuple[LabelRule, ...] = ()
 
+    def __repr__(self) -> str:
+        return short_repr(
+            self,
+            repr(self.name),
+            counted(len(self.instances), "instance"),
+            counted(self.triangle_count, "triangle"),
+            counted(len(self.lighting.lights), "light"),
+            counted(len(self.landmarks), "landmark"),
+            counted(len(self.starts), "start"),
+            counted(len(self.paths), "path"),
+        )
+
     @property
     def triangle_count(self) -> int:
         """Number of triangles of all instances."""
@@ -288,6 +333,10 @@ class Scene:
     def bounds_m(self) -> NDArray[np.float64]:
         """Smallest and largest corner (2, 3) of all instances in the world."""
         return bounds_m(self.meshes, self.instances)
+
+
+def _point(position_m: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in position_m) + ")"
 
 
 def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +24,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
     Use it as a context manager, or `close` it: it holds memory of the GPU.
 
     Args:
-        scene: to scan, or a stage of it that other sensors share.
+        scene: to scan, or its path or built-in name; or a stage of it that other sensors share.
         scanner: by default an LMS200.
         body: of the vehicle, in its base frame; a stage has its own.
         hidden: names of the body's instances that beams go through: the scanner's own housing.
@@ -37,7 +38,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
 
     def __init__(
         self,
-        scene: Scene | Stage,
+        scene: Scene | Stage | str | Path,
         scanner: LaserScanner | None = None,
         *,
         body: Scene | None = None,
@@ -51,6 +52,9 @@ class LaserRenderer(SensorRenderer[RangePass]):
             return RangePass(stage.buffers, self._angles_rad, self.scanner.reach_m, hidden)
 
         super().__init__(scene, body, hidden, device, make_passes)
+
+    def _sensor_summary(self) -> str:
+        return f"{len(self._angles_rad)} beams"
 
     def scan(
         self,

@@ -19,6 +19,7 @@ from pydantic import Field
 
 from omnisim.errors import OpticsError
 from omnisim.parameters import NotNegative, Number, Parameters, Positive
+from omnisim.short_repr import short_repr
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution
@@ -56,6 +57,10 @@ class LaserScanner(Parameters, name="scanner"):
     sigma_per_m: NotNegative = 0.0
     systematic_error_m: NotNegative = 0.015
     seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
+
+    def __repr__(self) -> str:
+        beams = f"{len(self.angles_deg)} beams over {self.field_of_view_deg:g}°"
+        return short_repr(self, beams, f"{self.range_min_m:g} to {self.range_max_m:g} m")
 
     def _check(self) -> None:
         if self.field_of_view_deg >= MAX_BEAMS * self.resolution_deg:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim import poses
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, summary
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
@@ -24,6 +24,7 @@ from omnisim.sensors.quality import (
     QUALITIES,
     quality_named,
 )
+from omnisim.short_repr import short_repr
 
 if TYPE_CHECKING:
     from omnisim.sensors.sensor_file import SensorSettings
@@ -106,6 +107,40 @@ class OmniCamera:
                 f"got {self.texels_per_pixel}"
             )
         poses.check_pose(self.base_from_rig)
+
+    def __repr__(self) -> str:
+        return short_repr(
+            self,
+            summary(self.model),
+            "exact" if self.polygons is None else f"{self.polygons} polygons",
+            "" if self.degradation.is_ideal else f"degraded by {', '.join(self.degradation.parts)}",
+        )
+
+    @classmethod
+    def of(cls, camera: OmniCamera | CentralCamera | str | Path | None) -> OmniCamera:
+        """Sensor of whatever names one.
+
+        Args:
+            camera: a sensor; a camera model, of which only a hyperbolic mirror has a mesh; path of
+                a sensor file; None: the paper's.
+
+        Raises:
+            SensorFileError: naming file, key, value and what was expected.
+            OpticsError: none of these.
+        """
+        if isinstance(camera, OmniCamera):
+            return camera
+        if camera is None:
+            return cls()
+        if isinstance(camera, str | Path):
+            return cls.from_file(camera)
+        if not isinstance(camera, CentralCamera):
+            kind = type(camera).__name__
+            raise OpticsError(
+                f"camera: expected an OmniCamera, a camera model or a sensor file, got {kind}"
+            )
+        has_mesh = isinstance(camera, HyperbolicCamera)
+        return cls(camera, polygons=PAPER_POLYGONS if has_mesh else None)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:

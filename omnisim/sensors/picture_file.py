@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.cameras import CentralCamera, camera_from_parameters, summary
 from omnisim.errors import OmnisimError, OutputError
 from omnisim.image_files import read_image
 from omnisim.poses import check_pose
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.valid_mask import valid_mask
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,6 +38,9 @@ class TakenPicture:
     world_from_base: NDArray[np.float64] | None
     world_from_optical: NDArray[np.float64] | None
     metadata: dict[str, Any]
+
+    def __repr__(self) -> str:
+        return short_repr(self, summary(self.camera), str(self.pixels.dtype))
 
     @property
     def height_m(self) -> float | None:

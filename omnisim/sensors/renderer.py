@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.cameras import CentralCamera, summary
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
 from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
@@ -88,8 +90,10 @@ class Renderer(SensorRenderer[CameraPasses]):
     Use it as a context manager, or `close` it: it holds memory of the GPU.
 
     Args:
-        scene: static scene, or a stage that has it and that other sensors share.
-        camera: the sensor; by default the paper's.
+        scene: static scene, or its path or built-in name; or a stage that has it and that other
+            sensors share.
+        camera: the sensor, a bare camera model, or the path of a sensor file; by default the
+            paper's.
         body: of the vehicle, in its base frame; a stage brings its own.
         hidden: names of the body's instances that are not drawn.
         unlit: show plain base colours, without lights.
@@ -99,13 +103,14 @@ class Renderer(SensorRenderer[CameraPasses]):
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
-        SceneError: a hidden name that the body does not have.
+        SceneError: a hidden name that the body does not have, or a scene that cannot be read.
+        SensorFileError: a sensor file that cannot be read.
     """
 
     def __init__(
         self,
-        scene: Scene | Stage,
-        camera: OmniCamera | None = None,
+        scene: Scene | Stage | str | Path,
+        camera: OmniCamera | CentralCamera | str | Path | None = None,
         *,
         body: Scene | None = None,
         hidden: Collection[str] = (),
@@ -113,7 +118,7 @@ class Renderer(SensorRenderer[CameraPasses]):
         device: int | None = None,
         seed: int | str = 0,
     ):
-        self.camera = OmniCamera() if camera is None else camera
+        self.camera = OmniCamera.of(camera)
         self._unlit = unlit
         self._last_poses: ScenePoses | None = None
 
@@ -203,6 +208,9 @@ class Renderer(SensorRenderer[CameraPasses]):
             cube.render(*self._last_poses)
             linear = {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
+
+    def _sensor_summary(self) -> str:
+        return summary(self.camera.model)
 
     def _poses_at(
         self, world_from_base: NDArray[np.float64], object_poses: Mapping[str, ArrayLike] | None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.atomic_file import write_text
 from omnisim.sensors.laser_scanner import LaserScanner
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,11 @@ class Scan:
     scanner: LaserScanner
     world_from_scanner: NDArray[np.float64]
     metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        beams, scene = len(self.angles_rad), self.metadata.get("scene")
+        where = "" if scene is None else f"scene {scene!r}"
+        return short_repr(self, f"{beams} beams", f"{np.count_nonzero(self.hit)} hits", where)
 
     @property
     def hit(self) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
@@ -16,8 +17,9 @@ from omnisim.gpu.context import open_context
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.poses import check_pose
-from omnisim.scene import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
+from omnisim.short_repr import counted, short_repr
 
 
 class Closing(ABC):
@@ -48,7 +50,8 @@ class Stage(Closing):
     says so. Sensors take turns: a stage and its renderers belong to one thread.
 
     Args:
-        scene: static scene in the world frame, with its lights and background.
+        scene: static scene in the world frame, with its lights and background; or the path or
+            built-in name of one.
         body: of the vehicle, in its base frame (x forward, y left, z up, origin on the ground);
             its lights and background are ignored.
         dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
@@ -66,13 +69,14 @@ class Stage(Closing):
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | str | Path,
         body: Scene | None = None,
         *,
         dynamic_objects: Mapping[str, Scene] | None = None,
         device: int | None = None,
     ):
-        self.scene, self.body = scene, body
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        self.body = body
         self.dynamic_objects = dict(dynamic_objects or {})
         if BODY in self.dynamic_objects:
             raise SceneError(f"dynamic_objects: {BODY!r} is reserved for the vehicle")
@@ -80,11 +84,18 @@ class Stage(Closing):
         self._closed = False
         try:
             with self.context:
-                self.buffers = SceneBuffers(self.context, scene, tuple(self.objects.values()))
-                self.surface_programs = SurfacePrograms(self.buffers, scene.lighting)
+                self.buffers = SceneBuffers(self.context, self.scene, tuple(self.objects.values()))
+                self.surface_programs = SurfacePrograms(self.buffers, self.scene.lighting)
         except BaseException:
             self.close()
             raise
+
+    def __repr__(self) -> str:
+        objects = counted(len(self.dynamic_objects), "dynamic object")
+        body = "" if self.body is None else f"body {self.body.name!r}"
+        return short_repr(
+            self, repr(self.scene.name), body, objects, "closed" if self._closed else ""
+        )
 
     @property
     def objects(self) -> dict[str, Scene]:
@@ -145,7 +156,8 @@ class SensorRenderer(Closing, Generic[Passes]):
     """Passes of one sensor on a stage, its own or a shared one, until it is closed.
 
     Args:
-        scene: becomes a stage of its own; or a stage that somebody else closes.
+        scene: becomes a stage of its own, also by its path or built-in name; or a stage that
+            somebody else closes.
         body: for a stage of its own.
         hidden: names of the body's instances that this sensor does not see.
         device: for a stage of its own.
@@ -157,7 +169,7 @@ class SensorRenderer(Closing, Generic[Passes]):
 
     def __init__(
         self,
-        scene: Scene | Stage,
+        scene: Scene | Stage | str | Path,
         body: Scene | None,
         hidden: Collection[str],
         device: int | None,
@@ -178,6 +190,14 @@ class SensorRenderer(Closing, Generic[Passes]):
             if self._owns_stage:
                 self._stage.close()
             raise
+
+    def __repr__(self) -> str:
+        closed = "closed" if self._passes is None else ""
+        return short_repr(self, repr(self.scene.name), self._sensor_summary(), closed)
+
+    @abstractmethod
+    def _sensor_summary(self) -> str:
+        """Sensor in a few words."""
 
     @property
     def scene(self) -> Scene:

@@ -21,6 +21,7 @@ from omnisim.scene import Scene
 from omnisim.scene.labels import find_labels
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
+from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.calibration_file import CALIBRATION, calibration_json
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
@@ -65,6 +66,9 @@ class Drive:
     up_axis: str | None = None
     channels: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return short_repr(self, f"{self.vehicle.name} in {self.scene.name}", f"seed {self.seed}")
+
     def plan(self) -> PlannedDrive:
         """Plan the vehicle's trajectory, and simulate its odometry.
 
@@ -94,6 +98,10 @@ class PlannedDrive:
     drive: Drive
     truth: Trajectory
     odometry: Odometry
+
+    def __repr__(self) -> str:
+        vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
+        return short_repr(self, f"{vehicle} in {scene}", counted(len(self.truth), "pose"))
 
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
         """Render what is missing in the folder, step by step; yields how many steps are there.

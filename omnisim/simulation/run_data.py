@@ -16,6 +16,7 @@ from omnisim.robot import Trajectory, read_odometry, read_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Landmark
+from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.calibration_file import CALIBRATION, read_mount
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
 
@@ -41,6 +42,9 @@ class RunData:
     odometry: Odometry
     truth: Trajectory | None
     steps: int
+
+    def __repr__(self) -> str:
+        return short_repr(self, self.name, self.camera, counted(self.steps, "step"))
 
     @property
     def name(self) -> str:

@@ -33,6 +33,7 @@ from typing import Any
 
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, did_you_mean
+from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.manifest import (
     Manifest,
     first_difference,
@@ -64,6 +65,11 @@ class RunFolder:
 
     path: Path
     manifest: Manifest
+
+    def __repr__(self) -> str:
+        manifest = self.manifest
+        steps = counted(manifest.steps, "step")
+        return short_repr(self, repr(str(self.path)), steps, *manifest.sensors, manifest.title)
 
     @classmethod
     def read(cls, path: Path) -> RunFolder:

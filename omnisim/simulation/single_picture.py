@@ -10,10 +10,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import summary
 from omnisim.errors import OpticsError, OutputError
 from omnisim.perception.panorama import CameraMount
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.picture_file import read_picture
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,9 @@ class SinglePicture:
     pixels: NDArray[np.uint8]
     steps: ClassVar[int] = 1
     unfinished: ClassVar[None] = None
+
+    def __repr__(self) -> str:
+        return short_repr(self, summary(self.mount.camera))
 
     def picture(self, step: int) -> NDArray[np.uint8]:
         """The picture, at step 0."""

@@ -11,6 +11,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import summary
 from omnisim.errors import OpticsError, RobotFileError, SceneError, did_you_mean
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.odometry import OdometryErrors
@@ -25,6 +26,7 @@ from omnisim.scene import Scene, load_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.sensors import LaserScanner, OmniCamera
 from omnisim.sensors.degradations import Degradation
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,9 @@ class MountedCamera:
     name: str
     sensor: OmniCamera
     hides: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), summary(self.sensor.model))
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
@@ -62,6 +67,9 @@ class MountedScanner:
     scanner: LaserScanner
     base_from_scanner: NDArray[np.float64]
     hides: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), repr(self.scanner))
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
@@ -94,6 +102,10 @@ class Vehicle:
     footprint: Footprint | None
     cameras: tuple[MountedCamera, ...]
     scanners: tuple[MountedScanner, ...]
+
+    def __repr__(self) -> str:
+        cameras = [f"{camera.name}: {summary(camera.sensor.model)}" for camera in self.cameras]
+        return short_repr(self, repr(self.name), *cameras, *(one.name for one in self.scanners))
 
     @classmethod
     def load(cls, source: str | Path) -> Vehicle:

@@ -44,6 +44,15 @@ def test_leading_axes_broadcast(camera):
 
 
 @examples
+@pytest.mark.parametrize("values", [(1.0, 2.0, 3.0, 4.0), 5.0, [[1.0], [2.0]], "ab", [[1], [1, 2]]])
+def test_other_shapes_say_what_was_expected(camera, values):
+    with pytest.raises(OpticsError, match=r"expected pixels \(\.\.\., 2\), got"):
+        camera.ray_from_pixel(values)
+    with pytest.raises(OpticsError, match=r"expected directions \(\.\.\., 3\), got"):
+        camera.pixel_from_ray(values)
+
+
+@examples
 def test_parameters_round_trip(camera):
     as_json = json.loads(json.dumps(camera.parameters()))
     again = camera_from_parameters(as_json)

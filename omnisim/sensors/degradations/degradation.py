@@ -22,6 +22,7 @@ from omnisim.sensors.degradations.reflectance import Reflectance
 from omnisim.sensors.degradations.shutter import Shutter
 from omnisim.sensors.degradations.vignetting import Vignetting
 from omnisim.sensors.degradations.white_balance import WhiteBalance
+from omnisim.short_repr import short_repr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,9 @@ class Degradation:
                 "degradation.noise.dark_current_e_per_s = "
                 f"{self.noise.dark_current_e_per_s:g}: needs degradation.shutter.exposure_s"
             )
+
+    def __repr__(self) -> str:
+        return short_repr(self, *(self.parts or ("ideal",)))
 
     @property
     def parts(self) -> dict[str, Effect]:

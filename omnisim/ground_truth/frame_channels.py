@@ -1,0 +1,44 @@
+"""Channels of a frame by name, which notebooks show in false colours."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.labels import Labels
+from omnisim.ground_truth.previews import preview
+from omnisim.image_files import png_bytes
+from omnisim.short_repr import short_repr
+
+
+class FrameChannels(dict[str, NDArray[Any]]):
+    """Ground truth of a frame: (height, width) or (height, width, n) arrays by their names.
+
+    Args:
+        channels: the arrays.
+        labels: of classes and instances, for the colours of their previews.
+    """
+
+    def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):
+        super().__init__(channels)
+        self._labels = labels
+
+    def __repr__(self) -> str:
+        return short_repr(self, *self)
+
+    def _repr_html_(self) -> str:
+        """Contact sheet of the previews, as notebooks show it."""
+        figures = []
+        for name, values in self.items():
+            data = b64encode(png_bytes(preview(name, values, self._labels))).decode("ascii")
+            unit = f", {CHANNELS[name].unit}" if CHANNELS[name].unit else ""
+            figures.append(
+                '<figure style="display: inline-block; margin: 4px; text-align: center">'
+                f'<img src="data:image/png;base64,{data}" alt="{name}">'
+                f"<figcaption>{name}{unit}</figcaption></figure>"
+            )
+        return "".join(figures)
