@@ -30,6 +30,8 @@ class Frame:
         channels: ground truth by name, (height, width) or (height, width, n), where it was asked
             for; see `omnisim.ground_truth.CHANNELS`. A notebook shows their previews.
         labels: of the IDs of classes and instances, or None: no channels.
+        has_ray: (height, width), false where a pixel's centre is outside of the lens or the mirror,
+            or None: no channels.
     """
 
     rgba: NDArray[np.uint8]
@@ -37,6 +39,7 @@ class Frame:
     metadata: dict[str, Any]
     channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: Labels | None = None
+    has_ray: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", FrameChannels(self.channels, self.labels))
@@ -85,7 +88,8 @@ class Frame:
         if not is_float_format(path):
             write_image(path, self.rgb, self.metadata)
             if self.channels:
-                write_sidecars(path, self.channels, self.labels, self.metadata)
+                has_ray = self.valid if self.has_ray is None else self.has_ray
+                write_sidecars(path, self.channels, self.labels, self.metadata, has_ray)
         elif self.linear is None:
             raise OutputError(
                 f"{path}: EXR holds linear colours: expected a frame rendered with linear=True"

@@ -23,7 +23,12 @@ from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import unfolded_cube
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
-from omnisim.ground_truth.files import is_sidecar_name
+from omnisim.ground_truth.files import (
+    FINEST_RANGE_STEPS_PER_M,
+    is_sidecar_name,
+    range_steps_per_m,
+    sidecar_path,
+)
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
@@ -73,6 +78,8 @@ def run(request: RenderRequest) -> None:
     if channels:
         flow = "" if next_base is None else _flow_summary(request, after)
         out.print(f"{request.output}: also {', '.join(channels)}{flow}", markup=False)
+    if "range" in channels and not is_float:
+        _note_coarse_ranges(request.output, frame.channels["range"])
     if request.faces is not None:
         _write_faces(request.faces, faces)
 
@@ -178,6 +185,15 @@ def _flow_summary(request: RenderRequest, after: Viewpoint) -> str:
     is_default = request.next_at is None and request.next_yaw_deg is None
     reason = f", {DEFAULT_ADVANCE_M:g} m ahead as no --next says" if is_default else ""
     return f"; flow to {after}{reason}"
+
+
+def _note_coarse_ranges(picture: Path, ranges_m: NDArray[np.float32]) -> None:
+    steps_per_m = range_steps_per_m(ranges_m)
+    if steps_per_m < FINEST_RANGE_STEPS_PER_M:
+        print_note(
+            f"{sidecar_path(picture, 'range.png')}: {1000 / steps_per_m:g} mm a step, not 1, to "
+            "hold what is beyond 65.534 m"
+        )
 
 
 def _write_faces(folder: Path, faces: dict[str, NDArray[np.uint8]]) -> None:

@@ -1,6 +1,7 @@
 """Sidecar files of an 8-bit picture: one file per channel, in standard formats.
 
-    frame.range.png             16 bits, millimetres; 0: nothing is hit, 65535: beyond 65.534 m
+    frame.range.png             16 bits: 0 outside of the camera, 65535: nothing is hit; a step is
+                                1 mm, or, to hold what is beyond 65.534 m, 2, 5, 10 mm …: see JSON
     frame.z.exr, frame.position.exr            as in the EXR of all channels
     frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: nothing is hit
     frame.albedo.png            8 bits, sRGB
@@ -32,8 +33,13 @@ from omnisim.ground_truth.previews import preview
 from omnisim.image_files import write_image, write_numbers
 from omnisim.srgb import srgb8_from_linear
 
-RANGE_STEPS_PER_M = 1000
 _LARGEST = 2**16 - 1
+FINEST_RANGE_STEPS_PER_M = 1000
+_NOTHING_HIT = _LARGEST
+_RANGE_ABOUT = (
+    "length of the ray from the effective viewpoint, in steps, at least 1; the scale is this "
+    "picture's own"
+)
 
 
 def write_sidecars(
@@ -41,16 +47,27 @@ def write_sidecars(
     channels: Mapping[str, NDArray[Any]],
     labels: Labels | None,
     metadata: Mapping[str, Any],
+    has_ray: NDArray[np.bool_],
 ) -> None:
     """Write a file for each channel beside the picture, and their description.
+
+    Args:
+        picture: its path.
+        channels: by name.
+        labels: of the IDs of classes and instances.
+        metadata: the picture's.
+        has_ray: (height, width), false outside of the lens or the mirror.
 
     Raises:
         OutputError: a file cannot be written, or numbers that 16 bits do not hold.
     """
     described: dict[str, Any] = {}
     for name, values in channels.items():
-        files, scale = _write(picture, name, values, labels, metadata)
         channel = CHANNELS[name]
+        if name == "range":
+            files, scale = _write_ranges(picture, values, has_ray)
+        else:
+            files, scale = _write(picture, name, values, labels, metadata)
         described[name] = {"files": files, "unit": channel.unit, "about": channel.about} | scale
     content = dict(metadata) | {"channels": described}
     if labels is not None:
@@ -98,11 +115,35 @@ def is_sidecar_name(picture: Path, path: Path) -> bool:
     return not stem and is_ours
 
 
-def _range_steps(ranges_m: NDArray[Any]) -> NDArray[np.uint16]:
+def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
+    """Finest scale 1000, 500, 200, 100, 50 … whose 16-bit numbers hold all finite ranges."""
+    farthest_m = float(np.max(ranges_m, where=np.isfinite(ranges_m), initial=0.0))
+    decade = 1
+    while True:
+        for divisor in (1, 2, 5):
+            steps_per_m = FINEST_RANGE_STEPS_PER_M / (divisor * decade)
+            if np.rint(steps_per_m * farthest_m) < _NOTHING_HIT:
+                return steps_per_m
+        decade *= 10
+
+
+def _write_ranges(
+    picture: Path, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
+) -> tuple[list[str], dict[str, Any]]:
+    """Write ranges as a PNG; return its name, and the scale and meaning of its numbers."""
+    steps_per_m = range_steps_per_m(ranges_m)
     hit = np.isfinite(ranges_m)
-    steps = np.rint(RANGE_STEPS_PER_M * np.where(hit, ranges_m, 0.0))
-    # 0 stands for nothing: what is hit is at least a step away
-    return np.where(hit, np.clip(steps, 1, _LARGEST), 0).astype(np.uint16)
+    steps = np.rint(steps_per_m * np.where(hit, ranges_m, 0.0))
+    # 0 stands for outside: what is hit is at least a step away
+    steps = np.where(hit, np.maximum(steps, 1), np.where(has_ray, _NOTHING_HIT, 0))
+    path = sidecar_path(picture, "range.png")
+    write_numbers(path, steps.astype(np.uint16))
+    return [path.name], {
+        "about": _RANGE_ABOUT,
+        "steps_per_m": int(steps_per_m) if steps_per_m.is_integer() else steps_per_m,
+        "nothing_hit": _NOTHING_HIT,
+        "outside": 0,
+    }
 
 
 def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:
@@ -113,7 +154,6 @@ def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:
 # Values as the numbers of a PNG file, and the scale that its description states.
 _NORMAL_SCALE = {"zero": 32768, "steps_per_unit": 32767}
 _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]]] = {
-    "range": (_range_steps, {"steps_per_m": RANGE_STEPS_PER_M}),
     "normals": (_normal_steps, _NORMAL_SCALE),
     "normals_camera": (_normal_steps, _NORMAL_SCALE),
     "valid": (lambda valid: (255 * valid).astype(np.uint8), {"true": 255}),

@@ -102,6 +102,11 @@ class GroundTruth:
             found["flow"], found["occluded"] = self._flow.finish(hits, motion)
         return {name: found[name] for name in names if name in found}
 
+    @property
+    def has_ray(self) -> NDArray[np.bool_]:
+        """Pixels (height, width) whose centre has a ray."""
+        return self._pixels.valid
+
     @cached_property
     def _flow(self) -> OpticalFlow:
         return OpticalFlow(self._stage.buffers, self._pixels, OcclusionPass(self._ray_hits))

@@ -174,7 +174,7 @@ class Renderer(SensorRenderer[CameraPasses]):
             raise OutputError("channel 'flow': expected next_base, got none")
         if next_object_poses is None:
             next_object_poses = object_poses
-        channels, labels, after = {}, None, None
+        channels, labels, has_ray, after = {}, None, None, None
         with self._current() as passes:
             poses = self._poses_at(base, object_poses)
             poses_at = partial(self._poses_at, object_poses=object_poses)
@@ -186,12 +186,12 @@ class Renderer(SensorRenderer[CameraPasses]):
                     after = self._poses_at(after_base, next_object_poses)
                 ground_truth = passes.ground_truth("albedo" in names)
                 channels = ground_truth.channels(names, poses, after)
-                labels = ground_truth.labels
+                labels, has_ray = ground_truth.labels, ground_truth.has_ray
         self._last_poses = poses
         metadata = self._metadata(base, poses.world_from_rig) | degradation
         if "flow" in names and after_base is not None:
             metadata["next_world_from_base"] = after_base.tolist()
-        return Frame(picture.rgba, picture.linear, metadata, channels, labels)
+        return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.

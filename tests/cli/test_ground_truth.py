@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.image_files import read_channels
+from omnisim.image_files import read_channels, read_image
 
 SMALL = ["--size", "40"]
 
@@ -44,6 +44,19 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
     for name in ("semantic", "flow", "occluded"):
         assert (tmp_path / f"f.{name}.png").is_file()
         assert (tmp_path / f"f.{name}.preview.png").is_file()
+
+
+def test_coarse_ranges_are_said(omnisim, tmp_path, needs_opengl):
+    (tmp_path / "far.obj").write_text("v 90 -9 -9\nv 90 9 -9\nv 90 0 9\nf 1 3 2\nf 1 2 3\n")
+    arguments = ["far.obj", "--up", "z", *SMALL, "--at", 0, 0, 0, "--also", "range"]
+    status, _, err = omnisim("render", *arguments, "-o", "f.png")
+    assert status == 0, err
+    assert "f.range.png: 2 mm a step, not 1, to hold what is beyond 65.534 m" in err
+    steps = read_image(tmp_path / "f.range.png")[0]
+    assert {0, 65535} < set(np.unique(steps).tolist())
+    hit = (steps > 0) & (steps < 65535)
+    assert hit.any()
+    assert (steps[hit] >= 45_000).all()
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,8 @@ def _frame(channels):
     shape = channels["range"].shape
     rgba = np.full((*shape, 4), 200, dtype=np.uint8)
     linear = np.full((*shape, 3), 0.25, dtype=np.float32)
-    return Frame(rgba, linear, {"scene": "test"}, channels, LABELS)
+    has_ray = None if "valid" not in channels else channels["valid"] == 1
+    return Frame(rgba, linear, {"scene": "test"}, channels, LABELS, has_ray)
 
 
 def test_exr_holds_all_channels(tmp_path):
@@ -87,14 +88,17 @@ def test_files_beside_a_picture_are_described(tmp_path):
     hit = np.isfinite(channels["range"])
     steps, _ = read_image(tmp_path / "a.range.png")
     assert steps.dtype == np.uint16
-    near = hit & (channels["range"] < 65.0)
-    scale = document["channels"]["range"]["steps_per_m"]
+    described = document["channels"]["range"]
+    scale = described["steps_per_m"]
+    assert scale == 500  # of 1000, 500, 200 …: the farthest is beyond 65.534 m
     np.testing.assert_allclose(
-        steps[near, 0] / scale, channels["range"][near], atol=0.5 / scale + 1e-5
+        steps[hit, 0] / scale, channels["range"][hit], atol=0.5 / scale + 1e-5
     )
-    assert (steps[~hit, 0] == 0).all()
-    assert (steps[channels["range"] > 66.0][:, 0][np.isfinite(channels["range"])[
-        channels["range"] > 66.0]] == 65535).all()  # fmt: skip
+    valid = channels["valid"] == 1
+    assert (steps[~hit & valid, 0] == described["nothing_hit"]).all()
+    assert (steps[~valid, 0] == described["outside"]).all()
+    assert (described["nothing_hit"], described["outside"]) == (65535, 0)
+    assert "inf" not in described["about"]
 
     normals, _ = read_image(tmp_path / "a.normals.png")
     scale = document["channels"]["normals"]
@@ -107,6 +111,30 @@ def test_files_beside_a_picture_are_described(tmp_path):
     assert read_image(tmp_path / "a.semantic.png")[0].dtype == np.uint16  # a class is number 300
     valid, _ = read_image(tmp_path / "a.valid.png")
     np.testing.assert_array_equal(valid[..., 0] > 0, channels["valid"] > 0)
+
+
+@pytest.mark.parametrize(
+    ("farthest_m", "steps_per_m"),
+    [
+        (0.0, 1000),
+        (65.5344, 1000),
+        (65.535, 500),
+        (131.0, 500),
+        (131.07, 200),
+        (1e3, 50),
+        (1e5, 0.5),
+    ],
+)
+def test_ranges_have_the_finest_scale_that_holds_them(tmp_path, farthest_m, steps_per_m):
+    ranges = np.array([[1e-6, farthest_m], [np.inf, np.inf]], dtype=np.float32)
+    rgba = np.full((2, 2, 4), 255, dtype=np.uint8)
+    rgba[1, 0, 3] = 0
+    Frame(rgba, None, {}, {"range": ranges}).save(tmp_path / "a.png")
+    described = json.loads((tmp_path / "a.channels.json").read_text())["channels"]["range"]
+    assert described["steps_per_m"] == steps_per_m
+    steps = read_image(tmp_path / "a.range.png")[0][..., 0]
+    assert steps[0].tolist() == [1, max(1, round(float(ranges[0, 1]) * steps_per_m))]
+    assert steps[1].tolist() == [0, 65535]
 
 
 def test_flow_files_follow_middlebury_and_kitti(tmp_path):
