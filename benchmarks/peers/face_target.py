@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
-from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION, float_depth
+from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION, float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfaceProgram, SurfacePrograms, variant_of
 from omnisim.gpu.scene.vertex_format import vertex_array
@@ -107,7 +107,7 @@ class ObjectDrawer:
         context = self._context
         target.use()
         target.depth_mask = True
-        target.clear(*self._background, 1.0, depth=CLEARED_DEPTH)
+        target.clear(*self._background, 1.0, depth=CLEAR_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.enable_direct(FRAMEBUFFER_SRGB)
         context.depth_func = DEPTH_FUNCTION

@@ -13,7 +13,7 @@ from omnisim.errors import OpticsError
 from omnisim.gpu.degradation.degradation_pass import DegradationPass, UniformValue
 from omnisim.gpu.pipeline import DegradedPipeline, Pipeline, Readback, ScenePoses, SubFrame
 from omnisim.poses import check_pose
-from omnisim.sensors.degradations.effect import MAX_STOPS
+from omnisim.sensors.degradations.effect import MAX_EV
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.motion import PoseFunction, moved_px
@@ -65,9 +65,9 @@ class DegradedCamera:
             OpticsError: an impossible exposure.
         """
         exposure_ev = request.exposure_ev
-        if exposure_ev is not None and not abs(exposure_ev) <= MAX_STOPS:  # NaN is not, either
+        if exposure_ev is not None and not abs(exposure_ev) <= MAX_EV:  # NaN is not, either
             raise OpticsError(
-                f"exposure_ev: expected −{MAX_STOPS:g} to {MAX_STOPS:g} stops, got {exposure_ev:g}"
+                f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {exposure_ev:g}"
             )
         sub_frames = self._sub_frames(request)
         degradation = self._sensor.degradation

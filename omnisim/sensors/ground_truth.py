@@ -95,11 +95,11 @@ class GroundTruth:
         }
         motion = None
         if after is not None and "flow" in names:
-            motion = self._flow.start(current, after)
+            motion = self._flow.begin(current, after)
         # the GPU draws the occlusion meanwhile
         found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
         if motion is not None:
-            found["flow"], found["occluded"] = self._flow.finish(hits, motion)
+            found["flow"], found["occluded"] = self._flow.end(hits, motion)
         return {name: found[name] for name in names if name in found}
 
     @property

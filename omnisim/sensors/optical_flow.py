@@ -22,7 +22,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 
 # Points projected at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
 # products on threads that then keep the cores from whatever comes next, on one.
-BLOCK = 1 << 14
+_POINTS_PER_BATCH = 1 << 14
 VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
 
 
@@ -43,13 +43,13 @@ class OpticalFlow:
     the picture by as much.
 
     Args:
-        buffers: the scene and its dynamic objects.
+        scene: the scene and its dynamic objects.
         pixels: of the camera.
-        occlusion: from the next viewpoint.
+        occlusion_pass: from the next viewpoint.
     """
 
-    def __init__(self, buffers: SceneBuffers, pixels: PixelMap, occlusion: OcclusionPass):
-        self._camera, self._occlusion = pixels.camera, occlusion
+    def __init__(self, scene: SceneBuffers, pixels: PixelMap, occlusion_pass: OcclusionPass):
+        self._camera, self._occlusion_pass = pixels.camera, occlusion_pass
         self._shape = pixels.valid.shape
         self._valid = np.flatnonzero(pixels.valid)
         # where the exact camera sees what each pixel sees: at the pixel itself, but for a mesh
@@ -59,54 +59,54 @@ class OpticalFlow:
             else self._camera.pixel_from_ray(pixels.read_rays()[0][pixels.valid]).positions_px
         )
         objects = [
-            0 if draw.object_index is None else draw.object_index + 1 for draw in buffers.draw_items
+            0 if draw.object_index is None else draw.object_index + 1 for draw in scene.draw_items
         ]
         self._object_of_draw = np.array([0, *objects], dtype=np.intp)  # from the draw −1 on
         self._period_px = _period_px(self._camera)
 
-    def start(self, current: ScenePoses, after: ScenePoses) -> NDArray[np.float64]:
-        """Start to draw the occlusion; return what `finish` needs.
+    def begin(self, current: ScenePoses, next_poses: ScenePoses) -> NDArray[np.float64]:
+        """Start to draw the occlusion; return what `end` needs.
 
         Returns:
             (1 + objects, 3, 4), from the current viewpoint frame to the next optical frame: of
             static points, and of those on each dynamic object.
         """
-        next_from_current = _next_from_current(current, after)
-        self._occlusion.render(
-            after.world_from_rig,
-            after.world_from_objects,
+        next_from_current = _next_from_current_transforms(current, next_poses)
+        self._occlusion_pass.render(
+            next_poses.world_from_rig,
+            next_poses.world_from_objects,
             next_from_current[self._object_of_draw[1:], :3],
         )
-        optical_from_world = (after.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
+        optical_from_world = (next_poses.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
         return optical_from_world @ next_from_current[:, :3]
 
-    def finish(
+    def end(
         self, hits: Hits, next_optical_from_current: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Compute the flow.
 
         Args:
             hits: from the current viewpoint.
-            next_optical_from_current: from `start`.
+            next_optical_from_current: from `begin`.
 
         Returns:
             Flow (height, width, 2) in pixels, NaN where the lens cannot see the point next; and
             (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has no ray.
         """
-        after = self._next_pixels(hits, next_optical_from_current)
-        motion_px = after.positions_px - self._positions_px
+        projected = self._next_pixels(hits, next_optical_from_current)
+        motion_px = projected.positions_px - self._positions_px
         if self._period_px is not None:
             motion_px[:, 0] -= self._period_px * np.round(motion_px[:, 0] / self._period_px)
-        motion_px[np.flatnonzero(~after.valid)] = np.nan
+        motion_px[np.flatnonzero(~projected.valid)] = np.nan
         flow = np.full((self._shape[0] * self._shape[1], 2), np.nan, dtype=np.float32)
         # both numbers of a pixel at once
         flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
-        occlusion = np.full(len(flow), INVALID, dtype=np.uint8)
-        occluded = self._occlusion.read().ravel()[self._valid]
-        occlusion[self._valid] = np.where(
-            self._is_inside(after), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
+        status = np.full(len(flow), INVALID, dtype=np.uint8)
+        occluded = self._occlusion_pass.read().ravel()[self._valid]
+        status[self._valid] = np.where(
+            self._is_inside(projected), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
         )
-        return flow.reshape(*self._shape, 2), occlusion.reshape(self._shape)
+        return flow.reshape(*self._shape, 2), status.reshape(self._shape)
 
     def _next_pixels(self, hits: Hits, next_optical_from_current: NDArray[np.float64]) -> Pixels:
         """Project the points (n,) of the valid pixels into the next picture."""
@@ -118,14 +118,14 @@ class OpticalFlow:
         static, *dynamic = next_optical_from_current
         objects = self._object_of_draw[draws_plus_one] if dynamic else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
-        for first in range(0, len(points_m), BLOCK):
-            block = slice(first, first + BLOCK)
-            optical_m = points_m[block] @ static.T
+        for first in range(0, len(points_m), _POINTS_PER_BATCH):
+            batch = slice(first, first + _POINTS_PER_BATCH)
+            optical_m = points_m[batch] @ static.T
             if objects is not None:
-                for index in np.unique(objects[block]):
-                    on_it = np.flatnonzero(objects[block] == index)
-                    optical_m[on_it] = points_m[block][on_it] @ next_optical_from_current[index].T
-            positions_px[block], valid[block] = self._camera.pixel_from_ray(optical_m)
+                for index in np.unique(objects[batch]):
+                    on_it = np.flatnonzero(objects[batch] == index)
+                    optical_m[on_it] = points_m[batch][on_it] @ next_optical_from_current[index].T
+            positions_px[batch], valid[batch] = self._camera.pixel_from_ray(optical_m)
         return Pixels(positions_px, valid)
 
     def _is_inside(self, pixels: Pixels) -> NDArray[np.bool_]:
@@ -137,13 +137,15 @@ class OpticalFlow:
         return inside
 
 
-def _next_from_current(current: ScenePoses, after: ScenePoses) -> NDArray[np.float64]:
+def _next_from_current_transforms(
+    current: ScenePoses, next_poses: ScenePoses
+) -> NDArray[np.float64]:
     """Transforms (1 + objects, 4, 4) from the current viewpoint frame to the next one: of static
     points, and of those on each dynamic object."""  # fmt: skip
-    viewpoint_m, next_m = current.world_from_rig[:3, 3], after.world_from_rig[:3, 3]
+    viewpoint_m, next_m = current.world_from_rig[:3, 3], next_poses.world_from_rig[:3, 3]
     transforms = np.tile(np.eye(4), (1 + len(current.world_from_objects), 1, 1))
     for index, (before, then) in enumerate(
-        zip(current.world_from_objects, after.world_from_objects, strict=True), start=1
+        zip(current.world_from_objects, next_poses.world_from_objects, strict=True), start=1
     ):
         moved = then @ np.linalg.inv(before)
         transforms[index, :3, :3] = moved[:3, :3]

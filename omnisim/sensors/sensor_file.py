@@ -76,7 +76,7 @@ class MirrorTable(Table):
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
-    def _one_rim(self) -> MirrorTable:
+    def _at_most_one_rim(self) -> MirrorTable:
         if self.theta_max_deg is not None and self.rim_radius_m is not None:
             raise ValueError(
                 "theta_max_deg and rim_radius_m both say where the rim is: expected one of them"

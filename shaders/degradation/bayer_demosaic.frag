@@ -52,7 +52,7 @@ void main() {
         float row = 5.0 * own.x + 4.0 * sides.x - corners.x - far_sides.x + 0.5 * far_above.x;
         float column = 5.0 * own.x + 4.0 * above.x - corners.x - far_above.x + 0.5 * far_sides.x;
         float other = 6.0 * own.x + 2.0 * corners.x - 1.5 * (far_sides.x + far_above.x);
-        bool red_row = ((pixel.y + u_red_at.y) & 1) == 0;
+        bool red_row = ((pixel.y + u_red_xy.y) & 1) == 0;
         guess = own_colour == 1
             ? vec3(red_row ? row : column, 0.0, red_row ? column : row)
             : vec3(other, cross, other);

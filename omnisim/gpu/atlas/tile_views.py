@@ -20,13 +20,13 @@ class TileView(NamedTuple):
     Attributes:
         tile: the tile.
         clip_from_viewpoint: (4, 4).
-        planes: (6, 4), inward unit normals and distances of left, right, top, bottom, near and
-            far. A point is inside where n · (x, y, z) + d ≥ 0.
+        frustum_planes: (6, 4), inward unit normals and distances of left, right, top, bottom, near
+            and far. A point is inside where n · (x, y, z) + d ≥ 0.
     """
 
     tile: Tile
     clip_from_viewpoint: NDArray[np.float64]
-    planes: NDArray[np.float64]
+    frustum_planes: NDArray[np.float64]
 
 
 class TileViews:

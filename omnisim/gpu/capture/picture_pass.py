@@ -111,7 +111,7 @@ class SamplePass:
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
         context = samples.context
-        self._kept_rays = samples.kept_rays
+        self._lookup_rays = samples.lookup_rays
         self._samples_array = samples.vertex_array(Emit.COLOR, plan)
         self._colors = context.texture(samples.size_px, 4, dtype="f2")
         self._target = context.framebuffer([self._colors])
@@ -122,8 +122,8 @@ class SamplePass:
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
         """See `PicturePass`."""
         atlas.use(0)
-        if self._kept_rays is not None:
-            self._kept_rays.use(RAYS_UNIT)
+        if self._lookup_rays is not None:
+            self._lookup_rays.use(RAYS_UNIT)
         self._target.use()
         self._target.clear()
         self._samples_array.render()

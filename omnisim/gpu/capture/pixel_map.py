@@ -17,7 +17,7 @@ from omnisim.gpu.uniforms import uniform
 from omnisim.mirrors import tessellate
 
 RAYS_UNIT = 1  # texture unit of the rays, where a program reads them
-_ITERATION = "camera/parts/theta_from_radius.glsl"
+_ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
 
 
 class Emit(StrEnum):
@@ -67,7 +67,7 @@ class PixelMap:
         return rays
 
     @cached_property
-    def kept_rays(self) -> moderngl.Texture | None:
+    def lookup_rays(self) -> moderngl.Texture | None:
         """`rays`, where the camera model finds them by iteration and they fit; else None.
 
         A fetch costs less than an iteration, and more than a formula.
@@ -96,10 +96,10 @@ class PixelMap:
     def vertex_array(self, emit: Emit, plan: TilePlan) -> moderngl.VertexArray:
         """Vertex array that draws for each pixel what its ray has in an atlas.
 
-        For colours, `kept_rays` have to be bound to `RAYS_UNIT`.
+        For colours, `lookup_rays` have to be bound to `RAYS_UNIT`.
         """
-        if emit is Emit.COLOR and self.kept_rays is not None:
-            array = self._full_screen_array("capture/kept_rays.frag", emit)
+        if emit is Emit.COLOR and self.lookup_rays is not None:
+            array = self._full_screen_array("capture/lookup_rays.frag", emit)
             uniform(array.program, "u_rays").value = RAYS_UNIT
         else:
             array = self._model_array(emit)
@@ -108,7 +108,7 @@ class PixelMap:
 
     @property
     def _iterates(self) -> bool:
-        return self.polygons is None and _ITERATION in included_files(self._model_file)
+        return self.polygons is None and _ITERATIVE_INCLUDE in included_files(self._model_file)
 
     @property
     def _model_file(self) -> str:

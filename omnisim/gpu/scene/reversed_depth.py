@@ -14,7 +14,7 @@ import moderngl
 from omnisim.gpu.gl_functions import allocate_float_depth
 
 DEPTH_FUNCTION = ">"
-CLEARED_DEPTH = 0.0
+CLEAR_DEPTH = 0.0
 
 
 def float_depth(

@@ -14,7 +14,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews
 from omnisim.gpu.gl_functions import flush
 from omnisim.gpu.scene.draw_item import InstanceTransforms
-from omnisim.gpu.scene.reversed_depth import CLEARED_DEPTH, DEPTH_FUNCTION
+from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import P, SceneDrawer
 from omnisim.gpu.scene.static_drawer import StaticDrawer
@@ -79,7 +79,7 @@ class TileRenderer:
         _draw_everywhere(target)
         target.viewport = (0, 0, *target.size)
         target.depth_mask = True
-        target.clear(color=color, depth=CLEARED_DEPTH)
+        target.clear(color=color, depth=CLEAR_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = DEPTH_FUNCTION
         # y of the clip space runs down the picture, so triangles are wound the other way round
@@ -141,7 +141,9 @@ class TileRenderer:
         self, view: TileView, transforms: InstanceTransforms, items: NDArray[np.intp]
     ) -> NDArray[np.bool_]:
         """Mask of items (n,) whose bounding spheres are not outside of a tile's frustum."""
-        inside_m = transforms.centres_m[items] @ view.planes[:, :3].T + view.planes[:, 3]
+        inside_m = (
+            transforms.centres_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
+        )
         kept: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[items] >= 0.0, axis=0)
         return kept
 

@@ -21,7 +21,7 @@ from omnisim.gpu.degradation.degradation_pass import Step, UniformValue
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
-RED_AT = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
+RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
 # Malvar's filters, in eighths: for green at red or blue; for red in red's row at green; for red
 # in red's column at green (that one turned); for red at blue.
 _CROSS = ((0, 0, -1, 0, 0), (0, 0, 2, 0, 0), (-1, 2, 4, 2, -1), (0, 0, 2, 0, 0), (0, 0, -1, 0, 0))
@@ -54,11 +54,11 @@ class Bayer(SensorEffect, name="degradation.bayer"):
 
     def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """Two passes on the GPU: the mosaic, in all three channels, and demosaicking."""
-        mosaic = Step("bayer_mosaic", {"u_red_at": RED_AT[self.pattern]})
+        mosaic = Step("bayer_mosaic", {"u_red_xy": RED_XY[self.pattern]})
         if self.demosaic == "none":
             return [mosaic]
         uniforms: dict[str, UniformValue]
-        uniforms = {"u_red_at": RED_AT[self.pattern], "u_malvar": self.demosaic == "malvar"}
+        uniforms = {"u_red_xy": RED_XY[self.pattern], "u_malvar": self.demosaic == "malvar"}
         return [mosaic, Step("bayer_demosaic", uniforms)]
 
     def apply(
@@ -79,7 +79,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
 
     def colours(self, geometry: PictureGeometry) -> NDArray[np.intp]:
         """Colour index (height, width) of each pixel: 0 red, 1 green, 2 blue."""
-        column, row = RED_AT[self.pattern]
+        column, row = RED_XY[self.pattern]
         right = (np.arange(geometry.width_px)[None, :] + column) % 2
         down = (np.arange(geometry.height_px)[:, None] + row) % 2
         return right + down
@@ -98,8 +98,8 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         for offsets in (((0, -1), (-1, 0), (1, 0), (0, 1)), ((-1, -1), (1, -1), (-1, 1), (1, 1))):
             layer_total, layer = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
             for right, down in offsets:
-                layer_total += _shifted(np.where(near, raw, np.float32(0.0)), right, down)
-                layer += _shifted(near.astype(np.float32), right, down)
+                layer_total += _neighbour(np.where(near, raw, np.float32(0.0)), right, down)
+                layer += _neighbour(near.astype(np.float32), right, down)
             total, count = (
                 np.where(count > 0, total, layer_total),
                 np.where(count > 0, count, layer),
@@ -107,8 +107,8 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         guess = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), raw)
         if self.demosaic == "malvar":
             whole = np.ones(raw.shape, dtype=bool)
-            for right, down in _taps():
-                whole &= _shifted(valid.astype(np.float32), right, down) > 0.5
+            for right, down in _support():
+                whole &= _neighbour(valid.astype(np.float32), right, down) > 0.5
             filtered = self._malvar(raw, colours, colour)
             guess = np.where(whole, filtered, guess)
         return np.where(known, raw, guess)
@@ -127,7 +127,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         return np.where(colours == 1, green, corners)
 
 
-def _taps() -> list[tuple[int, int]]:
+def _support() -> list[tuple[int, int]]:
     """Offsets of the 13 pixels that Malvar's filters read."""
     near = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
     return [*near, (-2, 0), (2, 0), (0, -2), (0, 2)]
@@ -139,11 +139,11 @@ def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray
         for right in range(-2, 3):
             weight = np.float32(eighths[down + 2, right + 2] / 8.0)
             if weight != 0.0:
-                total += weight * _shifted(raw, right, down)
+                total += weight * _neighbour(raw, right, down)
     return total
 
 
-def _shifted(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
+def _neighbour(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
     """Values at an offset of each pixel; 0 outside."""
     padded = np.pad(values, 2)
     height, width = values.shape

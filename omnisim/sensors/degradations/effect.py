@@ -13,8 +13,8 @@ from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import NotNegative, Number, Parameters
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 
-MAX_STOPS = 30.0
-Stops = Annotated[Number, Field(ge=-MAX_STOPS, le=MAX_STOPS)]
+MAX_EV = 30.0
+Ev = Annotated[Number, Field(ge=-MAX_EV, le=MAX_EV)]
 Count = Annotated[int, Field(strict=True, ge=0, le=10_000)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Rgb = tuple[NotNegative, NotNegative, NotNegative]

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 from omnisim.gpu.degradation.degradation_pass import Step
 from omnisim.parameters import NotNegative, Positive
-from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot, Stops
+from omnisim.sensors.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied
 
@@ -32,12 +32,12 @@ from omnisim.sensors.degradations.reflectance import multiplied
 class Exposure(SensorEffect, name="degradation.exposure"):
     """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
 
-    ev: Stops = 0.0
+    ev: Ev = 0.0
     auto: bool = False
     target: Positive = 0.18
     time_constant_s: NotNegative = 0.2
-    min_ev: Stops = -4.0
-    max_ev: Stops = 6.0
+    min_ev: Ev = -4.0
+    max_ev: Ev = 6.0
 
     def _check(self) -> None:
         if self.min_ev > self.max_ev:

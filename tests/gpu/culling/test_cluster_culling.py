@@ -40,7 +40,9 @@ def test_matrices_show_what_planes_keep():
     for view in _views(np.inf, world_from_rig):
         x, y, z, w = (points @ view.clip_from_viewpoint[:, :3].T + view.clip_from_viewpoint[:, 3]).T
         drawn = (np.abs(x) <= w) & (np.abs(y) <= w) & (z <= w) & (w > 0.0)
-        kept = np.all(points @ view.planes[:, :3].T + view.planes[:, 3] >= 0.0, axis=1)
+        kept = np.all(
+            points @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3] >= 0.0, axis=1
+        )
         assert drawn.any()
         # points on a plane itself do not occur by chance
         assert np.array_equal(drawn, kept)
