@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import os
+import threading
+import warnings
+from collections import deque
 from typing import NamedTuple
 
 import moderngl
@@ -19,6 +23,8 @@ _NO_DRIVER = "there is no OpenGL driver"
 _NO_SUCH_DEVICE = "there is no such device"
 _MAX_DEVICES = 64  # more than a machine has; ends a driver's endless list
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
+_users: list[int] = []  # the process that uses OpenGL, if one does: a fork inherits the note
+_unclosed: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # with their threads
 
 
 class GraphicsInfo(NamedTuple):
@@ -39,8 +45,10 @@ def open_context(device: int | None = None) -> moderngl.Context:
             or else the first that works: software, on most machines, is the last.
 
     Raises:
-        GraphicsError: no EGL, no driver, no such device, or an OpenGL that is too old.
+        GraphicsError: no EGL, no driver, no such device, an OpenGL that is too old, or a process
+            that was forked from one with OpenGL.
     """
+    check_process()
     _check_libraries()
     try:
         return _open(device)
@@ -52,6 +60,53 @@ def open_context(device: int | None = None) -> moderngl.Context:
         raise reason from None
 
 
+def check_process() -> None:
+    """Refuse OpenGL after a fork: the driver's threads are not in the child, which waits for them.
+
+    Raises:
+        GraphicsError: this process was forked from one that had opened OpenGL.
+    """
+    if _users and _users[0] != os.getpid():
+        raise GraphicsError(
+            "this process was forked from one that uses OpenGL: use multiprocessing's start method "
+            "'spawn'"
+        )
+
+
+def release_context(context: moderngl.Context) -> None:
+    """Release a context with everything in it; after a fork it stays its parent's."""
+    if _users == [os.getpid()]:
+        context.release()
+
+
+def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
+    """Release a context that its last user dropped without closing it, and warn.
+
+    Garbage is collected on any thread: where the context's own is another one and still runs, the
+    context is released by that thread's next call of `release_unclosed_contexts`.
+    """
+    _unclosed.append((thread, context))
+    release_unclosed_contexts()
+    warnings.warn(
+        "unclosed stage or renderer: close it, or use it in a `with` block",
+        ResourceWarning,
+        stacklevel=3,  # where the last reference was dropped
+    )
+
+
+def release_unclosed_contexts() -> None:
+    """Release the dropped contexts of this thread, and those of threads that have ended."""
+    for _ in range(len(_unclosed)):
+        try:
+            thread, context = _unclosed.popleft()
+        except IndexError:  # another thread took it
+            return
+        if thread is threading.current_thread() or not thread.is_alive():
+            release_context(context)
+        else:
+            _unclosed.append((thread, context))
+
+
 def _check_libraries() -> None:
     for library in _LIBRARIES:
         try:
@@ -61,6 +116,8 @@ def _check_libraries() -> None:
 
 
 def _open(device: int | None) -> moderngl.Context:
+    _users[:] = [os.getpid()]
+    release_unclosed_contexts()
     settings: dict[str, object] = {"libegl": _LIBRARIES[0], "libgl": _LIBRARIES[1]}
     if device is not None:
         settings["device_index"] = device
@@ -94,8 +151,9 @@ def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
     """List EGL's devices by number, with their OpenGL or the reason why it cannot be used.
 
     Raises:
-        GraphicsError: EGL or OpenGL itself is not installed.
+        GraphicsError: EGL or OpenGL itself is not installed, or as `open_context`.
     """
+    check_process()
     _check_libraries()
     devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
     for number in range(_MAX_DEVICES):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
+import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
@@ -13,7 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError, SceneError
-from omnisim.gpu.context import open_context
+from omnisim.gpu.context import (
+    check_process,
+    open_context,
+    release_context,
+    release_unclosed_context,
+    release_unclosed_contexts,
+)
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.poses import check_pose
@@ -47,7 +55,8 @@ class Stage(Closing):
     """Holds the OpenGL context, one copy of the scene and its body, and the programs that draw.
 
     Make the sensors' renderers from it, and close it after them; a renderer whose stage is closed
-    says so. Sensors take turns: a stage and its renderers belong to one thread.
+    says so. A stage that is dropped and not closed warns, as files do, and is released. Sensors
+    take turns: a stage and its renderers belong to one thread.
 
     Args:
         scene: static scene in the world frame, with its lights and background; or the path or
@@ -81,7 +90,10 @@ class Stage(Closing):
         if BODY in self.dynamic_objects:
             raise SceneError(f"dynamic_objects: {BODY!r} is reserved for the vehicle")
         self.context = open_context(device)
-        self._closed = False
+        self._finalizer = weakref.finalize(
+            self, release_unclosed_context, self.context, threading.current_thread()
+        )
+        self._finalizer.atexit = False  # the end of the process frees it
         try:
             with self.context:
                 self.buffers = SceneBuffers(self.context, self.scene, tuple(self.objects.values()))
@@ -129,24 +141,25 @@ class Stage(Closing):
         """Make its context current for a `with` block, as another stage's may be.
 
         Raises:
-            GraphicsError: the stage is closed.
+            GraphicsError: the stage is closed, or another process's, from before a fork.
         """
-        if self._closed:
+        check_process()
+        if not self._finalizer.alive:
             raise GraphicsError("this stage is closed: open a new one")
+        release_unclosed_contexts()
         with self.context:
+            self.context.gc()  # renderers that were dropped and not closed
             yield
 
     def collect(self) -> None:
-        """Free the GPU memory of closed renderers."""
-        if not self._closed:
-            with self.context:
-                self.context.gc()
+        """Free the GPU memory of closed renderers, where the stage itself is not closed."""
+        with suppress(GraphicsError), self.current():
+            pass
 
     def close(self) -> None:
         """Release the OpenGL context with everything in it."""
-        if not self._closed:
-            self._closed = True
-            self.context.release()
+        if self._finalizer.detach() is not None:
+            release_context(self.context)
 
 
 Passes = TypeVar("Passes")

@@ -1,0 +1,114 @@
+"""Stages and renderers that are dropped and not closed: they warn, and their memory is freed."""
+
+import gc
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from omnisim import OmniCamera, Renderer, Stage
+from tests.scenes import room, scene_of
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+CAMERA = OmniCamera(polygons=None).resized(24)
+# Measured: 2 MB; 199 MB where nothing is released.
+DROPS_THIRTY = """
+import warnings
+from omnisim import Renderer
+from tests.sensors.test_stage import resident_bytes
+from tests.sensors.test_unclosed import render
+from tests.sensors.test_unclosed import CAMERA
+from tests.scenes import room, scene_of
+
+warnings.simplefilter("ignore", ResourceWarning)
+sizes = []
+for _ in range(30):
+    renderer = Renderer(scene_of([room()]), CAMERA)
+    render(renderer)
+    del renderer
+    sizes.append(resident_bytes())
+print(sizes[-1] - sizes[2])
+"""
+
+
+def render(renderer):
+    return renderer.render(renderer.camera.base_pose((0.0, 0.0, 0.0))).rgba
+
+
+def test_thirty_dropped_renderers_take_no_more_memory_than_a_few():
+    done = subprocess.run(
+        [sys.executable, "-c", DROPS_THIRTY], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < 50e6
+
+
+def drop(held):
+    held.clear()
+    gc.collect()
+
+
+def test_a_dropped_renderer_warns_and_a_closed_one_does_not():
+    held = [Renderer(scene_of([room()]), CAMERA)]
+    with pytest.warns(ResourceWarning, match="unclosed") as caught:
+        drop(held)
+    assert caught[0].filename == __file__
+    Renderer(scene_of([room()]), CAMERA).close()  # a warning is an error in tests
+    gc.collect()
+
+
+def test_dropped_beside_another_renderer():
+    with Renderer(scene_of([room()]), CAMERA) as renderer:
+        before = render(renderer)
+        held = [Renderer(scene_of([room()]), CAMERA)]
+        render(held[0])
+        with renderer._stage.current():
+            with pytest.warns(ResourceWarning, match="unclosed"):
+                drop(held)
+            assert renderer._stage.context.error == "GL_NO_ERROR"
+        assert (render(renderer) == before).all()
+
+
+def test_renderers_dropped_from_a_shared_stage_are_freed_by_its_next_frame():
+    with Stage(scene_of([room()])) as stage, Renderer(stage, CAMERA) as kept:
+        before = render(kept)
+        held = [Renderer(stage, CAMERA)]
+        render(held[0])
+        drop(held)
+        garbage = set(stage.context.objects)
+        assert garbage
+        assert (render(kept) == before).all()
+        assert not garbage & set(stage.context.objects)
+
+
+def test_garbage_of_another_thread_is_released_by_its_own():
+    held = [Renderer(scene_of([room()]), CAMERA)]
+    render(held[0])
+    context = held[0]._stage.context
+    with pytest.warns(ResourceWarning, match="unclosed"):
+        run_in_a_thread(lambda: drop(held))
+    assert is_open(context)
+    with Renderer(scene_of([room()]), CAMERA) as other:
+        render(other)
+        assert not is_open(context)
+
+
+def test_garbage_of_a_thread_that_has_ended_is_released_at_once():
+    held = []
+    run_in_a_thread(lambda: held.append(Renderer(scene_of([room()]), CAMERA)))
+    context = held[0]._stage.context
+    with pytest.warns(ResourceWarning, match="unclosed"):
+        drop(held)
+    assert not is_open(context)
+
+
+def run_in_a_thread(task):
+    thread = threading.Thread(target=task)
+    thread.start()
+    thread.join()
+
+
+def is_open(context):
+    return type(context.mglo).__name__ != "InvalidObject"
