@@ -106,7 +106,7 @@ class Stage(Closing):
         objects = counted(len(self.dynamic_objects), "dynamic object")
         body = "" if self.body is None else f"body {self.body.name!r}"
         return short_repr(
-            self, repr(self.scene.name), body, objects, "closed" if self._closed else ""
+            self, repr(self.scene.name), body, objects, "" if self._finalizer.alive else "closed"
         )
 
     @property
