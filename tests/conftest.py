@@ -6,15 +6,11 @@ import os
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 os.environ.setdefault("PYGLET_HEADLESS", "1")
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.context import open_context
-
-SHARED_ASSETS = Path(__file__).resolve().parents[2] / "shared" / "assets"
 
 
 def pytest_terminal_summary(terminalreporter, config):
@@ -52,12 +48,3 @@ def open_context_or_skip():
         if os.environ.get("CI"):
             raise  # CI must have OpenGL
         pytest.skip(str(reason))
-
-
-@pytest.fixture
-def warehouse():
-    """Path of a real scene that nobody made for omnisim; it is not part of the project."""
-    path = SHARED_ASSETS / "small_warehouse.glb"
-    if not path.is_file():
-        pytest.skip(f"{path.name} is kept outside the project and is not here")
-    return path

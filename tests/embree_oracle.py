@@ -1,11 +1,10 @@
 """Oracle of ground truth: the pixels' exact rays, cast by Embree.
 
-By hand, all lenses and poses: python -m tests.embree_oracle ../shared/assets/small_warehouse.glb
+By hand, all lenses, ten poses in mapping and in the warehouse: python -m tests.embree_oracle
 """
 
 import dataclasses
 import math
-import sys
 
 import numpy as np
 
@@ -14,7 +13,8 @@ from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.poses import pose
 from omnisim.sensors.optical_flow import OCCLUDED, OUTSIDE, VISIBLE
-from tests.ray_casting import RayCaster, first_hits
+from tests.ray_casting import RayCaster, first_hits, opaque_part
+from tests.scenes import WAREHOUSE
 
 LENSES = {
     "mirror": OmniCamera(polygons=None),
@@ -22,6 +22,11 @@ LENSES = {
         EquidistantCamera(360, 360, 100.0, (179.5, 179.5), math.radians(100.0)), polygons=None
     ),
     "equirectangular": OmniCamera(EquirectangularCamera(480, 240), polygons=None),
+}
+# Where viewpoints are in scenes to compare in, from and to, in metres.
+FREE_M = {
+    "mapping": ((-3.0, -8.0, 0.4), (10.0, 12.0, 2.0)),
+    WAREHOUSE: ((-3.0, -5.0, 0.4), (3.0, 5.0, 2.0)),
 }
 
 
@@ -181,8 +186,8 @@ def _silhouettes(valid, hits):
     return ((least != most) | ~(far_m <= 1.01 * near_m))[valid]
 
 
-def free_poses(oracle, count, seed=1):
-    """Poses all over the warehouse's floor, a little tilted, between 0.4 m and 2 m high.
+def free_poses(oracle, count, low_m, high_m, seed=1):
+    """Poses between two corners (3,), a little tilted.
 
     Nothing is nearer than 0.3 m, there and at the next pose: the virtual cameras see nothing that
     is nearer than their near plane, Embree does.
@@ -190,7 +195,7 @@ def free_poses(oracle, count, seed=1):
     random = np.random.default_rng(seed)
     directions = random.normal(size=(2000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    low, high = np.array([-3, -5, 0.4, -5, -5, 0]), np.array([3, 5, 2, 5, 5, 360])
+    low, high = np.array([*low_m, -5, -5, 0]), np.array([*high_m, 5, 5, 360])
     poses = []
     while len(poses) < count:
         values = random.uniform(low, high)
@@ -206,10 +211,11 @@ def next_pose(now):
     return now @ pose((0.28, 0.1, 0.0), yaw_deg=4.0)
 
 
-def main(path):
-    scene = load_scene(path)
+def print_comparison(source):
+    """Print means and extremes of all lenses over ten poses in a scene."""
+    scene = opaque_part(load_scene(source))
     oracle = Oracle(scene)
-    poses = free_poses(oracle, 10)
+    poses = free_poses(oracle, 10, *FREE_M[source])
     for name, lens in LENSES.items():
         with Renderer(scene, lens) as renderer:
             results = [compare(scene, oracle, renderer, now, next_pose(now)) for now in poses]
@@ -220,4 +226,7 @@ def main(path):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    for source in FREE_M:
+        if source != WAREHOUSE or WAREHOUSE.is_file():
+            print(source)
+            print_comparison(source)

@@ -1,8 +1,24 @@
-"""Small scenes made of numbers, whose every colour can be computed without a renderer."""
+"""Scenes of tests: small ones whose colours can be computed, and a real one where it is."""
+
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
+
+# A scene that nobody made for omnisim, beside the project: an extra run of tests of shipped scenes.
+WAREHOUSE = Path(__file__).resolve().parents[2] / "shared" / "assets" / "small_warehouse.glb"
+needs_warehouse = pytest.mark.skipif(
+    not WAREHOUSE.is_file(), reason=f"{WAREHOUSE.name} is kept outside the project and is not here"
+)
+
+
+def with_warehouse(*shipped):
+    """Parametrises a test by sources of scenes: shipped ones, and the real one, which is slow."""
+    warehouse = pytest.param(WAREHOUSE, id="warehouse", marks=[needs_warehouse, pytest.mark.slow])
+    return pytest.mark.parametrize("source", [*shipped, warehouse])
+
 
 NO_LIGHT = Lighting(ambient=(1.0, 1.0, 1.0), lights=())
 

@@ -8,22 +8,15 @@ from benchmarks.settings import at_setting
 from benchmarks.suites.limit import HELD, MOST_SAMPLES
 from omnisim import OmniCamera, Stage
 from omnisim.scene import load_scene
+from tests.scenes import with_warehouse
 
 
-def samples_a_mirror_px(source):
+@pytest.mark.usefixtures("needs_opengl")
+@with_warehouse("soccer", "mapping")
+def test_little_is_shaded_that_the_picture_does_not_show(source):
     with Stage(load_scene(source)) as stage:
         frame = RepeatedFrame.at_start(stage, at_setting(OmniCamera(), HELD))
         mirror_px = np.count_nonzero(frame.render()[..., 3])
-        return frame.count().virtual_cameras.samples / mirror_px
-
-
-@pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("scene", ["soccer", "mapping"])
-def test_little_is_shaded_that_the_picture_does_not_show(scene):
+        samples = frame.count().virtual_cameras.samples / mirror_px
     # fewer than one a pixel would be magnified
-    assert 1.0 < samples_a_mirror_px(scene) <= MOST_SAMPLES
-
-
-@pytest.mark.usefixtures("needs_opengl")
-def test_shaded_samples_in_a_real_scene(warehouse):
-    assert 1.0 < samples_a_mirror_px(warehouse) <= MOST_SAMPLES
+    assert 1.0 < samples <= MOST_SAMPLES

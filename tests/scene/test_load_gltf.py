@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from omnisim.errors import SceneError
+from omnisim.resources import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, LightKind, Wrap
 from tests.scene.gltf_builder import GltfBuilder, png
+from tests.scenes import WAREHOUSE, needs_warehouse
+
+SOCCER = SCENES / "soccer" / "soccer.glb"
 
 
 @pytest.fixture
@@ -381,8 +385,8 @@ def test_required_extension_that_is_not_supported(gltf, tmp_path):
 
 
 @pytest.mark.parametrize("cut", [0.001, 0.3, 0.95])
-def test_truncated_glb(warehouse, tmp_path, cut):
-    data = warehouse.read_bytes()
+def test_truncated_glb(tmp_path, cut):
+    data = SOCCER.read_bytes()
     path = tmp_path / "cut.glb"
     path.write_bytes(data[: int(cut * len(data))])
     with pytest.raises(SceneError, match=r"cut\.glb") as info:
@@ -390,8 +394,9 @@ def test_truncated_glb(warehouse, tmp_path, cut):
     assert "\n" not in str(info.value)
 
 
-def test_warehouse_is_complete(warehouse):
-    scene = load_scene(warehouse)
+@needs_warehouse
+def test_warehouse_is_complete():
+    scene = load_scene(WAREHOUSE)
     assert scene.triangle_count == 15003
     assert len(scene.instances) == 54
     assert len(scene.meshes) == 25
@@ -412,9 +417,9 @@ def test_nodes_below_a_mesh_of_lines_are_drawn(gltf, tmp_path):
     assert scene.notices == ("a.gltf: points and lines are not drawn",)
 
 
-def test_glb_data_in_a_gltf_file(gltf, warehouse, tmp_path):
-    (tmp_path / "a.gltf").write_bytes(warehouse.read_bytes())
-    assert load_scene(tmp_path / "a.gltf").triangle_count == 15003
+def test_glb_data_in_a_gltf_file(tmp_path):
+    (tmp_path / "a.gltf").write_bytes(SOCCER.read_bytes())
+    assert load_scene(tmp_path / "a.gltf").triangle_count == load_scene(SOCCER).triangle_count
 
 
 def test_draco(gltf, tmp_path, monkeypatch):

@@ -18,8 +18,10 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import INVALID, OCCLUDED, OUTSIDE, VISIBLE
+from tests import embree_oracle
 from tests.gpu.sheets import sheet
-from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
+from tests.ray_casting import opaque_part
+from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of, with_warehouse
 from tests.vehicles import body, box, checkered, surroundings
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -349,23 +351,24 @@ def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
             renderer.render(pose(), also=("flow",))
 
 
-def test_hits_in_the_warehouse_are_those_of_embree(warehouse):
-    """One pose a lens; the bounds are the project's, `tests.embree_oracle` takes more poses."""
-    from tests.embree_oracle import LENSES as LARGE
-    from tests.embree_oracle import Oracle, compare, free_poses, next_pose
+@pytest.mark.parametrize("lens", embree_oracle.LENSES)
+@with_warehouse("mapping")
+def test_hits_are_those_of_embree(source, lens):
+    """One pose; the bounds are the project's, `tests.embree_oracle` takes more poses.
 
-    scene = load_scene(warehouse)
-    oracle = Oracle(scene)
-    now = free_poses(oracle, 1, seed=5)[0]
-    for lens in LARGE.values():
-        with Renderer(scene, lens) as renderer:
-            results = compare(scene, oracle, renderer, now, next_pose(now))
-        assert min(results["range"], results["instance"], results["normals"]) >= 0.995
-        assert results["wrong elsewhere"] <= 1e-4  # measured: 0, all are at silhouettes
-        assert results["flow mean px"] <= 0.02
-        assert results["flow 99 % px"] <= 0.1
-        assert results["occluded"] > 300
-        assert results["occlusion F1"] >= 0.97
+    Measured in three poses of mapping, the worst: 0.9994, 0, 0.001 px, 0.0001 px and 0.990.
+    """
+    scene = opaque_part(load_scene(source))
+    oracle = embree_oracle.Oracle(scene)
+    now = embree_oracle.free_poses(oracle, 1, *embree_oracle.FREE_M[source], seed=5)[0]
+    with Renderer(scene, embree_oracle.LENSES[lens]) as renderer:
+        results = embree_oracle.compare(scene, oracle, renderer, now, embree_oracle.next_pose(now))
+    assert min(results["range"], results["instance"], results["normals"]) >= 0.995
+    assert results["wrong elsewhere"] <= 1e-4  # all others are at silhouettes
+    assert results["flow mean px"] <= 0.02
+    assert results["flow 99 % px"] <= 0.1
+    assert results["occluded"] > 300
+    assert results["occlusion F1"] >= 0.97
 
 
 @lenses

@@ -14,6 +14,7 @@ from omnisim.poses import pose as make_pose
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from tests.gpu.sheets import LAMP, SUN, crowd, dynamic_object, mixed_scene
+from tests.scenes import with_warehouse
 
 FAST = OmniCamera().with_quality("fast")
 ALWAYS, NEVER = 0, 10**9  # triangles that have to be left for another pass
@@ -71,9 +72,9 @@ def assert_same(one, other):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("source", ["soccer", "mapping", "warehouse"])
-def test_scenes_look_as_if_drawn_one_by_one(source, monkeypatch, request):
-    scene = load_scene(request.getfixturevalue(source) if source == "warehouse" else source)
+@with_warehouse("soccer", "mapping")
+def test_scenes_look_as_if_drawn_one_by_one(source, monkeypatch):
+    scene = load_scene(source)
     with Stage(scene) as stage, reference_stage(monkeypatch, scene) as reference:
         pictures = Pictures(monkeypatch, stage)
         clustered = pictures.take()
