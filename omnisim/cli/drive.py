@@ -13,7 +13,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from omnisim.cli.console import err, out, pluralize
+from omnisim.cli.console import err, out, pluralize, print_note
 from omnisim.cli.inputs import load_labelled_scene, parse_polygons, read_preset
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
@@ -46,6 +46,7 @@ def run(request: DriveRequest) -> None:
         rate_hz=request.rate_hz,
         ignore_limits=request.ignore_limits,
         ground_m=request.ground_m,
+        axes=None if request.axes is None else request.axes.value,
     )
     drive = Drive(
         scene,
@@ -57,7 +58,7 @@ def run(request: DriveRequest) -> None:
         up_axis=request.up_axis,
         channels=channels,
     )
-    plan = drive.plan()
+    plan = drive.plan(print_note)
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=32),

@@ -1,6 +1,7 @@
 """Parameters of the commands that record a run, or read one."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +22,13 @@ from omnisim.cli.arguments import (
     UnlitOption,
     UpOption,
 )
+
+
+class PoseAxes(StrEnum):
+    """Axes of the poses of a trajectory file."""
+
+    KITTI = "kitti"
+    WORLD = "world"
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,14 @@ class DriveRequest:
     ignore_limits: Annotated[
         bool, typer.Option("--ignore-limits", help="Ignore the robot's kinematic limits.")
     ] = False
+    axes: Annotated[
+        PoseAxes | None,
+        typer.Option(
+            "--axes",
+            help="Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, "
+            "y left, z up). [dim]kitti for KITTI's files, else world[/]",
+        ),
+    ] = None
     polygons: PolygonsOption = None
     size_px: SizeOption = None
     quality: QualityOption = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import metadata
@@ -69,8 +69,8 @@ class Drive:
     def __repr__(self) -> str:
         return short_repr(self, f"{self.vehicle.name} in {self.scene.name}", f"seed {self.seed}")
 
-    def plan(self) -> PlannedDrive:
-        """Plan the vehicle's trajectory, and simulate its odometry.
+    def plan(self, print_note: Callable[[str], None] | None = None) -> PlannedDrive:
+        """Plan the vehicle's trajectory, and simulate its odometry; see `plan_route`.
 
         Raises:
             TrajectoryError: a path that cannot be driven.
@@ -78,7 +78,7 @@ class Drive:
         """
         if not 0 <= self.seed <= LARGEST_SEED:
             raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
-        truth = plan_route(self.scene, self.vehicle, self.route)
+        truth = plan_route(self.scene, self.vehicle, self.route, print_note)
         for camera in self.vehicle.cameras:
             check_exposure(camera, truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from omnisim.robot import (
     parse_trajectory,
     time_poses,
 )
+from omnisim.robot.formats.parsed_trajectory import Axes
 from omnisim.robot.formats.text_table import check_printed_times
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
@@ -42,6 +44,7 @@ class Route:
         rate_hz: steps a second along waypoints instead, or of a file without times.
         ignore_limits: drive what the robot could not.
         ground_m: height of the ground that waypoints are on.
+        axes: of the poses of a file, or None: by its format's convention.
     """
 
     path: str
@@ -50,12 +53,24 @@ class Route:
     rate_hz: float | None = None
     ignore_limits: bool = False
     ground_m: float = 0.0
+    axes: Axes | None = None
 
 
-def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
+def plan_route(
+    scene: Scene,
+    vehicle: Vehicle,
+    route: Route,
+    print_note: Callable[[str], None] | None = None,
+) -> Trajectory:
     """Plan the trajectory of the vehicle's base along a route.
 
     A file without a suffix is one only where the scene has no path of its name.
+
+    Args:
+        scene: where.
+        vehicle: that drives.
+        route: the path.
+        print_note: called with the axes taken, where a file's are not the world's by themselves.
 
     Raises:
         TrajectoryError: a step, rate or ground that cannot be; no such path; a file that is
@@ -66,8 +81,9 @@ def plan_route(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
     path = Path(route.path)
     is_of_scene = any(path.name == route.path for path in scene.paths)
     if path.exists() if path.suffix else path.is_file() and not is_of_scene:
-        trajectory = _from_file(path, vehicle, route)
+        trajectory = _from_file(path, vehicle, route, print_note)
     else:
+        _refuse_axes(route)
         trajectory = _from_scene(scene, vehicle, route)
     _check_on_the_map(scene, trajectory, route.path)
     try:
@@ -105,11 +121,24 @@ def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
     return _along(np.array(found.waypoints_m), start_yaw_rad, vehicle, route, where)
 
 
-def _from_file(path: Path, vehicle: Vehicle, route: Route) -> Trajectory:
+def _refuse_axes(route: Route) -> None:
+    if route.axes is not None:
+        raise TrajectoryError(f"{route.path}: expected poses with --axes, got waypoints")
+
+
+def _from_file(
+    path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
+) -> Trajectory:
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
+        _refuse_axes(route)
         return _along(waypoints_m, None, vehicle, route, str(path))
-    recording = parse_trajectory(path)
+    recording = parse_trajectory(path, axes=route.axes)
+    if print_note is not None and recording.axes != "world":
+        print_note(
+            f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world takes them "
+            "as x forward, y left, z up"
+        )
     if route.ground_m != 0.0:
         raise TrajectoryError(
             f"{path}: expected waypoints with --ground, got poses, which have heights of their own"

@@ -54,6 +54,46 @@ def test_there_and_back(tmp_path, format_name, count):
     again.trajectory(10.0 if format_name == "kitti" else None)  # its rotations are rotations
 
 
+KITTI_AHEAD = "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0.25 0 1 0 -0.5 0 0 1 2\n"  # right, up, ahead
+
+
+def test_kitti_poses_are_a_camera_s(tmp_path):
+    path = _write(tmp_path, "a.kitti", KITTI_AHEAD)
+    recording = parse_trajectory(path)
+    assert recording.axes == "kitti"
+    np.testing.assert_array_equal(recording.world_from_base[1], pose((2, -0.25, 0.5)))
+    as_it_is = parse_trajectory(path, axes="world").world_from_base[1]
+    np.testing.assert_array_equal(as_it_is, pose((0.25, -0.5, 2)))
+    # a turn to the right is about the camera's y, down
+    right = "0 0 1 0 0 1 0 0 -1 0 0 0\n"
+    turned = parse_trajectory(_write(tmp_path, "b.kitti", right)).trajectory(1.0)
+    np.testing.assert_allclose(np.degrees(turned.yaw_rad), [-90.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("format_name", ["tum", "kitti", "euroc"])
+@pytest.mark.parametrize("axes", ["kitti", "world"])
+def test_axes_there_and_back(tmp_path, format_name, axes):
+    trajectory = _trajectory(20)
+    write_trajectory(tmp_path / "a", trajectory, format_name, axes)
+    back = parse_trajectory(tmp_path / "a", format_name, axes).world_from_base
+    np.testing.assert_allclose(back, trajectory.world_from_base, rtol=0, atol=2 * TURNED)
+
+
+def test_kitti_file_is_the_same_there_and_back(tmp_path):
+    path = _write(tmp_path, "a.kitti", KITTI_AHEAD)
+    write_trajectory(tmp_path / "b.kitti", read_trajectory(path, rate_hz=1.0))
+    as_numbers = [np.loadtxt(tmp_path / name) for name in ("a.kitti", "b.kitti")]
+    np.testing.assert_array_equal(*as_numbers)
+
+
+def test_axes_that_cannot_be(tmp_path):
+    path = _write(tmp_path, "a.csv", "x_m,y_m,yaw_deg\n0,0,0\n")
+    with pytest.raises(TrajectoryError, match="axes 'kitti': expected world: headings of a CSV"):
+        parse_trajectory(path, axes="kitti")
+    with pytest.raises(TrajectoryError, match="axes 'ros': expected one of world, kitti"):
+        parse_trajectory(path, axes="ros")
+
+
 @pytest.mark.parametrize("format_name", ["tum", "kitti"])
 def test_recognised_by_its_columns(tmp_path, format_name):
     trajectory = _trajectory(3)

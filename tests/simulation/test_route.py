@@ -131,6 +131,32 @@ def test_recorded_poses_keep_their_times(scene, vehicle, tmp_path):
     np.testing.assert_allclose(_drive(scene, vehicle, tmp_path / "a.tum").times_s, times)
 
 
+def test_kitti_file_drives_ahead_and_says_its_axes(scene, vehicle, tmp_path):
+    ahead = "".join(f"1 0 0 0 0 1 0 0 0 0 1 {0.1 * k}\n" for k in range(11))
+    (tmp_path / "a.kitti").write_text(ahead)
+    notes = []
+    route = Route(str(tmp_path / "a.kitti"))
+    poses = plan_route(scene, vehicle, route, notes.append)
+    np.testing.assert_allclose(poses.positions_m[-1], (1.0, 0.0, 0.0), atol=1e-12)
+    assert len(notes) == 1
+    assert "KITTI's axes" in notes[0]
+    assert "--axes world" in notes[0]
+    as_it_is = dataclasses.replace(route, axes="world", ignore_limits=True)
+    poses = plan_route(scene, vehicle, as_it_is, notes.append)
+    np.testing.assert_allclose(poses.positions_m[-1], (0.0, 0.0, 1.0), atol=1e-12)
+    assert len(notes) == 1
+
+
+@pytest.mark.parametrize("text", [None, "x_m,y_m\n0,0\n1,0\n"])
+def test_waypoints_have_no_axes(scene, vehicle, tmp_path, text):
+    path = "corner"
+    if text is not None:
+        path = tmp_path / "my.csv"
+        path.write_text(text)
+    with pytest.raises(TrajectoryError, match="expected poses with --axes, got waypoints"):
+        _drive(scene, vehicle, path, axes="world")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -1,6 +1,7 @@
 """KITTI: the upper three rows of a pose, 12 numbers a line, between blanks; no time.
 
-Poses are taken as they are. Those of KITTI's own benchmark are a camera's, z forward, not a base's.
+The numbers are read as they are. The benchmark's are a camera's: x right, y down, z ahead; its
+convention is `omnisim.robot.trajectory_files`'s to apply.
 Source: KITTI odometry benchmark, development kit.
 """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from omnisim.robot.trajectory import LARGEST_S, Trajectory
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
+# "world": x forward, y left, z up (REP 103); "kitti": x right, y down, z ahead, of the pose at the
+# origin as well as of all others (KITTI odometry benchmark, development kit).
+Axes = Literal["world", "kitti"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +37,14 @@ class ParsedTrajectory:
         line_numbers: (n,) where in the file each pose is, from 1.
         times_s: (n,), or None: the file has none.
         world_from_base: (n, 4, 4).
+        axes: that the file's poses are in; `world_from_base` is in the world's.
     """
 
     source: str
     line_numbers: NDArray[np.intp]
     times_s: NDArray[np.float64] | None
     world_from_base: NDArray[np.float64]
+    axes: Axes = "world"
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
         """Trajectory at the poses' times, or at `rate_hz` from 0 s on where they have none.
