@@ -17,14 +17,16 @@ import annotated_types
 import pydantic
 from pydantic_core import PydanticUndefined
 
-from omnisim.parameters import Table
+from omnisim.parameters import Table, table_of
+
+_FAR = 1e9  # of limits that only keep numbers within a float32
 
 
-def attribute_docs(model: type[pydantic.BaseModel]) -> dict[str, str]:
-    """Strings below the fields of a model, by the fields' names."""
+def attribute_docs(model: type) -> dict[str, str]:
+    """Strings below the fields of a model or dataclass, by the fields' names."""
     docs: dict[str, str] = {}
     for kind in reversed(model.__mro__):
-        if not (issubclass(kind, pydantic.BaseModel) and kind.__module__.startswith("omnisim")):
+        if not kind.__module__.startswith("omnisim"):
             continue
         try:
             (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
@@ -43,9 +45,17 @@ def attribute_docs(model: type[pydantic.BaseModel]) -> dict[str, str]:
     return docs
 
 
-def tables(model: type[pydantic.BaseModel], path: str = "") -> Iterator[str]:
-    """Markdown sections: one for each table that a model holds, its own keys first."""
-    docs, rows, inner = attribute_docs(model), [], []
+def tables(
+    model: type[pydantic.BaseModel], path: str = "", source: type | None = None
+) -> Iterator[str]:
+    """Markdown sections: one for each table that a model holds, its own keys first.
+
+    Args:
+        model: schema of the table.
+        path: key of the table in its file.
+        source: class with the keys' help, where it is not the model itself.
+    """
+    docs, rows, inner = attribute_docs(source or model), [], []
     for name, field in model.model_fields.items():
         key = field.alias or name
         found = _table_in(field.annotation)
@@ -54,7 +64,7 @@ def tables(model: type[pydantic.BaseModel], path: str = "") -> Iterator[str]:
             below = f"{path}.{key}" if path else key
             inner.append((f"[[{below}]]" if is_list else f"[{below}]", below, child))
             continue
-        default = "" if field.is_required() else _default(field)
+        default = "required" if field.is_required() else _default(field)
         rows.append(f"| `{key}` | {_type(field)} | {default} | {docs.get(name, '')} |")
     if rows:
         yield "\n".join(["| key | value | default | meaning |", "| --- | --- | --- | --- |", *rows])
@@ -63,7 +73,7 @@ def tables(model: type[pydantic.BaseModel], path: str = "") -> Iterator[str]:
         yield from tables(child, below)
 
 
-def _summary(model: type[pydantic.BaseModel]) -> str:
+def _summary(model: type) -> str:
     return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
 
 
@@ -79,14 +89,35 @@ def _default(field: Any) -> str:
 
 
 def _type(field: Any) -> str:
+    """Kind of value and its tightest limits; those far beyond any use are left out."""
+    rules = [*field.metadata, *_rules(field.annotation)]
     limits = []
-    for rule in field.metadata:
-        for sign, attribute in (("≥", "ge"), (">", "gt"), ("≤", "le"), ("<", "lt")):
-            limit = getattr(rule, attribute, None)
-            if isinstance(rule, annotated_types.BaseMetadata) and limit is not None:
-                limits.append(f"{sign} {limit:g}")
-    name = _name(field.annotation)
-    return ", ".join([name, *limits]) if name != "any" else ", ".join(["see meaning", *limits])
+    for tightest, strict, loose, signs in ((max, "gt", "ge", "> ≥"), (min, "lt", "le", "< ≤")):
+        found = [
+            (limit, sign)
+            for rule in rules
+            if isinstance(rule, annotated_types.BaseMetadata)
+            for attribute, sign in zip((strict, loose), signs.split(), strict=True)
+            if (limit := getattr(rule, attribute, None)) is not None
+        ]
+        limit, sign = tightest(found, default=(_FAR, ""))
+        if 0.0 < limit <= 1.0 / _FAR:
+            limits.append("> 0")
+        elif abs(limit) < _FAR:
+            limits.append(f"{sign} {limit:g}")
+    return ", ".join([_name(field.annotation), *limits])
+
+
+def _rules(annotation: Any) -> Iterator[Any]:
+    """Limits inside a union, such as a number or none."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is typing.Annotated:
+        for rule in parts[1:]:
+            yield from getattr(rule, "metadata", [rule])
+        yield from _rules(parts[0])
+    elif origin in (typing.Union, types.UnionType):
+        for part in parts:
+            yield from _rules(part)
 
 
 def _name(annotation: Any) -> str:
@@ -96,15 +127,19 @@ def _name(annotation: Any) -> str:
     if origin is typing.Literal:
         return " or ".join(f"`{word!r}`".replace("'", '"') for word in get_args(annotation))
     if origin in (typing.Union, types.UnionType):
-        return " or ".join(_name(p) for p in get_args(annotation) if p is not type(None))
+        names = [_name(part) for part in get_args(annotation) if part is not type(None)]
+        if "number" in names:  # whole ones are numbers
+            names = [name for name in names if name != "whole number"]
+        return " or ".join(names)
     if origin is tuple:
         parts = get_args(annotation)
         if parts[-1] is Ellipsis:
-            return f"list of {_name(parts[0])}"
+            return "tables" if get_origin(parts[0]) is dict else f"list of {_name(parts[0])}"
         return "[" + ", ".join(_name(part) for part in parts) + "]"
     if origin is dict:
-        return f"table of {_name(get_args(annotation)[1])}"
-    words = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "any"}
+        value = get_args(annotation)[1]
+        return "table" if value is Any else f"table of {_name(value)}"
+    words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
     return words.get(annotation, getattr(annotation, "__name__", str(annotation)))
 
 
@@ -122,12 +157,33 @@ def _table_in(annotation: Any) -> tuple[type[Table], bool] | None:
 
 def key_pages() -> dict[str, str]:
     """Markdown of the keys of each kind of file, by the name of its page."""
+    from omnisim.localization.parameters import FilterParameters
+    from omnisim.robot.robot_file import RobotFile
     from omnisim.scene.scene_file import LabelFile, SceneFile
     from omnisim.sensors.sensor_file import SensorFile
 
-    kinds = {
-        "sensor-file-keys": SensorFile,
-        "scene-file-keys": SceneFile,
-        "label-file-keys": LabelFile,
+    pages = {
+        "sensor-file-keys": tables(SensorFile),
+        "scene-file-keys": tables(SceneFile),
+        "label-file-keys": tables(LabelFile),
+        "robot-file-keys": (*tables(RobotFile), *_mounts()),
+        "filter-file-keys": tables(FilterParameters),
+        "degradation-keys": _effects(),
     }
-    return {name: "\n\n".join(tables(model)) + "\n" for name, model in kinds.items()}
+    return {name: "\n\n".join(sections) + "\n" for name, sections in pages.items()}
+
+
+def _mounts() -> Iterator[str]:
+    from omnisim.robot.sensor_mounts import MOUNT_TYPES
+
+    for name, mount in MOUNT_TYPES.items():
+        yield f'## `[[sensors]]`, `type = "{name}"`\n\n{_summary(mount)}'
+        yield from tables(mount, "sensors")
+
+
+def _effects() -> Iterator[str]:
+    from omnisim.sensors.degradations.degradation_file import EFFECTS
+
+    for name, effect in EFFECTS.items():
+        yield f"## `[degradation.{name}]`\n\n{_summary(effect)}"
+        yield from tables(table_of(effect), source=effect)

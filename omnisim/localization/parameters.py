@@ -27,7 +27,9 @@ class StartNoise(Table):
     """Standard deviations of the first pose."""
 
     position_sigma_m: NotNegative
+    """Standard deviation of x and of y, metres; 0: known without doubt."""
     heading_sigma_deg: NotNegative
+    """Standard deviation of the heading, degrees; 0: known without doubt."""
 
 
 class MotionNoise(Table):
@@ -38,11 +40,17 @@ class MotionNoise(Table):
     """
 
     distance_sigma_m_per_sqrt_m: NotNegative
+    """Standard deviation of the distance after 1 m, metres."""
     distance_sigma_share: NotNegative
+    """Standard deviation of a step's distance as a share of it: the wheels' size."""
     turn_sigma_deg_per_sqrt_m: NotNegative
+    """Standard deviation of the heading after 1 m, degrees."""
     turn_sigma_deg_per_sqrt_rad: NotNegative
+    """Standard deviation of the heading after a turn of 1 rad, degrees."""
     turn_sigma_deg_per_m: NotNegative
+    """Standard deviation of the heading for each metre driven, degrees: wheels of unequal size."""
     turn_sigma_share: NotNegative
+    """Standard deviation of a step's turn as a share of it: wheels that skid."""
 
     def sigmas(self, distance_m: float, turn_rad: float) -> tuple[float, float]:
         """Standard deviations of a step's distance in metres and of its turn in radians."""
@@ -63,11 +71,17 @@ class MeasurementNoise(Table):
     """Noise of an observation beyond its own sigmas, and the validation gate."""
 
     range_sigma_share: NotNegative
+    """Standard deviation as a share of the range: mirror, mounting, a floor that is not flat."""
     range_sigma_m: NotNegative
+    """Standard deviation of every range, metres."""
     bearing_sigma_deg: NotNegative
+    """Standard deviation of every bearing, degrees."""
     relation: Literal["exact", "eq2"]
+    """From image radius to incidence: "exact", or "eq2" by the paper's Eq. 2."""
     gate: Positive
+    """Largest squared Mahalanobis distance; 9.21: 99 % of chi-square, 2 degrees of freedom."""
     report_after_steps: Annotated[int, Field(ge=1, strict=True)]
+    """Successive steps with all observations rejected until that is reported."""
 
 
 class FilterParameters(Table):

@@ -29,44 +29,70 @@ Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 
 
 class _KinematicsTable(Table):
-    """Track and wheels are the body's; nothing here drives by them."""
+    """Drive and its limits. Track and wheels are the body's; nothing here drives by them."""
 
     type: DriveType
+    """Kind of drive."""
     track_m: Length | None = None
+    """Metres between the middles of the tyres."""
     wheel_diameter_m: Length | None = None
+    """Metres."""
     max_speed_mps: Limit
+    """Largest speed in m/s."""
     max_turn_rate_dps: Limit
+    """Largest turn rate in °/s."""
     max_acceleration_mps2: Limit
+    """Largest acceleration in m/s²."""
     max_turn_acceleration_dps2: Limit
+    """Largest turn acceleration in °/s²."""
 
 
 class _OdometryTable(Table):
-    """`OdometryErrors`, with its angles in degrees."""
+    """Errors of the wheels' readings."""
 
     distance_scale: Scale = 1.0
+    """Metres reported for a metre driven."""
     turn_scale: Scale = 1.0
+    """Radians reported for a radian turned: above 1 where wheels skid."""
     drift_deg_per_m: Drift = 0.0
+    """Degrees of turn reported for a metre driven straight: wheels of unequal size."""
     distance_noise_m_per_sqrt_m: Noise = 0.0
+    """Standard deviation of the distance after 1 m, metres."""
     turn_noise_deg_per_sqrt_m: Noise = 0.0
+    """Standard deviation of the heading after 1 m, degrees."""
     turn_noise_deg_per_sqrt_rad: Noise = 0.0
+    """Standard deviation of the heading after a turn of 1 rad, degrees."""
     distance_tick_m: Noise = 0.0
+    """Step of the distance counter in metres; 0: none."""
     turn_tick_deg: Noise = 0.0
+    """Step of the turn counter in degrees; 0: none."""
 
 
 class _FootprintTable(Table):
+    """Footprint about the base."""
+
     length_m: Length
+    """Metres along x."""
     width_m: Length
+    """Metres along y."""
     height_m: Length
+    """Metres to its highest point, sensors included."""
 
 
-class _RobotTable(Table):
+class RobotFile(Table):
+    """Keys of a robot file."""
+
     name: Name
+    """Short name, as in file names."""
     title: Name | None = None
+    """Name for people; left out: name."""
     body: Name | None = None
+    """Mesh file of the body, relative to this file; left out: invisible."""
     kinematics: _KinematicsTable | None = None
     odometry: _OdometryTable = _OdometryTable()
     footprint: _FootprintTable | None = None
     sensors: tuple[dict[str, Any], ...] = ()
+    """Tables of the sensors; their keys depend on type."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +154,7 @@ def read_robot(path: Path) -> Robot:
     Raises:
         RobotFileError: naming file, key, value and what was expected.
     """
-    return _robot(read_toml(path, _RobotTable, RobotFileError), str(path), path.parent)
+    return _robot(read_toml(path, RobotFile, RobotFileError), str(path), path.parent)
 
 
 def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Robot:
@@ -137,10 +163,10 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     Raises:
         RobotFileError: naming source, key, value and what was expected.
     """
-    return _robot(parse_table(table, _RobotTable, RobotFileError, source), source, folder)
+    return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
 
 
-def _robot(table: _RobotTable, source: str, folder: Path) -> Robot:
+def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
     try:
         kinematics = None if table.kinematics is None else _kinematics(table.kinematics)
         odometry = _odometry(table.odometry)

@@ -48,23 +48,22 @@ Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
 
 class SensorMount(Table):
-    """Keys of all sensors.
-
-    Attributes:
-        type: key of its class.
-        name: of its folder in a run, too; no two sensors of a robot have the same.
-        position_m: in the base frame; of a camera's effective viewpoint or a scan's origin.
-        roll_deg, pitch_deg, yaw_deg: of the sensor in the base frame.
-        hides: nodes of the body that this sensor does not see, such as its own housing.
-    """
+    """Keys of all sensors."""
 
     type: str
+    """Kind of sensor."""
     name: SensorName
+    """Name of the sensor and of its folder in a run, distinct."""
     position_m: tuple[Coordinate, Coordinate, Coordinate]
+    """Metres in the base frame: of a camera's effective viewpoint or a scan's origin."""
     roll_deg: Number = 0.0
+    """Degrees about x."""
     pitch_deg: Number = 0.0
+    """Degrees about y; more than 0: nose down."""
     yaw_deg: Number = 0.0
+    """Degrees about z, counter-clockwise seen from above."""
     hides: tuple[Name, ...] = ()
+    """Nodes of the body that this sensor does not see, such as its own housing."""
 
     @property
     def base_from_mount(self) -> NDArray[np.float64]:
@@ -73,46 +72,46 @@ class SensorMount(Table):
 
 
 class OmniCameraMount(SensorMount):
-    """Catadioptric camera.
-
-    Attributes:
-        file: its sensor file, relative to the robot file; without one it is the paper's camera.
-    """
+    """Camera of a sensor file."""
 
     type: Literal["omnicamera"]
     file: Name | None = None
+    """Sensor file, relative to this file; left out: the paper's camera."""
 
 
 class Lms200Mount(SensorMount):
-    """SICK LMS200, set up by `resolution_deg` and `mode`; `seed` says which device."""
+    """SICK LMS200, with the errors of one device."""
 
     type: Literal["lms200"]
     resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
+    """Degrees between beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
+    """Range and step: "mm" to 8.19 m by 1 mm, "cm" to 81.9 m by 1 cm."""
     noise: Annotated[bool, Field(strict=True)] = True
+    """True: with the device's errors."""
     seed: Seed = 0
+    """Seed of the device: its errors follow from it."""
 
 
 class RangeScannerMount(SensorMount):
-    """Range scanner as USARSim's configuration has it; by default its SICK LMS200.
-
-    Attributes:
-        scan_fov_rad, resolution_rad: ScanFov, Resolution.
-        max_range_m, min_range_m: MaxRange, MinRange.
-        noise_share: Noise, a share of the range.
-        seed: which device.
-    """
+    """Range scanner as USARSim's configuration has it; by default its SICK LMS200."""
 
     type: Literal["usarsim_range_scanner"]
     scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
+    """Radians from the first beam to the last: USARSim's ScanFov."""
     resolution_rad: Positive = 0.01745
+    """Radians between beams: USARSim's Resolution."""
     max_range_m: Positive = 20.0
+    """Metres; farther hits are out of range: USARSim's MaxRange."""
     min_range_m: Level = 0.0
+    """Metres; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
+    """Standard deviation as a share of the range: USARSim's Noise."""
     seed: Seed = 0
+    """Seed of the device: its noise follows from it."""
 
 
-_TYPES: dict[str, type[SensorMount]] = {
+MOUNT_TYPES: dict[str, type[SensorMount]] = {
     "omnicamera": OmniCameraMount,
     "lms200": Lms200Mount,
     "usarsim_range_scanner": RangeScannerMount,
@@ -132,11 +131,13 @@ def parse_mounts(tables: tuple[dict[str, Any], ...], source: str) -> tuple[Senso
             f"{source}: sensor {name!r}" if isinstance(name, str) else f"{source}: sensors.{index}"
         )
         if "type" not in table:
-            raise RobotFileError(f"{where}: type: missing; expected one of {', '.join(_TYPES)}")
-        if not isinstance(kind, str) or kind not in _TYPES:
-            hint = did_you_mean(str(kind), _TYPES)
+            raise RobotFileError(
+                f"{where}: type: missing; expected one of {', '.join(MOUNT_TYPES)}"
+            )
+        if not isinstance(kind, str) or kind not in MOUNT_TYPES:
+            hint = did_you_mean(str(kind), MOUNT_TYPES)
             raise RobotFileError(f"{where}: type = {kind!r}: unknown sensor type; {hint}")
-        mount = parse_table(table, _TYPES[kind], RobotFileError, where)
+        mount = parse_table(table, MOUNT_TYPES[kind], RobotFileError, where)
         if any(mount.name == other.name for other in mounts):
             raise RobotFileError(f"{where}: a second sensor of this name: expected each name once")
         mounts.append(mount)

@@ -36,28 +36,37 @@ class StartTable(Table):
     """Default pose of the camera."""
 
     position_m: Point
+    """Metres in the world, z up."""
     yaw_deg: Number = 0.0
+    """Heading in degrees, counter-clockwise from the world's x."""
 
 
 class NamedStartTable(StartTable):
     """Start pose of a vehicle's base."""
 
     name: Name
+    """Name of the start pose, distinct."""
 
 
 class ColorBandTable(Table):
     """Colour of a landmark up to a height above its base."""
 
     color: Name
+    """Name of a colour of [palette]."""
     top_m: Positive
+    """Upper end of the band in metres above the landmark's base; it begins where the one below
+    ends."""
 
 
 class LandmarkTable(Table):
     """Object recognised by its colours: bands from bottom to top."""
 
     name: Name
+    """Name of the landmark, distinct; names of its nodes begin with it."""
     position_m: Point
+    """Middle of its base in the world, metres."""
     footprint_m: tuple[Positive, Positive]
+    """Extents along the world's x and y, metres."""
     bands: Annotated[tuple[ColorBandTable, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -74,17 +83,24 @@ class ScenePathTable(Table):
     """Route of a vehicle: corners on the ground, in order."""
 
     name: Name
+    """Name of the path, distinct."""
     waypoints_m: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2)]
+    """Corners [x, y] on the ground in order, metres in the world."""
     start_yaw_deg: Number | None = None
+    """Heading at the first corner in degrees; left out: towards the second."""
 
 
 class LabelTable(Table):
     """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
     name: Name
+    """Name of the class, distinct."""
     nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Names of nodes; `*` and `?` stand for any letters; the first table that matches is taken."""
     color: tuple[Byte, Byte, Byte] | None = None
+    """8-bit sRGB in pictures; chosen where it is left out."""
     id: Annotated[int, Field(ge=1, le=LARGEST_CLASS, strict=True)] | None = None
+    """ID of the class in the channel; the next free one where it is left out."""
 
 
 LabelTables = Annotated[tuple[LabelTable, ...], _distinct("name"), _distinct("id")]
@@ -97,29 +113,21 @@ class LabelFile(Table):
 
 
 class SceneFile(Table):
-    """Keys of a scene's TOML.
-
-    Attributes:
-        file: mesh file, relative to the TOML.
-        up_axis: the mesh file's axis that points up; by default the one its format has.
-        meters_per_unit: size of the mesh file's unit; by default the one its format has.
-        background: linear RGB where nothing is hit.
-        start: default pose of the camera.
-        starts: start poses of vehicles.
-        paths: routes of vehicles.
-        palette: linear RGB of the landmarks' colours, by name.
-        landmarks: objects recognised by their colours.
-        labels: classes of the instances.
-    """
+    """Keys of a scene's TOML."""
 
     file: str
+    """Mesh file, relative to this file."""
     up_axis: Literal["x", "y", "z"] | None = None
+    """Axis of the mesh file that points up; left out: as its format has it."""
     meters_per_unit: Positive | None = None
+    """Metres in a unit of the mesh file; left out: as its format has it."""
     background: LinearRgb | None = None
+    """Linear RGB where nothing is hit; left out: a pale sky."""
     start: StartTable | None = None
     starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
     paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
+    """Linear RGB of the landmarks' colours, by name."""
     landmarks: Annotated[tuple[LandmarkTable, ...], _distinct("name")] = ()
     labels: LabelTables = ()
 

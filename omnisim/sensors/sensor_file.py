@@ -58,21 +58,33 @@ class MountingTable(Table):
     """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
 
     position_m: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    """Metres in the base frame: x forward, y left, z up."""
     roll_deg: Number = 0.0
+    """Degrees about x."""
     pitch_deg: Number = 0.0
+    """Degrees about y; more than 0: nose down."""
     yaw_deg: Number = 0.0
+    """Degrees about z, counter-clockwise seen from above."""
 
 
 class MirrorTable(Table):
     """First group: the static mesh."""
 
     shape: Literal["hyperbolic"] = "hyperbolic"
+    """Profile of the mirror: Baker and Nayar's hyperboloid, the paper's Eq. 1."""
     k: Annotated[Number, Field(ge=2.0)] = PAPER_K
+    """Parameter k of the profile, without a unit."""
     c: Positive = PAPER_C
+    """From the effective viewpoint to the pinhole, in units of the profile."""
     meters_per_unit: Positive = PAPER_METERS_PER_UNIT
+    """Metres in a unit of the profile; the paper names none: an assumption."""
     theta_max_deg: Number | None = None
+    """The rim: degrees of incidence from straight down, 90 is the horizon; 105 where no rim is
+    given."""
     rim_radius_m: Positive | None = None
+    """Radius of the rim in metres, in place of theta_max_deg."""
     polygons: PolygonCount = 1024
+    """Polygons of the mesh: 16, 64, 256, 1024, 4096, …; "exact": no mesh."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
@@ -125,10 +137,15 @@ class VirtualCamerasTable(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
+    """Texels across the 90°; "auto": as texels_per_pixel needs."""
     texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
+    """Texels to a side of the picture's finest pixels; left out: as camera.quality says."""
     near_m: Positive = 0.05
+    """Metres; nothing nearer is seen."""
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
+    """Metres; nothing farther is seen; may be inf."""
     samples: Literal[1, 2, 4, 8] = 1
+    """Samples a texel, against jagged edges; at most as many as the GPU has."""
 
     @model_validator(mode="after")
     def _near_before_far(self) -> VirtualCamerasTable:
@@ -143,11 +160,19 @@ class CameraTable(Table):
     """Third group: the camera that looks at the mirror."""
 
     width_px: Size = 360
+    """Width of the picture in pixels."""
     height_px: Size = 360
+    """Height of the picture in pixels."""
     focal_length_px: FocalLength = "fit"
+    """Focal length in pixels; "fit": the rim touches the nearest edges of the picture."""
     principal_point_px: PrincipalPoint = "centre"
+    """(u, v) of the optical axis in pixels, (0, 0) at the centre of the top left one; "centre": the
+    picture's middle."""
     quality: QualityName = DEFAULT_QUALITY
+    """Capture quality by name: fast is supersampling 2 and texels_per_pixel 1, default 3 and 2.9,
+    fine 4 and 4."""
     supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
+    """Samples to a side of a pixel, averaged in linear light; left out: as quality says."""
 
     def make_camera(self, mirror: HyperbolicMirror) -> HyperbolicCamera:
         """The camera below a mirror."""
@@ -162,15 +187,18 @@ class CameraTable(Table):
 class LensTable(Table):
     """A camera in place of the first and third group.
 
-    Its own parameters, which depend on the model; or a calibration file, whose path is beside the
-    sensor file's, a camera's name in it, and whether that is mirrored.
+    Either a model with its own parameters as further keys, or a calibration file.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     model: str | None = None
+    """Name of the camera model; its parameters are further keys of this table."""
     calibration: str | None = None
+    """Calibration file, relative to this file, in place of model; with `mirrored = true` beside it
+    the camera looks into a mirror, by default as omnisim's metadata in the file has it."""
     camera: str | None = None
+    """Name of a camera in the calibration file; left out: the first."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
@@ -231,6 +259,8 @@ class SensorFile(Table):
     camera: CameraTable = Field(default_factory=CameraTable)
     lens: LensTable | None = None
     degradation: dict[str, Any] = Field(default_factory=dict)
+    """Table of the effects that make the camera less than ideal, see the degradations; left out:
+    none."""
 
     @model_validator(mode="after")
     def _mirror_or_lens(self) -> SensorFile:

@@ -1,10 +1,5 @@
 """Bayer mosaic, one colour for each pixel, and demosaicking, which interpolates the others.
 
-| key | unit | typical |
-| --- | --- | --- |
-| pattern | colours of the top left 2 × 2 pixels, row by row | RGGB, BGGR, GRBG or GBRG |
-| demosaic | "malvar", "bilinear" or "none" (a grey mosaic) | "malvar" |
-
 Source: Bayer, US patent 3 971 065; Malvar, He and Cutler, "High-quality linear interpolation for
 demosaicing of Bayer-patterned color images", ICASSP 2004.
 """
@@ -50,7 +45,9 @@ class Bayer(SensorEffect, name="degradation.bayer"):
     """
 
     pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = "RGGB"
+    """Colours of the top left 2 × 2 pixels, row by row."""
     demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
+    """Interpolation of the other colours; "none": a grey mosaic."""
 
     def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """Two passes on the GPU: the mosaic, in all three channels, and demosaicking."""

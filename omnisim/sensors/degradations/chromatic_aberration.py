@@ -1,10 +1,5 @@
 """Lateral chromatic aberration: a scale of its own for each colour.
 
-| key | unit | typical |
-| --- | --- | --- |
-| red_scale | size of the red picture, the green one's being 1 | 1 ± 0.0005 to 0.002 |
-| blue_scale | size of the blue picture | the same |
-
 0.002 are 0.4 px at a radius of 180 px: an assumption.
 
 Source: Kang, "Automatic removal of chromatic aberration from a single image", CVPR 2007.
@@ -37,7 +32,9 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
     """
 
     red_scale: Scale = 1.0
+    """Size of the red picture, the green one's being 1; typically 1 ± 0.0005 to 0.002."""
     blue_scale: Scale = 1.0
+    """The same of the blue picture."""
 
     def steps(self, geometry: PictureGeometry) -> list[Step]:
         """One pass on the GPU."""

@@ -1,10 +1,5 @@
 """Defocus: discs in place of points, wider towards the rim of a curved mirror.
 
-| key | unit | typical |
-| --- | --- | --- |
-| centre_defocus_px | pixels, the disc's radius on the optical axis | 0 (focused there) to 2 |
-| rim_defocus_px | pixels, the same at half of the picture's shorter side | 0.5 to 3 |
-
 In between the radius grows with the square of the image radius, as the depth of a mirror's virtual
 image does near its axis: an assumption for a mirror that is seen up to its rim. Below 0.5 px
 the disc lies within one pixel.
@@ -42,7 +37,9 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
     """
 
     centre_defocus_px: Radius = 0.0
+    """Radius in pixels of the disc on the optical axis; typically 0 (focused there) to 2."""
     rim_defocus_px: Radius = 1.0
+    """Radius in pixels of the disc at half of the picture's shorter side; typically 0.5 to 3."""
 
     def radii_px(self, geometry: PictureGeometry) -> NDArray[np.float32]:
         """Radius (height, width) of each pixel's disc."""

@@ -1,18 +1,5 @@
 """Dust and scratches on the mirror or lens, fixed in the picture.
 
-| key | unit | typical |
-| --- | --- | --- |
-| dust_count | specks in the picture's square | 0 to 300 |
-| dust_radius_px | pixels, the specks' median radius | 1 to 4 |
-| dust_opacity | fraction of the light that the middle of a speck absorbs, at most | 0.2 to 0.8 |
-| scratch_count | scratches | 0 to 30 |
-| scratch_width_px | pixels, to where half of its effect is gone | 0.5 to 1 |
-| scratch_length_px | pixels, the longest | 20 to 200 |
-| scratch_opacity | share, at most | 0.1 to 0.5 |
-| dust_glow | linear light that dust scatters to the camera in place of it | 0.02 to 0.2 |
-| scratch_glow | the same for scratches, which catch the lamps | 0.2 to 1 |
-| seed | of the random numbers | 0 |
-
 No source has numbers for the dirt on a robot's mirror: these are assumptions, chosen by looking.
 
 It is nearly in focus: a speck's edge is soft over some tenths of its radius. Radii are log-normal,
@@ -46,15 +33,25 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     """Specks and scratches, drawn by their seed."""
 
     dust_count: Count = 60
+    """Specks in the picture's square; typically 0 to 300."""
     dust_radius_px: Pixels = 2.0
+    """Median radius of the specks in pixels; typically 1 to 4."""
     dust_opacity: Fraction = 0.5
+    """Fraction of the light that the middle of a speck absorbs, at most; typically 0.2 to 0.8."""
     scratch_count: Count = 0
+    """Scratches; typically 0 to 30."""
     scratch_width_px: Pixels = 0.7
+    """Pixels to where half of a scratch's effect is gone; typically 0.5 to 1."""
     scratch_length_px: Pixels = 80.0
+    """Length of the longest in pixels; typically 20 to 200."""
     scratch_opacity: Fraction = 0.3
+    """Fraction of the light that a scratch absorbs, at most; typically 0.1 to 0.5."""
     dust_glow: NotNegative = 0.05
+    """Linear light that dust scatters to the camera in place of it; typically 0.02 to 0.2."""
     scratch_glow: NotNegative = 0.6
+    """The same of scratches, which catch the lamps; typically 0.2 to 1."""
     seed: Seed = 0
+    """Seed of the specks and scratches."""
 
     def map(self, geometry: PictureGeometry) -> NDArray[np.float32]:
         """Dirt (height, width, 2): fraction of the light absorbed, and light added."""

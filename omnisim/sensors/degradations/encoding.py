@@ -1,10 +1,5 @@
 """Gamma and quantisation: linear light to the values of the file.
 
-| key | unit | typical |
-| --- | --- | --- |
-| gamma | "srgb", or a number: values are raised to 1/gamma | "srgb"; 1 for machine vision |
-| bit_depth | bits a channel, 1 to 8 | 8 |
-
 Source: IEC 61966-2-1, for sRGB.
 """
 
@@ -33,7 +28,9 @@ class Encoding(Effect, name="degradation.encoding"):
     """Clipping to [0, 1], the transfer function, and rounding to whole steps."""
 
     gamma: Gamma = "srgb"
+    """Transfer function: "srgb", or values to the power of 1/gamma, 1 for machine vision."""
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=8)] = 8
+    """Bits a channel."""
 
     def step(self) -> Step:
         """The pass on the GPU, into 8 bits."""

@@ -1,14 +1,5 @@
 """Exposure, and auto-exposure with a lag.
 
-| key | unit | typical |
-| --- | --- | --- |
-| ev | stops: powers of two of the light | 0 |
-| auto | true or false | false |
-| target | mean linear luminance that auto-exposure aims at | 0.18, a grey card's |
-| time_constant_s | seconds until 63 % of a change of light are made up for | 0.1 to 0.5 |
-| min_ev | stops | −4 |
-| max_ev | stops | 6 |
-
 The light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
 Auto-exposure works as an iris does: motion blur keeps the shutter's time. It follows what the
 picture before asked for, as a filter of first order: the typical values are assumptions.
@@ -33,11 +24,17 @@ class Exposure(SensorEffect, name="degradation.exposure"):
     """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
 
     ev: Ev = 0.0
+    """EV: powers of two of the light."""
     auto: bool = False
+    """Auto-exposure."""
     target: Positive = 0.18
+    """Mean linear luminance that auto-exposure aims at; 0.18 is a grey card's."""
     time_constant_s: NotNegative = 0.2
+    """Seconds until 63 % of a change of light are made up for; typically 0.1 to 0.5."""
     min_ev: Ev = -4.0
+    """Smallest EV of auto-exposure."""
     max_ev: Ev = 6.0
+    """Largest EV of auto-exposure."""
 
     def _check(self) -> None:
         if self.min_ev > self.max_ev:

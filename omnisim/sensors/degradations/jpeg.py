@@ -1,10 +1,5 @@
 """JPEG: the camera's compression, by a real encoder and decoder.
 
-| key | unit | typical |
-| --- | --- | --- |
-| quality | 1 to 100, as libjpeg counts | 75 to 95; 30 for a cheap stream |
-| subsampling | of colour: "4:4:4", "4:2:2" or "4:2:0" | "4:2:0" |
-
 Source: ITU-T T.81.
 """
 
@@ -26,7 +21,9 @@ class Jpeg(Effect, name="degradation.jpeg"):
     """Encoding and decoding; outside of its mask the picture stays black."""
 
     quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
+    """As libjpeg counts; typically 75 to 95, 30 for a cheap stream."""
     subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
+    """Subsampling of the colour."""
 
     def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Picture (height, width, 4) after JPEG; alpha is kept."""

@@ -1,14 +1,5 @@
 """Shot noise, dark current, read noise and the converter of a sensor that counts electrons.
 
-| key | unit | typical |
-| --- | --- | --- |
-| full_well_e | electrons a pixel holds | 5 000 (small CMOS) to 30 000 (large CCD) |
-| gain_e_per_dn | electrons a step of the converter | full well / 2^bits; less with more gain |
-| read_noise_e | electrons, standard deviation | 2 (good CMOS) to 20 (interline CCD) |
-| dark_current_e_per_s | electrons a second; needs `shutter.exposure_s` | 1 to 100 |
-| black_level_dn | steps, added before the converter and taken off again | 0.1 to 2 % of the range |
-| bit_depth | bits of the converter | 8 to 14 |
-
 Without `gain_e_per_dn` a full well is the converter's largest number.
 
 A linear value of 1 fills the well, or reaches the converter's largest number, whichever is first:
@@ -52,11 +43,17 @@ class Noise(SensorEffect, name="degradation.noise"):
     """
 
     full_well_e: Annotated[Positive, Field(ge=10.0, le=1e7)] = 20_000.0
+    """Electrons a pixel holds; typically 5 000 (small CMOS) to 30 000 (large CCD)."""
     gain_e_per_dn: Positive | None = None
+    """Electrons a step of the converter; left out: a full well is its largest number."""
     read_noise_e: NotNegative = 5.0
+    """Standard deviation in electrons; typically 2 (good CMOS) to 20 (interline CCD)."""
     dark_current_e_per_s: NotNegative = 0.0
+    """Electrons a second, typically 1 to 100; needs shutter.exposure_s."""
     black_level_dn: NotNegative = 0.0
+    """Steps added before the converter and taken off again; typically 0.1 to 2 % of its range."""
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = 12
+    """Bits of the converter; typically 8 to 14."""
 
     def _check(self) -> None:
         if self.black_level_dn >= self.largest_dn:

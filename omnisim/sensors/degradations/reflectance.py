@@ -1,10 +1,5 @@
 """Reflectance and tint of a mirror.
 
-| key | unit | typical |
-| --- | --- | --- |
-| reflectance | fraction of the light | 0.9 bare aluminium, 0.95 or more silver |
-| tint | factors of R, G, B | 1, 1, 1; a shade warmer for nickel and chrome |
-
 Source: makers' data of coated mirrors for the ranges; for any one mirror an assumption.
 """
 
@@ -27,7 +22,9 @@ class Reflectance(OpticalEffect, name="degradation.reflectance"):
     """Mirror reflectance: the light is multiplied by `reflectance` and by the colour's `tint`."""
 
     reflectance: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.9
+    """Fraction of the light reflected; typically 0.9 bare aluminium, 0.95 or more silver."""
     tint: Rgb = (1.0, 1.0, 1.0)
+    """Factors of R, G, B; a shade warmer for nickel and chrome."""
 
     @property
     def factors(self) -> tuple[float, float, float]:

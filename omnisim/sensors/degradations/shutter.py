@@ -1,12 +1,5 @@
 """Motion blur and rolling shutter: exposure windows of the picture's rows.
 
-| key | unit | typical |
-| --- | --- | --- |
-| exposure_s | seconds a row collects light; left out: an instant | 0.001 to 0.03 |
-| readout_s | seconds in which the rows start, first to last; 0: at once | 0 (CCD), 0.01 to 0.03 |
-| frame_rate_hz | pictures a second, where known: no exposure is longer than 1/rate | 15, 30 |
-| sub_frames | renders that make up a picture, or "auto" | "auto" |
-
 "auto" keeps a moving edge in every row within 0.05 px of where it belongs, and takes a step of at
 most 0.5 px from sub-frame to sub-frame; but no more than 64 of them.
 
@@ -48,9 +41,13 @@ class Shutter(Effect, name="degradation.shutter"):
     """Exposure of the rows, one after the other or all at once."""
 
     exposure_s: Annotated[Positive, Field(le=MAX_S)] | None = None
+    """Seconds a row collects light, typically 0.001 to 0.03; left out: an instant."""
     readout_s: Annotated[NotNegative, Field(le=MAX_S)] = 0.0
+    """Seconds from the first row's start to the last's; typically 0 (CCD) or 0.01 to 0.03."""
     frame_rate_hz: Positive | None = None
+    """Pictures a second, such as 15 or 30: no exposure is longer than 1/rate; left out: unknown."""
     sub_frames: SubFrames = "auto"
+    """Renders that make up a picture; "auto": as its motion needs."""
 
     def _check(self) -> None:
         if self.frame_rate_hz is None:

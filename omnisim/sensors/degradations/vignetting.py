@@ -1,11 +1,5 @@
 """Vignetting: light falloff of a lens away from its axis.
 
-| key | unit | typical |
-| --- | --- | --- |
-| coefficients | of r², r⁴, r⁶; r = 1 at half of the picture's shorter side | −2t², 3t⁴, −4t⁶ |
-
-The typical ones are cos⁴ of the field angle, t its tangent at r = 1.
-
 Source: Goldman, "Vignette and exposure calibration and compensation", PAMI 2010, for the even
 polynomial; the cos⁴ law is textbook radiometry.
 """
@@ -28,6 +22,8 @@ class Vignetting(OpticalEffect, name="degradation.vignetting"):
     """Factor of the light: 1 + c₂r² + c₄r⁴ + c₆r⁶, at least 0."""
 
     coefficients: tuple[Signed, Signed, Signed] = (-0.3, 0.0, 0.0)
+    """Of r², r⁴, r⁶; r = 1 at half of the picture's shorter side; typically −2t², 3t⁴, −4t⁶: cos⁴
+    of the field angle, t its tangent at r = 1."""
 
     @classmethod
     def cos4(cls, tangent: float) -> Vignetting:

@@ -1,10 +1,5 @@
 """White balance: the sensor's response to white, and the camera's gains.
 
-| key | unit | typical |
-| --- | --- | --- |
-| response | relative signals of R, G and B pixels in the scene's light | 0.6, 1, 0.7 (assumed) |
-| gains | factors of R, G, B after demosaicking; "grey": undo `response` | "grey" |
-
 Source: von Kries' diagonal model of adaptation, 1902, which cameras' channel gains are.
 """
 
@@ -34,7 +29,9 @@ class WhiteBalance(SensorEffect, name="degradation.white_balance"):
     """Factors of the light: `response` before the noise, `gains` after demosaicking."""
 
     response: tuple[Factor, Factor, Factor] = (1.0, 1.0, 1.0)
+    """Relative signals of R, G, B pixels in the scene's light; typically 0.6, 1, 0.7 (assumed)."""
     gains: Gains = "grey"
+    """Factors of R, G, B after demosaicking; "grey": undo response."""
 
     @property
     def factors(self) -> tuple[float, float, float]:

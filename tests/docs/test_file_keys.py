@@ -1,0 +1,56 @@
+"""Keys of TOML files: each has its help, where the schema has the key."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+from omnisim.localization.parameters import FilterParameters
+from omnisim.parameters import Table, table_of
+from omnisim.robot.robot_file import RobotFile
+from omnisim.robot.sensor_mounts import MOUNT_TYPES
+from omnisim.scene.scene_file import LabelFile, SceneFile
+from omnisim.sensors.degradations.degradation_file import EFFECTS
+from omnisim.sensors.sensor_file import SensorFile
+
+EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
+FILES = (FilterParameters, LabelFile, RobotFile, SceneFile, SensorFile, *MOUNT_TYPES.values())
+
+
+@pytest.fixture
+def file_keys(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXTENSION))
+    return importlib.import_module("file_keys")
+
+
+def _without_help(file_keys, model, source=None):
+    docs = file_keys.attribute_docs(source or model)
+    for name, field in model.model_fields.items():
+        found = file_keys._table_in(field.annotation)
+        if found is None:
+            if not docs.get(name):
+                yield f"{model.__name__}.{name}"
+        else:
+            child, _ = found
+            if not child.__doc__ or child.__doc__ == Table.__doc__:
+                yield child.__name__
+            yield from _without_help(file_keys, child)
+
+
+@pytest.mark.parametrize("model", FILES, ids=lambda model: model.__name__)
+def test_every_key_of_a_file_has_its_help(file_keys, model):
+    assert not list(_without_help(file_keys, model))
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS.keys())
+def test_every_key_of_a_degradation_has_its_help(file_keys, effect):
+    assert effect.__doc__
+    assert not list(_without_help(file_keys, table_of(effect), effect))
+
+
+def test_pages_have_a_row_for_each_key(file_keys):
+    pages = file_keys.key_pages()
+    assert "## `[degradation.noise]`" in pages["degradation-keys"]
+    assert "| `read_noise_e` | number, ≥ 0 | `5.0` |" in pages["degradation-keys"]
+    assert '## `[[sensors]]`, `type = "lms200"`' in pages["robot-file-keys"]
+    assert "| `gate` | " in pages["filter-file-keys"]
