@@ -10,6 +10,8 @@ from pathlib import Path
 
 from omnisim.errors import OutputError
 
+partials: set[Path] = set()  # being written: who ends the process at once removes them
+
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
@@ -22,6 +24,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """
     target = path.resolve()  # a link stays a link
     partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
+    partials.add(partial)
     try:
         yield partial
         os.replace(partial, target)
@@ -29,6 +32,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
     finally:
         partial.unlink(missing_ok=True)
+        partials.discard(partial)
 
 
 def write_text(path: Path, text: str) -> None:

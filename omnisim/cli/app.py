@@ -28,12 +28,11 @@ from omnisim.cli.run_requests import (
     TrainRequest,
     VideoRequest,
 )
+from omnisim.cli.start import INTERRUPTED
 from omnisim.cli.validation_requests import ExperimentsRequest, ValidateRequest
 from omnisim.errors import OmnisimError
 from omnisim.extras import require_extra
 from omnisim.version import __version__
-
-INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
 
 app = typer.Typer(
     name="omnisim",

@@ -1,0 +1,42 @@
+"""Entry point: catches Ctrl-C before anything slow is imported."""
+
+import os
+import signal
+import sys
+from types import FrameType
+
+INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
+_IMPORTLIB = "<frozen importlib._bootstrap>"
+
+
+def main() -> None:
+    """Run the command line; Ctrl-C is one line and exit status 130 at any moment."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, as by nohup
+        signal.signal(signal.SIGINT, _interrupt)
+    try:
+        from omnisim.cli.app import main as run
+
+        run()
+    except KeyboardInterrupt:
+        _end(signal.SIGINT, None)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done: no more to interrupt
+
+
+def _interrupt(signal_number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, but end at once during imports: libraries swallow it, or abort."""
+    signal.signal(signal.SIGINT, _end)  # whoever presses again does not want to wait
+    while frame is not None:
+        if frame.f_code.co_filename == _IMPORTLIB:
+            _end(signal_number, frame)
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _end(signal_number: int, frame: FrameType | None) -> None:
+    """End the process at once, without the files that it was writing."""
+    files = sys.modules.get("omnisim.atomic_file")
+    for partial in tuple(getattr(files, "partials", ())):
+        partial.unlink(missing_ok=True)
+    os.write(2, b"interrupted\n")
+    os._exit(INTERRUPTED)
