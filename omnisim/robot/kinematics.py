@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import rotation_angles
@@ -16,6 +16,11 @@ from omnisim.robot.trajectory import Trajectory, step_lengths_m
 DriveType = Literal["differential", "skid_steer"]
 # Relative to the limits: a trajectory at its limits exceeds them by rounding.
 TOLERANCE = 1e-6
+# Motion that wheels cannot make but recordings have: noise, skidding, slopes under level poses.
+SLACK_M = 0.1  # in all: noise of the poses, which does not add up
+SIDE_SLIP = math.tan(math.radians(5.0))  # of the way ahead: skidding, a heading that is off
+GRADE = 0.45  # of the way ahead: the steepest slope of a Pioneer 2 AT
+TURN_ARM_M = 0.1  # wheels that skid turn about a point ahead of or behind the base's origin
 
 
 @dataclass(frozen=True)
@@ -104,11 +109,10 @@ class LimitViolation:
 
 
 def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViolation | None:
-    """Find the first step beyond a limit, or None.
+    """Find the first step beyond a limit of speed, turn rate or acceleration, or None.
 
     Speeds are means over a step, and accelerations the change of these means from the step
-    before: no motion through the poses does with less. Sideways motion is not checked: recorded
-    poses always have some.
+    before: no motion through the poses does with less.
     """
     steps = steps_between(trajectory.world_from_base)
     durations = np.diff(trajectory.times_s)
@@ -140,15 +144,62 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
     return LimitViolation(name, unit, step, float(trajectory.times_s[step]), asked, limit)
 
 
-def check_drivable(trajectory: Trajectory, kinematics: Kinematics, source: str) -> None:
-    """Refuse a trajectory beyond the limits; `source` names it.
+def find_drift(trajectory: Trajectory) -> LimitViolation | None:
+    """Find the first step where sideways or vertical motion is more than wheels make, or None.
+
+    In the robot's own frame, added up beyond what slip, slopes, and turns within a step explain:
+    noise of recorded poses does not add up, a slide in small steps does.
+
+    Source: cumulative sums with an allowance, Page 1954, "Continuous inspection schemes".
+    """
+    poses = trajectory.world_from_base
+    moves_m = np.diff(poses[:, :3, 3], axis=0)
+    axes = 0.5 * (poses[:-1, :3, :3] + poses[1:, :3, :3])
+    ahead_m, left_m, up_m = np.einsum("ni,nij->jn", moves_m, axes)
+    # a robot that turns first and drives then goes half the turn off the mean heading
+    steps = steps_between(poses)
+    turning_m = (0.5 * np.abs(steps.distances_m) + TURN_ARM_M) * np.abs(steps.turns_rad)
+    found = []
+    for name, sums_m in (
+        ("sideways motion", _exceeded(left_m, SIDE_SLIP * np.abs(ahead_m) + turning_m)),
+        ("vertical motion", _exceeded(up_m, GRADE * np.abs(ahead_m) + turning_m)),
+    ):
+        if hit := _first(sums_m, SLACK_M, np.ones(len(sums_m)), 0):
+            time_s = float(trajectory.times_s[hit[0]])
+            found.append(LimitViolation(name, "m", hit[0], time_s, hit[1], SLACK_M))
+    return min(found, key=lambda violation: violation.step, default=None)
+
+
+def check_drivable(
+    trajectory: Trajectory, kinematics: Kinematics, source: str, lines: ArrayLike | None = None
+) -> None:
+    """Refuse a trajectory beyond the limits.
+
+    Args:
+        trajectory: what is checked.
+        kinematics: the limits.
+        source: what the trajectory is called in the message, such as its file.
+        lines: (n,) line of each pose in the file, where there is one.
 
     Raises:
         TrajectoryError: naming the first step, its value and the limit.
     """
-    violation = find_violation(trajectory, kinematics)
-    if violation is not None:
-        raise TrajectoryError(f"{source}: {violation}")
+    violations = (find_violation(trajectory, kinematics), find_drift(trajectory))
+    found = [violation for violation in violations if violation is not None]
+    if found:
+        violation = min(found, key=lambda violation: violation.step)
+        line = "" if lines is None else f":{np.asarray(lines)[violation.step + 1]}"
+        raise TrajectoryError(f"{source}{line}: {violation}")
+
+
+def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Larger of the cumulative sums (n,) of moves (n,) to either side beyond those allowed."""
+    sums = np.zeros((2, len(moves_m) + 1))
+    for k, (move_m, slack_m) in enumerate(zip(moves_m, allowed_m, strict=True)):
+        sums[0, k + 1] = max(0.0, sums[0, k] + move_m - slack_m)
+        sums[1, k + 1] = max(0.0, sums[1, k] - move_m - slack_m)
+    exceeded: NDArray[np.float64] = sums[:, 1:].max(axis=0)
+    return exceeded
 
 
 def _first(

@@ -21,15 +21,17 @@ from omnisim.robot import (
     parse_trajectory,
     time_poses,
 )
-from omnisim.robot.formats.parsed_trajectory import Axes
+from omnisim.robot.formats.parsed_trajectory import Axes, ParsedTrajectory
 from omnisim.robot.formats.text_table import check_printed_times
+from omnisim.robot.trajectory import step_lengths_m
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
 from omnisim.simulation.vehicle import Vehicle
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
 LARGEST_STEP_DEG = 90.0
-LARGEST_STEP_M = 1.0  # of poses from a file: farther is a jump
+LARGEST_STEP_M = 1.0  # of poses without times: farther is a jump
+LARGEST_SPEED_MPS = 100.0  # of a robot without limits of its own: faster is a jump
 # Above and below the map: recorded heights have errors, and a flat map has none.
 ROOM_M = 1.0
 
@@ -42,7 +44,7 @@ class Route:
         path: name of one of the scene's paths, or a file with poses or waypoints.
         step_m, step_deg: longest step along waypoints and on the spot.
         rate_hz: steps a second along waypoints instead, or of a file without times.
-        ignore_limits: drive what the robot could not.
+        ignore_limits: drive what the robot could not, and jumps.
         ground_m: height of the ground that waypoints are on.
         axes: of the poses of a file, or None: by its format's convention.
     """
@@ -143,23 +145,40 @@ def _from_file(
         raise TrajectoryError(
             f"{path}: expected waypoints with --ground, got poses, which have heights of their own"
         )
+    limited = not route.ignore_limits
+    lines = recording.line_numbers
     if recording.times_s is None and route.rate_hz is None:
         kinematics = _kinematics(vehicle, str(path))
+        if limited:
+            _check_steps(recording)
         try:
             trajectory = time_poses(recording.world_from_base, kinematics)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{path}: {reason}") from None
     else:
         trajectory = recording.trajectory(route.rate_hz)
-    check_continuous(
-        trajectory, LARGEST_STEP_M, recording.source, lines=list(recording.line_numbers)
-    )
-    if vehicle.kinematics is not None and not route.ignore_limits:
+    if limited:
         try:
-            check_drivable(trajectory, vehicle.kinematics, str(path))
+            if vehicle.kinematics is not None:
+                check_drivable(trajectory, vehicle.kinematics, recording.source, lines)
+            else:
+                check_continuous(trajectory, math.inf, recording.source, LARGEST_SPEED_MPS, lines)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
     return trajectory
+
+
+def _check_steps(recording: ParsedTrajectory) -> None:
+    """Refuse jumps between poses without times, which no speed tells from a drive."""
+    lengths_m = step_lengths_m(recording.world_from_base)
+    jumps = np.flatnonzero(lengths_m > LARGEST_STEP_M)
+    if len(jumps):
+        k = jumps[0]
+        raise TrajectoryError(
+            f"{recording.source}:{recording.line_numbers[k + 1]}: step {k} → {k + 1}: "
+            f"{lengths_m[k]:g} m without times: expected at most {LARGEST_STEP_M:g} m: --rate HZ "
+            "gives times, --ignore-limits drives it all the same"
+        )
 
 
 def _along(

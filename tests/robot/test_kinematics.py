@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot.kinematics import Kinematics, check_drivable, find_violation, steps_between
+from omnisim.robot.kinematics import (
+    Kinematics,
+    check_drivable,
+    find_drift,
+    find_violation,
+    steps_between,
+)
 from omnisim.robot.trajectory import Trajectory
 
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
@@ -13,6 +19,22 @@ ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 def _line(positions, times, yaw=None):
     points = [(x, 0.0) for x in positions]
     return Trajectory.on_ground(times, points, np.zeros(len(points)) if yaw is None else yaw)
+
+
+def _slide(left_m, count, up_m=0.0, noise_m=0.0, ahead_m=0.0):
+    """A slide with the heading kept, slowly."""
+    shares = np.linspace(0.0, 1.0, count)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, 3] = shares[:, None] * (ahead_m, left_m, up_m)
+    poses[:, :3, 3] += np.random.default_rng(0).normal(0.0, noise_m, (count, 3))
+    return Trajectory(100.0 * shares, poses)
+
+
+def _arc(count, step_s):
+    """A turn along circles of 4 m radius, at 0.4 m/s."""
+    times = step_s * np.arange(count)
+    yaw = 0.1 * times
+    return Trajectory.on_ground(times, np.stack((4 * np.sin(yaw), 4 - 4 * np.cos(yaw)), 1), yaw)
 
 
 def test_steps():
@@ -52,6 +74,38 @@ def test_excess(trajectory, quantity, step, asked, allowed):
 def test_within_the_limits(trajectory):
     assert find_violation(trajectory, ROBOT) is None
     check_drivable(trajectory, ROBOT, "a")
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "quantity", "step", "asked", "allowed"),
+    [
+        (_slide(1.0, 2), "sideways motion", 0, 1.0, 0.1),
+        (_slide(-1.0, 101), "sideways motion", 10, 0.11, 0.1),  # a centimetre a step adds up
+        (_slide(0.0, 11, up_m=1.0), "vertical motion", 1, 0.2, 0.1),
+    ],
+)
+def test_drift(trajectory, quantity, step, asked, allowed):
+    violation = find_drift(trajectory)
+    assert (violation.quantity, violation.step, violation.limit) == (quantity, step, allowed)
+    assert violation.value == pytest.approx(asked)
+    with pytest.raises(TrajectoryError, match=f"^a: step {step} → .* {quantity} "):
+        check_drivable(trajectory, ROBOT, "a")
+
+
+@pytest.mark.parametrize(
+    "trajectory",
+    [
+        _line([0], [0]),
+        _line([0, 0], [0, 1], [0.0, math.pi]),
+        _slide(0.0, 101, noise_m=0.015, ahead_m=20.0),
+        _slide(1.0, 101, ahead_m=20.0),  # 3° off: its heading has an error
+        _slide(0.0, 101, up_m=5.0, ahead_m=20.0),  # a slope, under level poses
+        _arc(600, 0.1),
+        _arc(30, 2.0),
+    ],
+)
+def test_drift_within_what_wheels_do(trajectory):
+    assert find_drift(trajectory) is None
 
 
 def test_message():

@@ -185,6 +185,39 @@ def test_times_and_a_rate_are_one_too_many(scene, vehicle, tmp_path):
         _drive(scene, vehicle, tmp_path / "my.csv", rate_hz=2.0)
 
 
+def test_slides_are_refused_by_name(scene, vehicle, tmp_path):
+    lines = [f"{k},0,{0.1 * k},0" for k in range(11)]
+    (tmp_path / "my.csv").write_text("\n".join(["t_s,x_m,y_m,yaw_deg", *lines]) + "\n")
+    words = r"my\.csv:4: step 1 → 2 at 1 s: sideways motion 0\.2 m: expected at most 0\.1 m; --ign"
+    with pytest.raises(TrajectoryError, match=words):
+        _drive(scene, vehicle, tmp_path / "my.csv")
+    assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 11
+
+
+def test_a_car_s_steps_are_longer_than_a_metre(scene, vehicle, tmp_path):
+    """50 km/h at 10 Hz."""
+    lines = [f"{0.1 * k},{1.389 * k - 2.8},0,0" for k in range(5)]
+    (tmp_path / "my.csv").write_text("\n".join(["t_s,x_m,y_m,yaw_deg", *lines]) + "\n")
+    car = dataclasses.replace(vehicle, kinematics=None)
+    assert len(_drive(scene, car, tmp_path / "my.csv")) == 5
+    assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 5
+    fast = dataclasses.replace(vehicle.kinematics, max_speed_mps=20.0)
+    assert len(_drive(scene, dataclasses.replace(vehicle, kinematics=fast), tmp_path / "my.csv"))
+    (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n0.01,2,0\n")
+    words = r"my\.csv:3: step 0 → 1: 2 m in 0\.01 s: expected at most 100 m/s; --ignore-limits"
+    with pytest.raises(TrajectoryError, match=words):
+        _drive(scene, car, tmp_path / "my.csv")
+
+
+def test_jumps_without_times_have_a_way_out(scene, vehicle, tmp_path):
+    (tmp_path / "my.csv").write_text("x_m,y_m,yaw_deg\n0,0,0\n2,0,0\n")
+    words = r"my\.csv:3: step 0 → 1: 2 m without times: expected at most 1 m: --rate HZ gives"
+    with pytest.raises(TrajectoryError, match=words):
+        _drive(scene, vehicle, tmp_path / "my.csv")
+    for options in ({"rate_hz": 0.2}, {"ignore_limits": True}):
+        assert len(_drive(scene, vehicle, tmp_path / "my.csv", **options)) == 2
+
+
 def test_limits_may_be_ignored(scene, vehicle, tmp_path):
     (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n0.1,0.9,0\n0.2,1.8,0\n")
     assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 3
