@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from omnisim.cli import INTERRUPTED
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.command import command
 from omnisim.cli.console import err, out
@@ -28,7 +29,6 @@ from omnisim.cli.run_requests import (
     TrainRequest,
     VideoRequest,
 )
-from omnisim.cli.start import INTERRUPTED
 from omnisim.cli.validation_requests import ExperimentsRequest, ValidateRequest
 from omnisim.errors import OmnisimError
 from omnisim.extras import require_extra

@@ -5,7 +5,8 @@ import signal
 import sys
 from types import FrameType
 
-INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
+from omnisim.cli import INTERRUPTED
+
 _IMPORTLIB = "<frozen importlib._bootstrap>"
 
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from omnisim.cli.start import INTERRUPTED
+from omnisim.cli import INTERRUPTED
 
 CODE = "from omnisim.cli.start import main\nprint('started', flush=True)\nmain()"
 RENDER = ("render", "rings", "--size", "2000", "--quality", "default", "-o", "a.png")
