@@ -8,7 +8,7 @@ import pytest
 
 import omnisim
 from omnisim.cameras import EquidistantCamera, RadialTableCamera
-from omnisim.errors import CalibrationError, OpticsError
+from omnisim.errors import CalibrationError, OpticsError, SceneError
 from omnisim.frame import Frame
 from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels
 from omnisim.image_files import read_image
@@ -117,9 +117,12 @@ def test_renderers_take_names_files_and_lenses(tmp_path):
                 _check(shown)
 
 
-def test_a_sensor_is_none_of_other_types():
-    with pytest.raises(OpticsError, match="expected an OmniCamera, a camera model or a sensor"):
-        omnisim.OmniCamera.of(360)
+def test_other_types_say_what_was_expected():
+    for make in (omnisim.OmniCamera, omnisim.OmniCamera.of):
+        with pytest.raises(OpticsError, match="expected a camera model, got int"):
+            make(360)
+    with pytest.raises(SceneError, match="expected a path or a name, got int"):
+        omnisim.load_scene(360)
     with pytest.raises(CalibrationError, match="expected a camera model or a sensor, got str"):
         omnisim.calibration_of("my.toml")
 

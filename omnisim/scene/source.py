@@ -17,6 +17,8 @@ def builtin_scenes() -> list[str]:
 
 def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
     """Mesh file of a path or built-in name, and the settings of its TOML, if any."""
+    if not isinstance(source, str | Path):
+        raise SceneError(f"scene: expected a path or a name, got {type(source).__name__}")
     path, name = Path(source), str(source)
     if (path / "scene.toml").is_file():
         path = path / "scene.toml"

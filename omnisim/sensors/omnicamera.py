@@ -58,8 +58,9 @@ class OmniCamera:
         degradation: of the ideal picture; by default none.
 
     Raises:
-        OmnisimError: a polygon count that makes no mesh, near and far that leave nothing between
-            them, a size or number of samples that cannot be, or a mounting that is no pose.
+        OmnisimError: no camera model, a polygon count that makes no mesh, near and far that leave
+            nothing between them, a size or number of samples that cannot be, or a mounting that is
+            no pose.
     """
 
     model: CentralCamera = field(default_factory=_paper_camera)
@@ -75,6 +76,8 @@ class OmniCamera:
     degradation: Degradation = field(default_factory=Degradation)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.model, CentralCamera):
+            raise OpticsError(f"camera: expected a camera model, got {type(self.model).__name__}")
         if self.polygons is not None:
             if type(self.polygons) is not int:
                 raise OpticsError(
@@ -134,11 +137,6 @@ class OmniCamera:
             return cls()
         if isinstance(camera, str | Path):
             return cls.from_file(camera)
-        if not isinstance(camera, CentralCamera):
-            kind = type(camera).__name__
-            raise OpticsError(
-                f"camera: expected an OmniCamera, a camera model or a sensor file, got {kind}"
-            )
         has_mesh = isinstance(camera, HyperbolicCamera)
         return cls(camera, polygons=PAPER_POLYGONS if has_mesh else None)
 
