@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+import pytest
+
 from omnisim.cameras import (
     CylindricalCamera,
     DoubleSphereCamera,
@@ -141,3 +144,27 @@ CAMERA_EXAMPLES = {
         300, 200, 900.0, (130.25, 110.5), eccentricity=0.9, theta_max_rad=math.radians(75.0)
     ),
 }  # fmt: skip
+
+_FIRST_OF_MODEL = {type(camera): name for name, camera in reversed(CAMERA_EXAMPLES.items())}
+# Each test of a camera; those of all but the first example of each model are slow.
+camera_examples = pytest.mark.parametrize(
+    "camera",
+    [
+        pytest.param(
+            camera,
+            id=name,
+            marks=() if name == _FIRST_OF_MODEL[type(camera)] else pytest.mark.slow,
+        )
+        for name, camera in CAMERA_EXAMPLES.items()
+    ],
+)
+
+
+def points_around_axis(largest_theta_rad, count=2000, seed=5):
+    """Points (n, 3) up to an angle from +z, at different distances."""
+    generator = np.random.default_rng(seed)
+    theta = generator.uniform(0.0, largest_theta_rad, count)
+    azimuth = generator.uniform(-math.pi, math.pi, count)
+    sine = np.sin(theta)
+    rays = np.stack((sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)), axis=-1)
+    return rays * generator.uniform(0.5, 20.0, count)[:, None]

@@ -68,6 +68,14 @@ def room():
     )
 
 
+def square(half_m=5.0, z_m=0.0, material=0, name="square", **options):
+    """A horizontal square about the z axis, its front up."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+    corners = corners * np.float32(half_m) + np.array([0, 0, z_m], dtype=np.float32)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+    return Mesh(name, corners, triangles, material, **options)
+
+
 def next_to_another_face(faces):
     """Mask of the pixels beside which another face of the cube begins; faces (height, width)."""
     other = np.zeros(faces.shape, dtype=bool)

@@ -34,6 +34,7 @@ def test_wheel_has_every_shader_and_scene(wheel):
         assert f"omnisim/{relative}" in names
 
 
+@pytest.mark.slow
 def test_installed_wheel_renders_without_the_checkout(wheel, tmp_path, needs_opengl):
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(tmp_path / "site")

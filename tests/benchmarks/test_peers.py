@@ -1,5 +1,7 @@
 """The racers show the same frame: turned, lit and coloured alike, whatever way it was made."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -11,12 +13,13 @@ from benchmarks.peers.path import HEIGHT_M, race_poses
 from benchmarks.peers.peer import SENSOR, mirror_rays
 from benchmarks.peers.quality import BEST_DB, psnr_db
 from omnisim.scene import load_scene
-from omnisim.scene.model import AlphaMode, Material, Mesh
+from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import Stage
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.validation.oracles import import_failure
 from omnisim.validation.psnr import psnr_of_levels_db
-from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
+from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of, square
+from tests.slow import slow_but
 
 pytestmark = [
     pytest.mark.usefixtures("needs_opengl"),
@@ -51,7 +54,7 @@ def _only_embree(name):
     return import_failure(name) if name == "embreex" else "was looked at in the other scene"
 
 
-@pytest.fixture(scope="module", params=RACERS)
+@pytest.fixture(scope="module", params=slow_but(RACERS, "soccer"))
 def pictures(request):
     """Pictures of all racers in a scene from one pose, and the racers."""
     without = request.param == "soccer"
@@ -199,11 +202,8 @@ class TestEmbree:
 
 def _quad(height_m, material, color, down=False):
     """A square of 40 m, level, facing up."""
-    corners = np.float32([[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]])
-    corners[:, 2] = height_m
-    triangles = np.uint32([[0, 1, 2], [0, 2, 3]])
-    colors = np.tile(np.float32(color), (4, 1))
-    return Mesh("quad", corners, triangles[:, ::-1] if down else triangles, material, colors=colors)
+    mesh = square(20.0, height_m, material, colors=np.tile(np.float32(color), (4, 1)))
+    return dataclasses.replace(mesh, triangles=mesh.triangles[:, ::-1]) if down else mesh
 
 
 def test_psnr_counts_valid_pixels_only():

@@ -11,21 +11,10 @@ import yaml
 from omnisim.calibration import calibration_of, load_calibration
 from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
 from tests.calibration.sample_files import FOLDER
-from tests.camera_examples import CAMERA_EXAMPLES
+from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 
 WITHIN_PX = 1e-6
 NO_TURN = np.zeros(3)
-
-
-def _points(largest_theta_rad, count=800, seed=3):
-    """Points (n, 3) up to an angle from +z, at different distances."""
-    generator = np.random.default_rng(seed)
-    theta = generator.uniform(0.0, largest_theta_rad, count)
-    azimuth = generator.uniform(-math.pi, math.pi, count)
-    rays = np.stack(
-        (np.sin(theta) * np.cos(azimuth), np.sin(theta) * np.sin(azimuth), np.cos(theta)), axis=-1
-    )
-    return rays * generator.uniform(0.5, 20.0, count)[:, None]
 
 
 def _assert_same(camera, points, pixels, within_px=WITHIN_PX):
@@ -36,7 +25,7 @@ def _assert_same(camera, points, pixels, within_px=WITHIN_PX):
 
 
 def _seen(camera, largest_theta_rad):
-    points = _points(largest_theta_rad)
+    points = points_around_axis(largest_theta_rad)
     points = points[camera.pixel_from_ray(points).valid]
     assert len(points) > 300
     return points
@@ -67,7 +56,7 @@ def test_opencv_reads_our_omnidir_file_and_projects_the_same(name, tmp_path):
     k, d, xi, size = _matrices(cv2, tmp_path / "a.yaml")
     assert size == (camera.width_px, camera.height_px)
     looks_up = camera.rig_from_optical[2, 2] == 1.0
-    points = _points(math.radians(100.0))
+    points = points_around_axis(math.radians(100.0))
     flip = np.array([1.0, 1.0, -1.0]) if looks_up else np.ones(3)
     points = points[camera.pixel_from_ray(points * flip).valid]
     assert len(points) > 300
@@ -80,7 +69,7 @@ def test_opencv_reads_our_fisheye_file_and_projects_the_same(tmp_path):
     camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
     calibration_of(camera).save(tmp_path / "a.yaml", "opencv_fisheye")
     k, d, _, _ = _matrices(cv2, tmp_path / "a.yaml")
-    points = _points(math.radians(80.0))  # past 90° OpenCV is wrong
+    points = points_around_axis(math.radians(80.0))  # past 90° OpenCV is wrong
     pixels, _ = cv2.fisheye.projectPoints(points[:, None], NO_TURN, NO_TURN, k, d)
     _assert_same(camera, points, pixels)
 
@@ -207,7 +196,7 @@ def test_woodscapes_own_projection_agrees():
     path = FOLDER / "woodscape_fv.json"
     part = json.loads(path.read_text())["intrinsic"]
     camera = load_calibration(path).cameras[0].camera
-    points = _points(math.radians(95.0))
+    points = points_around_axis(math.radians(95.0))
     chi = np.hypot(points[:, 0], points[:, 1])
     theta = np.arctan2(chi, points[:, 2])
     rho = sum(part[f"k{n}"] * theta**n for n in (1, 2, 3, 4))
@@ -220,7 +209,7 @@ def test_basalts_double_sphere_agrees():
     path = FOLDER / "basalt_tum_vi_ds.json"
     value = json.loads(path.read_text())["value0"]["intrinsics"][0]["intrinsics"]
     found = load_calibration(path).cameras[0]
-    points = _points(math.radians(100.0))
+    points = points_around_axis(math.radians(100.0))
     x, y, z = points.T
     d1 = np.linalg.norm(points, axis=-1)
     k = value["xi"] * d1 + z

@@ -6,20 +6,10 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import PerspectiveCamera
-from tests.camera_examples import CAMERA_EXAMPLES
+from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 
 WITHIN_PX = 1e-6
 NO_TURN = np.zeros(3)
-
-
-def _points(largest_theta_rad, seed=5, count=2000):
-    """Points (n, 3) up to an angle from the z axis, at different distances."""
-    generator = np.random.default_rng(seed)
-    theta = generator.uniform(0.0, largest_theta_rad, count)
-    azimuth = generator.uniform(-math.pi, math.pi, count)
-    sine = np.sin(theta)
-    rays = np.stack((sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)), axis=-1)
-    return rays * generator.uniform(0.5, 20.0, count)[:, None]
 
 
 def _matrix(camera):
@@ -49,14 +39,14 @@ def _colmap(model, camera, parameters):
 
 def test_perspective_is_opencv():
     camera = PerspectiveCamera(640, 480, 500.0, (320.5, 239.0))
-    points = _points(math.radians(70.0))
+    points = points_around_axis(math.radians(70.0))
     pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), np.zeros(5))
     _assert_same(camera, points, pixels)
 
 
 def test_a_pinhole_with_five_coefficients_is_opencv():
     camera = CAMERA_EXAMPLES["unified-pinhole-with-k3"]
-    points = _points(math.radians(45.0))
+    points = points_around_axis(math.radians(45.0))
     points = points[camera.pixel_from_ray(points).valid]
     assert len(points) > 1000
     coefficients = np.array(camera.distortion)
@@ -66,7 +56,7 @@ def test_a_pinhole_with_five_coefficients_is_opencv():
 
 def test_kannala_brandt_is_opencv_in_front():
     camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
-    points = _points(math.radians(80.0))  # past 90° OpenCV is wrong
+    points = points_around_axis(math.radians(80.0))  # past 90° OpenCV is wrong
     coefficients = np.array(camera.coefficients)
     pixels, _ = _cv2().fisheye.projectPoints(
         points[:, None], NO_TURN, NO_TURN, _matrix(camera), coefficients
@@ -77,7 +67,7 @@ def test_kannala_brandt_is_opencv_in_front():
 @pytest.mark.parametrize("name", ["kannala-brandt-tum-vi", "kannala-brandt-to-its-fold"])
 def test_kannala_brandt_is_colmap_in_front(name):
     camera = CAMERA_EXAMPLES[name]
-    points = _points(math.radians(89.0))
+    points = points_around_axis(math.radians(89.0))
     parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
     other = _colmap("OPENCV_FISHEYE", camera, [*parameters, *camera.coefficients])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
@@ -86,7 +76,7 @@ def test_kannala_brandt_is_colmap_in_front(name):
 @pytest.mark.parametrize("name", ["eucm", "eucm-no-fold"])
 def test_eucm_is_colmap(name):
     camera = CAMERA_EXAMPLES[name]
-    points = _points(math.radians(89.0))
+    points = points_around_axis(math.radians(89.0))
     parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
     other = _colmap("EUCM", camera, [*parameters, camera.alpha, camera.beta])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
@@ -98,7 +88,7 @@ def test_unified_is_opencv_omnidir(name):
     omnidir = getattr(_cv2(), "omnidir", None)
     if omnidir is None:
         pytest.skip("OpenCV without its contributed modules has no omnidir")
-    points = _points(math.radians(100.0))
+    points = points_around_axis(math.radians(100.0))
     points = points[camera.pixel_from_ray(points).valid]
     assert len(points) > 1000
     pixels, _ = omnidir.projectPoints(
@@ -124,7 +114,9 @@ def test_mirrors_are_opencv_omnidir_in_a_mirrored_frame(name, xi, gamma):
     omnidir = getattr(_cv2(), "omnidir", None)
     if omnidir is None:
         pytest.skip("OpenCV without its contributed modules has no omnidir")
-    points = _points(0.99 * camera.theta_max_rad if name == "elliptic" else math.radians(100.0))
+    points = points_around_axis(
+        0.99 * camera.theta_max_rad if name == "elliptic" else math.radians(100.0)
+    )
     frame = np.diag([-1.0, -1.0, -1.0] if name == "elliptic" else [1.0, 1.0, -1.0])
     u, v = camera.principal_point_px
     matrix = np.array([[gamma(camera), 0.0, u], [0.0, gamma(camera), v], [0.0, 0.0, 1.0]])
@@ -137,7 +129,7 @@ def test_mirrors_are_opencv_omnidir_in_a_mirrored_frame(name, xi, gamma):
 @pytest.mark.parametrize("name", ["equirectangular", "equirectangular-odd"])
 def test_equirectangular_is_colmap(name):
     camera = CAMERA_EXAMPLES[name]
-    points = _points(math.radians(179.0))
+    points = points_around_axis(math.radians(179.0))
     other = _colmap("EQUIRECTANGULAR", camera, [camera.width_px, camera.height_px])
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
 

@@ -23,6 +23,7 @@ def run_folder(omnisim, needs_opengl):
     return "run"
 
 
+@pytest.mark.slow
 def test_drive_plot_and_video(omnisim, run_folder, tmp_path):
     status, out, error = omnisim(*DRIVE, "-o", "run")
     assert (status, error) == (0, "")

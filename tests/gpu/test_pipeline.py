@@ -1,7 +1,6 @@
 """Every camera model in a room whose colours are computed without any renderer."""
 
 import numpy as np
-import pytest
 
 from omnisim import poses
 from omnisim.cameras import pixel_grid
@@ -14,11 +13,10 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.srgb import srgb_from_linear
-from tests.camera_examples import CAMERA_EXAMPLES
+from tests.camera_examples import camera_examples
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 
 POSE = poses.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
-examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 
 
 def _render(context, camera):
@@ -34,7 +32,7 @@ def _render(context, camera):
     return Pipeline(cube, PixelMap(context, camera)).render(ScenePoses(POSE)).rgba
 
 
-@examples
+@camera_examples
 def test_room_has_the_right_colour_everywhere(context, camera):
     rgba = _render(context, camera)
     pixels = pixel_grid(camera.width_px, camera.height_px)
@@ -62,7 +60,7 @@ def test_room_has_the_right_colour_everywhere(context, camera):
         assert off[seam].mean() < 1.0
 
 
-@examples
+@camera_examples
 def test_planned_faces_are_those_of_the_pictures_rays(camera):
     plan = plan_tiles(camera, camera.rig_from_optical)
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))

@@ -5,6 +5,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from omnisim.scene import load_scene
+from tests.slow import slow_but
 
 KNOWN_STARTS = ((0.75, -7.28), (3.63, 10.80), (1.91, 10.00), (3.85, 9.17))
 FREE_RADIUS_M = 0.45
@@ -49,7 +50,7 @@ def test_starts_are_the_known_ones(scene):
     )
 
 
-@pytest.mark.parametrize("start", KNOWN_STARTS)
+@pytest.mark.parametrize("start", slow_but(KNOWN_STARTS, KNOWN_STARTS[0]))
 def test_start_is_free(triangles, start):
     clipped = _between(triangles, *FREE_HEIGHTS_M)
     distances = [_distance(polygon[:, :2] - start) for polygon in clipped]
@@ -69,6 +70,7 @@ def test_floor_lies_beneath_start(triangles, start):
     assert max(heights) == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_robot_can_drive_into_every_room(scene, triangles):
     """A disc of its half width passes furniture and open doors, from the first start."""
     cell, margin = 0.05, 0.27  # the robot is 0.5 m wide

@@ -23,24 +23,6 @@ footprint_m = [0.1, 0.2]
 bands = [{ color = "white", top_m = 0.25 }, { color = "red", top_m = 1.5 }]
 """
 
-PLACES = """file = "box.stl"
-[[starts]]
-name = "dock"
-position_m = [1, 2.5, 0]
-yaw_deg = 90
-[[starts]]
-name = "door"
-position_m = [0, 0, 0]
-[palette]
-white = [0.9, 0.9, 0.9]
-red = [0.8, 0, 0]
-[[landmarks]]
-name = "pole"
-position_m = [3, -2, 0]
-footprint_m = [0.1, 0.2]
-bands = [{ color = "white", top_m = 0.25 }, { color = "red", top_m = 1.5 }]
-"""
-
 
 @pytest.fixture
 def folder(tmp_path):

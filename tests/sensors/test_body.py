@@ -8,8 +8,8 @@ import pytest
 from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
 from omnisim.poses import pose
 from omnisim.scene import load_scene
-from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
-from tests.scenes import room, scene_of
+from omnisim.scene.model import AlphaMode, Lighting, Material
+from tests.scenes import room, scene_of, square
 from tests.vehicles import (
     BASE_FROM_SCANNER,
     CAMERA,
@@ -100,20 +100,14 @@ def test_hidden_instances_are_hidden_from_one_sensor(hidden):
         assert one.render(base).metadata["hidden"] == sorted(hidden)
 
 
-def level_pane(name, z_m, material=0):
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
-    return Mesh(name, corners + np.array([0, 0, z_m], dtype=np.float32), triangles, material)
-
-
 @pytest.mark.parametrize("is_body_nearer", [True, False])
 def test_glass_of_scene_and_body_blends_back_to_front(is_body_nearer):
     def glass(red, green, alpha):
         return Material("", (red, green, 0.0, alpha), alpha_mode=AlphaMode.BLEND)
 
-    floor = level_pane("floor", -3.0, 1)
-    scene = scene_of([level_pane("window", -2.0), floor], [glass(1, 0, 0.25), Material()])
-    vehicle = scene_of([level_pane("tube", 0.0)], [glass(0, 1, 0.5)])
+    floor = square(1.0, -3.0, 1, "floor")
+    scene = scene_of([square(1.0, -2.0, name="window"), floor], [glass(1, 0, 0.25), Material()])
+    vehicle = scene_of([square(1.0, 0.0, name="tube")], [glass(0, 1, 0.5)])
     sensor = OmniCamera(polygons=None, base_from_rig=pose((0.0, 0.0, 0.5))).resized(91)
     red, green = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
     if is_body_nearer:
@@ -132,7 +126,7 @@ def test_lights_and_background_come_from_the_scene():
         scene_of([box("far", 0)], lighting=Lighting((0.5, 0.5, 0.5), ())), background=(0, 0, 1)
     )
     scene = moved(scene, pose((50.0, 0.0, 0.0)))
-    vehicle = scene_of([level_pane("deck", 0.0)], lighting=Lighting((9.0, 0.0, 0.0), ()))
+    vehicle = scene_of([square(1.0, 0.0, name="deck")], lighting=Lighting((9.0, 0.0, 0.0), ()))
     sensor = OmniCamera(polygons=None, base_from_rig=pose((0.0, 0.0, 1.0))).resized(91)
     with Renderer(scene, sensor, body=vehicle) as renderer:
         linear = renderer.render(pose(), linear=True).linear

@@ -22,6 +22,7 @@ from tests import embree_oracle
 from tests.gpu.sheets import sheet
 from tests.ray_casting import opaque_part
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of, with_warehouse
+from tests.slow import slow_but
 from tests.vehicles import body, box, checkered, surroundings
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -83,6 +84,7 @@ def test_channels_of_a_room_are_those_of_the_exact_rays(lens):
     assert np.percentile(step, 99) < 0.05
 
 
+@pytest.mark.slow
 def test_a_mesh_has_the_hits_of_its_own_rays():
     """Points lie on the walls; a mesh of 16 polygons sees them elsewhere than the exact mirror."""
     sensor = OmniCamera(LENSES["mirror"], polygons=16, supersampling=1)
@@ -128,6 +130,7 @@ def test_a_plain_of_kilometres_reaches_through_the_near_plane_to_its_end():
     np.testing.assert_allclose(ranges_m[seen], -1.0 / down[seen], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_far_from_the_origin_ranges_are_as_exact():
     lens, away = LENSES["fisheye"], np.array([5e5, -3e5, 100.0])
     scene = scene_of([room()], poses=[pose(away)])
@@ -351,7 +354,7 @@ def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
             renderer.render(pose(), also=("flow",))
 
 
-@pytest.mark.parametrize("lens", embree_oracle.LENSES)
+@pytest.mark.parametrize("lens", slow_but(embree_oracle.LENSES, "mirror"))
 @with_warehouse("mapping")
 def test_hits_are_those_of_embree(source, lens):
     """One pose; the bounds are the project's, `tests.embree_oracle` takes more poses.

@@ -19,17 +19,13 @@ from omnisim.scene.model import (
 )
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
-from tests.scenes import NO_LIGHT, room, scene_of
+from tests.scenes import NO_LIGHT, room, scene_of, square
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 def quad(z_m, half_m=5.0, **options):
-    """A horizontal square, its front facing up."""
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
-    corners = corners * np.float32(half_m) + np.array([0, 0, z_m], dtype=np.float32)
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
-    return Mesh(f"quad at {z_m}", corners, triangles, **{"material": 0, **options})
+    return square(half_m, z_m, name=f"quad at {z_m}", **options)
 
 
 def centre_color(scene, viewpoint=(0.0, 0.0, 0.0), **options):

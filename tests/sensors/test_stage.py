@@ -64,6 +64,7 @@ def resident_bytes():
 needs_statm = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no /proc")
 
 
+@pytest.mark.slow
 @needs_statm
 def test_memory_is_constant_over_a_drive():
     """300 frames and scans with a real body. The bound is a quarter of what 300 pictures take: to
@@ -87,6 +88,7 @@ def test_memory_is_constant_over_a_drive():
         assert resident_bytes() - before < frames * picture_bytes / 4
 
 
+@pytest.mark.slow
 @needs_statm
 def test_closed_renderer_frees_its_memory():
     """The bound is a quarter of the atlases, not all that a renderer has: to keep one in four would

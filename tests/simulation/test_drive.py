@@ -24,6 +24,7 @@ from omnisim.simulation.route import Route
 from omnisim.simulation.run_folder import RunFolder
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
+from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
@@ -124,7 +125,7 @@ def test_another_seed_is_another_odometry_and_the_same_pictures(scene, vehicle, 
     assert other["lms200/000001.csv"] == same["lms200/000001.csv"]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_but(range(4), 0))
 def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path, seed):
     """SIGKILL from outside, at a random moment of start, planning, rendering or writing."""
     moments = random.Random(seed)
@@ -156,6 +157,7 @@ def test_a_finished_run_stays_as_it_is(scene, vehicle, whole):
     assert {path: path.stat().st_mtime_ns for path in whole.rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(whole, folder)
@@ -356,7 +358,10 @@ def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
 
 
 def test_interrupted_by_a_person_it_says_how_to_go_on(tmp_path):
-    command = [sys.executable, "-c", "from omnisim.cli.app import main; main()", *ARGUMENTS]
+    # a job in the background of a shell inherits that interrupts are ignored
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += "from omnisim.cli.app import main; main()"
+    command = [sys.executable, "-c", code, *ARGUMENTS]
     command[command.index("--step") + 1] = "0.1"
     process = subprocess.Popen(
         [*command, "-o", "run"], stderr=subprocess.PIPE, text=True, cwd=tmp_path

@@ -11,6 +11,7 @@ from omnisim.gpu import shader_files
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.suite import CHECKS
+from tests.slow import slow_but
 
 pytestmark = [
     pytest.mark.usefixtures("needs_opengl"),
@@ -33,12 +34,14 @@ def _missed(key, fixture):
     return [f"{measure.name}: {measure.value:.4g}" for measure in check.run(fixture).missed]
 
 
-@pytest.mark.parametrize("key", BY_KEY)
+@pytest.mark.parametrize("key", slow_but(BY_KEY, "viewpoint", "markers", "polygons"))
 def test_every_bound_holds(key, fixture):
     assert not _missed(key, fixture)
 
 
-@pytest.mark.parametrize("key", ["rings", "viewpoint", "omnidir", "path-tracer"])
+@pytest.mark.parametrize(
+    "key", slow_but(["rings", "viewpoint", "omnidir", "path-tracer"], "viewpoint")
+)
 def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     """The camera model believes in a mirror 2 % off: what is independent of it must say so."""
     true = HyperbolicMirror.half_angle_ratio.fget
@@ -48,6 +51,7 @@ def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     assert _missed(key, fixture)
 
 
+@pytest.mark.slow
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the picture's."""
     from omnisim.calibration import calibration_of
@@ -61,6 +65,7 @@ def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     assert _missed("boards", fixture)
 
 
+@pytest.mark.slow
 def test_a_mirrored_picture_is_found_out(fixture, monkeypatch):
     flipped = frames.RIG_FROM_OPTICAL_LOOKING_UP @ np.diag([-1.0, 1.0, 1.0])
     monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", flipped)
@@ -78,9 +83,21 @@ def test_a_turned_picture_is_found_out(fixture, monkeypatch):
     [
         ("markers", "gl_FragCoord.xy - 0.5, ray", "gl_FragCoord.xy, ray"),
         ("markers", "sample_at(pixel, ivec2(column, row))", "sample_at(pixel, ivec2(column, 0))"),
-        ("polygons", "pixel_times_depth + 0.5 * seen.z", "pixel_times_depth"),
-        ("rings", "tangent * u_uv_from_tangent", "1.003 * tangent * u_uv_from_tangent"),
-        ("orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0"),
+        pytest.param(
+            "polygons",
+            "pixel_times_depth + 0.5 * seen.z",
+            "pixel_times_depth",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "rings",
+            "tangent * u_uv_from_tangent",
+            "1.003 * tangent * u_uv_from_tangent",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0", marks=pytest.mark.slow
+        ),
     ],
     ids=[
         "half a pixel",

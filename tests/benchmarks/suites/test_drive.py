@@ -19,6 +19,7 @@ def report():
     return drive.run(Options(warm_up=1), frames={"fast": 6, "default": 2}, starts=0)
 
 
+@pytest.mark.slow
 def test_report_has_every_frame_of_the_drive(report, tmp_path):
     check(report)
     frames = {row["setting"]: row for row in report["rows"] if row["kind"] == "frames"}
@@ -34,6 +35,7 @@ def test_report_has_every_frame_of_the_drive(report, tmp_path):
     assert (tmp_path / "drive.png").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_fast_frames_and_memory_are_held(report):
     fast, growth, growth_by_default = report["bounds"]
     assert fast["value"] == report["rows"][0]["p99_to_p50"]
@@ -44,6 +46,7 @@ def test_fast_frames_and_memory_are_held(report):
     assert sum("expected at most" in line for line in drive.lines(report)) == 3
 
 
+@pytest.mark.slow
 def test_start_up_is_reported_and_bounded(report, monkeypatch):
     runs = {True: start_up.Run(1.0, 2.0, ""), False: start_up.Run(2.0, 3.0, "")}
     monkeypatch.setattr(start_up, "render", lambda *_, cached=True: runs[cached])

@@ -9,6 +9,7 @@ from omnisim.plots.plot_file import write_plot
 from tests.camera_examples import CAMERA_EXAMPLES
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_every_model_is_timed_and_the_slowest_is_bounded(tmp_path, monkeypatch):
     few = dict(list(CAMERA_EXAMPLES.items())[::7])  # each compiles a shader of its own

@@ -16,6 +16,7 @@ def report():
     return limit.run(Options(rounds=1, warm_up=1, scenes=("rings", "compass")), size_px=96)
 
 
+@pytest.mark.slow
 def test_report_has_frames_and_probes(report, tmp_path):
     check(report)
     frames = [row for row in report["rows"] if row["kind"] == "frame"]
@@ -32,6 +33,7 @@ def test_report_has_frames_and_probes(report, tmp_path):
     assert (tmp_path / "limit.png").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_the_parts_and_the_limits_add_up(report):
     for row in report["rows"]:
         if row["kind"] != "frame":
@@ -45,6 +47,7 @@ def test_the_parts_and_the_limits_add_up(report):
         assert row["share_of_limit"] == pytest.approx(row["limit_ms"] / row["p50_ms"])
 
 
+@pytest.mark.slow
 def test_counts_hold_together(report):
     """They are the same in every run; whoever draws more than before is to see it."""
     for row in report["rows"]:

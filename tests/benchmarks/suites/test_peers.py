@@ -27,6 +27,7 @@ def report(monkeypatch):
     return peers.run(Options(rounds=1, warm_up=0, scenes=("rings",)), poses=2, looked_at=1)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(bool(import_failure("embreex")), reason="embreex is missing")
 def test_every_racer_has_a_row_and_missing_ones_a_reason(report, tmp_path):
     check(report)

@@ -15,6 +15,7 @@ from omnisim import OmniCamera, Renderer
 from omnisim.plots.plot_file import write_plot
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_every_size_is_timed(tmp_path, monkeypatch):
     coarse = dataclasses.replace(quality.REFERENCE, supersampling=4, texels_per_pixel=4.0)

@@ -7,7 +7,7 @@ from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.mirrors import HyperbolicMirror, tessellate
 from omnisim.mirrors.mesh_error import mesh_error
-from tests.camera_examples import CAMERA_EXAMPLES
+from tests.camera_examples import CAMERA_EXAMPLES, camera_examples
 
 
 def _angles(one, other):
@@ -15,7 +15,7 @@ def _angles(one, other):
     return 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(one - other, axis=-1), 0.0, 1.0))
 
 
-@pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
+@camera_examples
 def test_glsl_rays_are_the_reference(context, camera):
     rays, valid = PixelMap(context, camera).read_rays()
     reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))

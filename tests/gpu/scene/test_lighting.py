@@ -6,9 +6,9 @@ import pytest
 from omnisim.cameras import pixel_grid
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.scene.lighting import illuminance
-from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
+from omnisim.scene.model import Light, Lighting, LightKind, Material
 from omnisim.sensors import OmniCamera, Renderer
-from tests.scenes import scene_of
+from tests.scenes import scene_of, square
 
 VIEWPOINT_M = np.array([0.7, -0.4, 1.3])
 AMBIENT, EXPOSURE = 0.05, 0.2
@@ -36,11 +36,9 @@ POSES = {
 
 
 def _floor(normals):
-    corners = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
     # not across the floor: a shader that uses the triangle's own normal instead is found out
     leaning = np.tile(np.array([[0.3, 0.2, 0.9]], np.float32), (4, 1)) if normals else None
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
-    return Mesh("floor", corners, triangles, 0, normals=leaning)
+    return square(9.0, normals=leaning)
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from omnisim.gpu.scene.masked_mipmaps import masked_mipmaps
-from omnisim.scene.model import AlphaMode, Material, Mesh, Texture
+from omnisim.scene.model import AlphaMode, Material, Texture
 from omnisim.sensors import OmniCamera, Renderer
-from tests.scenes import scene_of
+from tests.scenes import scene_of, square
 
 
 def _fence(size=64, width=3, period=8):
@@ -42,14 +42,8 @@ def test_odd_sizes():
 @pytest.mark.usefixtures("needs_opengl")
 def test_far_fence_is_still_there():
     """Seen from so far that a texel is a fraction of a pixel, a third of the fence is drawn."""
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
-    mesh = Mesh(
-        "fence",
-        corners * 20.0 + np.array([0, 0, -6], dtype=np.float32),
-        np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32),
-        0,
-        texture_coordinates=np.array([[0, 0], [8, 0], [8, 8], [0, 8]], dtype=np.float32),
-    )
+    coordinates = np.array([[0, 0], [8, 0], [8, 8], [0, 8]], dtype=np.float32)
+    mesh = square(20.0, -6.0, texture_coordinates=coordinates)
     fence = Material(texture=Texture(_fence()), alpha_mode=AlphaMode.MASK)
     plain = dataclasses.replace(fence, alpha_mode=AlphaMode.OPAQUE)
     share = []

@@ -54,6 +54,7 @@ def _expected(camera, world_from_optical, color_of_rays):
     return total / AVERAGED**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "world_from_optical",
     [
@@ -78,6 +79,7 @@ def test_room_of_gradients(world_from_optical):
     assert difference.max() < 0.05
 
 
+@pytest.mark.slow
 def test_front_is_at_the_top_and_left_on_the_right():
     corners = np.array([(0, 2, -1), (0.5, 2, -1), (0.5, 2, 0), (0, 2, 0)], dtype=np.float32)
     quad = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
@@ -160,6 +162,7 @@ def test_unsupported_materials_are_refused():
         mitsuba_tracer.trace_mirror(scene_of([mesh], [textured]), _camera(), LOOKING_UP, 1)
 
 
+@pytest.mark.slow
 def test_seeds_and_variant():
     scene, camera = scene_of([room()]), _camera(16)
     mi.set_variant("scalar_spectral")
@@ -237,6 +240,7 @@ def test_facets_are_fine_enough():
     assert coarse_px.mean() / errors_px.mean() == pytest.approx(16.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_other_mirrors():
     """A wide rim, and the plane mirror, which Eq. 1 has as its limit."""
     for k, rim_deg in ((3.5, 100.0), (2.0, 60.0)):
@@ -249,6 +253,7 @@ def test_other_mirrors():
         assert np.abs(traced - ours)[_inside(camera)].mean() < 0.05 / 255.0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_courtyard():
     """Our picture, averaged to have each pixel's area, is the one that the real mirror shows."""
