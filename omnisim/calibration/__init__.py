@@ -15,6 +15,7 @@ from omnisim.calibration.calibration import (
     Calibration,
     calibration_of,
     calibration_text,
+    check_calibration_suffix,
     load_calibration,
     save_calibration,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "Residuals",
     "calibration_of",
     "calibration_text",
+    "check_calibration_suffix",
     "find_pose",
     "load_calibration",
     "save_calibration",

@@ -14,6 +14,9 @@ from omnisim.cameras import CameraSensor, CentralCamera, summary
 from omnisim.errors import CalibrationError, OutputError
 from omnisim.short_repr import short_repr
 
+# Other usual suffixes of the same text.
+_ALSO = {".yaml": (".yml",), ".sdf": (".xml", ".world", ".urdf")}
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -134,9 +137,10 @@ def save_calibration(
 
     Raises:
         CalibrationError: the format has no place for one of the cameras, with the reason.
-        OutputError: the file cannot be written.
+        OutputError: the file cannot be written, or its suffix is of another kind of file.
     """
     path = Path(path)
+    check_calibration_suffix(path, format)
     check_target(path)
     text, written = calibration_text(calibration, format, model)
     with atomic_write(path) as partial:
@@ -145,6 +149,21 @@ def save_calibration(
         except OSError as reason:
             raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
     return written
+
+
+def check_calibration_suffix(path: Path, format: str) -> None:
+    """Refuse a suffix of another kind of file than the format's.
+
+    Raises:
+        CalibrationError: there is no such format.
+        OutputError: naming the file and its format's suffixes; a name without one passes.
+    """
+    form = format_named(format)
+    known = (form.suffix, *_ALSO.get(form.suffix, ()))
+    if path.suffix and path.suffix.lower() not in known:
+        raise OutputError(
+            f"{path}: expected {' or '.join(known)} for {form.name}, got {path.suffix}"
+        )
 
 
 def calibration_text(

@@ -13,6 +13,7 @@ from omnisim.calibration import (
     CalibratedCamera,
     Calibration,
     calibration_of,
+    check_calibration_suffix,
     load_calibration,
     save_calibration,
 )
@@ -50,6 +51,7 @@ def list_formats() -> None:
 def convert(request: ConvertRequest) -> None:
     """Write a calibration in another format and print its residuals."""
     form = format_named(request.to)
+    check_calibration_suffix(request.output, form.name)
     check_target(request.output)
     check_distinct({"what is written": request.output}, {"the file to convert": request.source})
     read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)

@@ -27,6 +27,8 @@ def run(request: PlotRequest) -> None:
     for name, count in ((GROUND_TRUTH, len(truth)), (ODOMETRY, len(reckoned))):
         recorded.check_steps(name, count)
     done = recorded.steps_done()
+    if notice := recorded.unfinished():
+        print_note(notice)
     pictures = {}
     if recorded.manifest.cameras:
         camera = recorded.camera()

@@ -20,7 +20,7 @@ from omnisim.cli.inputs import (
     read_preset,
 )
 from omnisim.cli.picture_requests import RenderRequest
-from omnisim.cube import unfolded_cube
+from omnisim.cube import FACE_NAMES, unfolded_cube
 from omnisim.errors import OutputError
 from omnisim.ground_truth import parse_channels
 from omnisim.ground_truth.files import (
@@ -119,10 +119,18 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
     for option, path in extra.items():
         if channels and path is not None and is_sidecar_name(request.output, path):
             raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
+    if request.calibration is not None:
+        from omnisim.calibration import check_calibration_suffix
+
+        check_calibration_suffix(request.calibration, "omnisim")
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
         raise OutputError(f"--rays: expected an .exr file, got {request.rays}")
     if request.faces is not None:
-        check_target(request.faces / "front.png", may_make_folder=True)
+        faces = [request.faces / f"{name}.png" for name in (*FACE_NAMES, "unfolded")]
+        check_target(faces[0], may_make_folder=True)
+        check_distinct(
+            {f"the face {face.stem}": face for face in faces}, {"the picture": request.output}
+        )
     return channels
 
 

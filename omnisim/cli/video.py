@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from omnisim.cli.console import out, pluralize, track
+from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.run_requests import VideoRequest
 from omnisim.errors import OutputError, RunError
 from omnisim.image_files import read_image
@@ -26,6 +26,9 @@ def run(request: VideoRequest) -> None:
     done = recorded.steps_done()
     if done == 0:
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
+
+    if notice := recorded.unfinished():
+        print_note(notice)
 
     def pictures() -> Iterator[NDArray[Any]]:
         for step in track(range(done), "encoding", done):

@@ -27,6 +27,9 @@ class FrameRequest:
     Attributes:
         poses: in the middle of the frame.
         poses_at: from another pose (4, 4) of the vehicle.
+
+    Raises:
+        OpticsError: an impossible exposure, also of a camera that has none.
     """
 
     poses: ScenePoses
@@ -35,6 +38,11 @@ class FrameRequest:
     motion: PoseFunction | None
     frame_number: int
     exposure_ev: float | None
+
+    def __post_init__(self) -> None:
+        ev = self.exposure_ev
+        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
+            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
 
 
 class DegradedCamera:
@@ -59,16 +67,8 @@ class DegradedCamera:
         self._pipeline = DegradedPipeline(ideal, passes)
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return its metadata.
-
-        Raises:
-            OpticsError: an impossible exposure.
-        """
+        """Take a picture; also return its metadata."""
         exposure_ev = request.exposure_ev
-        if exposure_ev is not None and not abs(exposure_ev) <= MAX_EV:  # NaN is not, either
-            raise OpticsError(
-                f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {exposure_ev:g}"
-            )
         sub_frames = self._sub_frames(request)
         degradation = self._sensor.degradation
         metadata: dict[str, Any] = {

@@ -82,18 +82,8 @@ class RunData:
 
     @property
     def unfinished(self) -> str | None:
-        """Notice about a run that is not whole, or None.
-
-        Steps after the first that misses a file are not used, though they may have theirs.
-        """
-        total = self.folder.manifest.steps
-        if self.steps == total:
-            return None
-        missing = self.folder.missing_file(self.steps)
-        return (
-            f"{missing}: is missing: the first {self.steps} of {total} steps are looked at; drive "
-            "again to have the others"
-        )
+        """Notice about a run that is not whole, or None."""
+        return self.folder.unfinished()
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:
         """All pictures, one after the other."""

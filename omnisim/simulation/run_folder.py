@@ -125,6 +125,20 @@ class RunFolder:
         steps = range(self.manifest.steps)
         return next((step for step in steps if not self.is_done(step)), len(steps))
 
+    def unfinished(self) -> str | None:
+        """Notice about a run that is not whole, or None.
+
+        Steps after the first that misses a file are not used, though they may have theirs.
+        """
+        total = self.manifest.steps
+        missing = [file for step in range(total) if (file := self.missing_file(step))]
+        if not missing:
+            return None
+        return (
+            f"{missing[0]}: is missing: the first {self.steps_done()} of {total} steps are looked "
+            f"at; drive again to have the others, {len(missing)} without all their files"
+        )
+
     def is_done(self, step: int) -> bool:
         """A step has all its files."""
         return self.missing_file(step) is None

@@ -99,6 +99,10 @@ def test_the_formats_are_listed(omnisim):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ["convert", TUM_VI, "--to", "kalibr", "-o", "o.png"],
+            "o.png: expected .yaml or .yml for kalibr, got .png",
+        ),
         (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': did you mean 'kalibr'?"),
         (["convert", TUM_VI, "--to", "ros", "-o", "x"], "yaml: cam0: sees 115.6° from its axis"),
         (

@@ -68,11 +68,26 @@ def test_an_unfinished_run(omnisim, run_folder, tmp_path):
     for path in sorted((tmp_path / "run" / "omnicam").glob("*.png"))[3:]:
         path.unlink()
     steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
-    status, out, _ = omnisim("plot", "run")
+    status, out, error = omnisim("plot", "run")
     assert status == 0
     assert f"3 of {steps} steps" in out
+    assert "omnicam/000003.png: is missing: " in error
+    assert f"the others, {steps - 3} without all their files\n" in error
     status, out, _ = omnisim(*DRIVE, "-o", "run")
     assert f"{steps} steps, 3 of them there before" in out
+
+
+def test_a_gap_in_a_video_is_said(omnisim, run_folder, tmp_path):
+    pytest.importorskip("av")
+    (tmp_path / "run" / "omnicam" / "000002.png").unlink()
+    steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
+    status, out, error = omnisim("video", "run", "-o", "run.mp4")
+    assert status == 0
+    assert "run.mp4: 2 pictures" in out
+    assert error == (
+        f"note: run/omnicam/000002.png: is missing: the first 2 of {steps} steps are looked at; "
+        "drive again to have the others, 1 without all their files\n"
+    )
 
 
 @pytest.mark.parametrize("name", ["ground_truth.tum", "odometry.csv"])

@@ -71,6 +71,15 @@ def test_wrong_names_are_refused_before_anything_is_drawn(omnisim, tmp_path, arg
     [
         (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the picture already"),
         (
+            ["-o", "front.png", "--faces", "."],
+            "front.png: is the picture: expected another name for the face front",
+        ),
+        (["-o", "./unfolded.png", "--faces", "."], "unfolded.png: is the picture: expected"),
+        (
+            ["-o", "a.png", "--calibration", "c.yaml"],
+            "c.yaml: expected .json for omnisim, got .yaml",
+        ),
+        (
             ["-o", "a.png", "--also", "position", "--rays", "a.position.exr"],
             "--rays: expected another name than a channel's file, got a.position.exr",
         ),

@@ -252,8 +252,9 @@ def test_a_motion_that_is_no_pose_is_refused():
 
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize("exposure_ev", [np.nan, np.inf, 5000.0])
-def test_an_impossible_exposure_is_refused(exposure_ev):
-    sensor = OmniCamera().resized(16).with_degradation(Degradation(exposure=Exposure(auto=True)))
+@pytest.mark.parametrize("degradation", [Degradation(), Degradation(exposure=Exposure(auto=True))])
+def test_an_impossible_exposure_is_refused(exposure_ev, degradation):
+    sensor = OmniCamera().resized(16).with_degradation(degradation)
     with (
         Renderer(scene_of([room()]), sensor) as renderer,
         pytest.raises(OmnisimError, match=r"exposure_ev: expected −30 to 30 stops, got \w+"),
