@@ -1,14 +1,12 @@
 """Scenes of tests: small ones whose colours can be computed, and a real one where it is."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from benchmarks.scenes import WAREHOUSE
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
 
-# A scene that nobody made for omnisim, beside the project: an extra run of tests of shipped scenes.
-WAREHOUSE = Path(__file__).resolve().parents[2] / "shared" / "assets" / "small_warehouse.glb"
+# The real scene beside the project is an extra run of tests of shipped scenes.
 needs_warehouse = pytest.mark.skipif(
     not WAREHOUSE.is_file(), reason=f"{WAREHOUSE.name} is kept outside the project and is not here"
 )

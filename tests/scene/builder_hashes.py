@@ -24,7 +24,7 @@ def builder_hash(name):
 
 
 def is_recorded(name):
-    """Whether the scene is still what was built when its hash was recorded."""
+    """Compare the hash of a scene with that of its last recorded build."""
     return json.loads(RECORD.read_text(encoding="utf-8")).get(name) == builder_hash(name)
 
 
