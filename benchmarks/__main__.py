@@ -14,11 +14,11 @@ from typing import NoReturn
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.progress import show_progress
-from benchmarks.report import write_report
 from benchmarks.timer import ROUNDS, WARM_UP
 from omnisim.atomic_file import check_target
 from omnisim.cli.console import err
 from omnisim.errors import OmnisimError, OutputError
+from omnisim.extras import require_extra
 from omnisim.reports.machine import machine_line
 
 # In the order in which `all` runs them: a module each, imported when it is run.
@@ -45,6 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     """
     parsed = _parser().parse_args(arguments)
     try:
+        require_extra("plots", "python -m benchmarks")
         names = _suite_names(parsed.suite)
         options = Options(
             rounds=parsed.rounds,
@@ -113,6 +114,8 @@ def _make_folder(folder: Path, names: list[str]) -> None:
 
 def _passes(name: str, options: Options, folder: Path) -> bool:
     """True if a suite could be run and all its bounds hold."""
+    from benchmarks.report import write_report  # needs the extra
+
     try:
         suite = import_module(f"benchmarks.suites.{name}")
         report = suite.run(options)

@@ -1,5 +1,6 @@
 """Extras: a command without its packages ends in one line, and rendering needs none of them."""
 
+import os
 import re
 import subprocess
 import sys
@@ -120,6 +121,20 @@ def test_pictures_meshes_and_scans_need_no_extra(tmp_path):
     assert done.returncode == 0, done.stderr
     written = {path.name for path in tmp_path.iterdir()}
     assert written == {"a.obj", "a.png", "a.glb", "a.ply", "a.csv"}
+
+
+def test_benchmarks_without_their_extra_end_in_one_line(tmp_path):
+    code = (
+        "import sys\nsys.modules['matplotlib'] = None\n"
+        "from benchmarks.__main__ import main\nsys.exit(main(['fps', '-o', 'out']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": str(PROJECT.parent)},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == f"error: python -m benchmarks needs matplotlib: {install_hint('plots')}\n"
+    assert not any(tmp_path.iterdir())
 
 
 def test_help_needs_no_extra(tmp_path):

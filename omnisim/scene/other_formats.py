@@ -84,8 +84,10 @@ def _load_with_trimesh(path: Path, data: bytes, assets: AssetResolver) -> trimes
         return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=assets, process=False)
     except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
         message = f"{' '.join(str(reason).split())[:200]} ({type(reason).__name__})"
-        if isinstance(reason, ImportError):  # trimesh guesses encodings with a library of its own
-            message = "it is not text, and not its binary form either"
+        if isinstance(reason, ImportError):
+            message = f"it needs {reason.name}: pip install {reason.name}"
+            if reason.name == "charset_normalizer":  # trimesh guesses encodings with it
+                message = "it is not text, and not its binary form either"
         missing = f"{assets.missing[-1]} is not there; " if assets.missing else ""
         raise SceneError(f"cannot be read as {kind}: {missing}{message}") from None
 

@@ -275,3 +275,20 @@ def test_point_cloud_has_nothing_to_draw(tmp_path):
 def test_unknown_name_suggests_the_nearest():
     with pytest.raises(SceneError, match="did you mean 'courtyard'"):
         load_scene("courtyrd")
+
+
+@pytest.mark.parametrize(
+    ("package", "message"),
+    [
+        ("charset_normalizer", "cannot be read as obj: it is not text, and not its binary form"),
+        ("networkx", "cannot be read as obj: it needs networkx: pip install networkx"),
+    ],
+)
+def test_a_package_that_trimesh_lacks_is_an_error(monkeypatch, tmp_path, package, message):
+    def load(*arguments, **options):
+        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+
+    monkeypatch.setattr(trimesh, "load_scene", load)
+    (tmp_path / "a.obj").write_text("v 0 0 0\n")
+    with pytest.raises(SceneError, match=message):
+        load_scene(tmp_path / "a.obj")
