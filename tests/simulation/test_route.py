@@ -8,6 +8,7 @@ import pytest
 
 from omnisim.errors import TrajectoryError
 from omnisim.robot import Trajectory, write_trajectory
+from omnisim.robot.kinematics import find_drift
 from omnisim.scene import load_scene
 from omnisim.scene.model import ScenePath
 from omnisim.simulation.route import Route, plan_route
@@ -192,6 +193,12 @@ def test_slides_are_refused_by_name(scene, vehicle, tmp_path):
     with pytest.raises(TrajectoryError, match=words):
         _drive(scene, vehicle, tmp_path / "my.csv")
     assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 11
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 1.0, 0.1])
+def test_planned_drives_do_not_drift(vehicle, rate_hz):
+    """However much of a turn and a leg is within one step."""
+    assert find_drift(_drive(load_scene("soccer"), vehicle, "lap", rate_hz=rate_hz)) is None
 
 
 def test_a_car_s_steps_are_longer_than_a_metre(scene, vehicle, tmp_path):
