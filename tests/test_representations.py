@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 import omnisim
+from omnisim.calibration.ray_table import ray_table
 from omnisim.cameras import EquidistantCamera, RadialTableCamera
 from omnisim.errors import CalibrationError, OpticsError, SceneError
 from omnisim.frame import Frame
 from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels
 from omnisim.image_files import read_image
+from omnisim.localization.track import Track
+from omnisim.mirrors import HyperbolicMirror
+from omnisim.mirrors.tessellation import tessellate
 from omnisim.resources import SCENES
 from omnisim.robot import load_robot
 from omnisim.robot.odometry import OdometryErrors, simulate_odometry
@@ -69,6 +73,7 @@ def _objects():
     yield RadialTableCamera(
         64, 64, (31.5, 31.5), tuple(np.linspace(0.0, 1.5, 64)), tuple(np.linspace(0.0, 31.0, 64))
     )
+    yield from (ray_table(LENS), tessellate(HyperbolicMirror(), 1024), Track((), np.zeros((0, 3))))
     yield omnisim.Scan(
         omnisim.LaserScanner().angles_deg, np.ones(361), omnisim.LaserScanner(), np.eye(4)
     )

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.errors import OutputError
 from omnisim.image_files import read_channels, write_channels
+from omnisim.short_repr import short_repr
 from omnisim.version import __version__
 
 AXES = "XYZ"
@@ -53,6 +54,10 @@ class RayTable:
     origins_m: NDArray[np.float32]
     valid: NDArray[np.bool_]
     metadata: dict[str, Any]
+
+    def __repr__(self) -> str:
+        height, width = self.valid.shape
+        return short_repr(self, f"{width} × {height} px")
 
 
 def ray_table(camera: CentralCamera) -> RayTable:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from omnisim.localization.consistency import nees, pose_errors
 from omnisim.localization.filter import Estimate
 from omnisim.localization.parameters import FilterParameters
+from omnisim.short_repr import counted, short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,9 @@ class Track:
 
     estimates: tuple[Estimate, ...]
     reckoned: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        return short_repr(self, counted(len(self.estimates), "estimate"))
 
     @property
     def times_s(self) -> NDArray[np.float64]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.short_repr import short_repr
+
 
 @dataclass(frozen=True)
 class MirrorMesh:
@@ -28,6 +30,10 @@ class MirrorMesh:
     polygons: int
     sectors: int
     rings: int
+
+    def __repr__(self) -> str:
+        shape = f"{self.sectors} sectors × {self.rings} rings"
+        return short_repr(self, f"{self.polygons:,} polygons", shape)
 
     @property
     def edge_middles_m(self) -> NDArray[np.float64]:
