@@ -108,6 +108,7 @@ def test_a_collada_scene_without_its_extra_is_a_scene_error(monkeypatch, tmp_pat
         load_scene(path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_pictures_meshes_and_scans_need_no_extra(tmp_path):
     (tmp_path / "a.obj").write_text("v -2 0 2\nv 2 0 2\nv 0 3 -2\nf 1 2 3\n")

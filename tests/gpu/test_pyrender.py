@@ -24,7 +24,6 @@ from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.validation.psnr import psnr_of_levels_db
 from tests.scenes import WAREHOUSE, with_warehouse
-from tests.slow import slow_but
 
 pytestmark = [
     pytest.mark.usefixtures("needs_opengl"),
@@ -105,7 +104,8 @@ def our_faces(tmp_path_factory):
     return faces_of
 
 
-@pytest.mark.parametrize("name", slow_but(["front", "left", "back", "right", "down"], "front"))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["front", "left", "back", "right", "down"])
 @with_warehouse("soccer")
 def test_face(source, name, our_faces):
     faces, loaded, world_from_base = our_faces(source)

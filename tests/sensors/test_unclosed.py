@@ -37,6 +37,7 @@ def render(renderer):
     return renderer.render(renderer.camera.base_pose((0.0, 0.0, 0.0))).rgba
 
 
+@pytest.mark.slow
 def test_thirty_dropped_renderers_take_no_more_memory_than_a_few():
     done = subprocess.run(
         [sys.executable, "-c", DROPS_THIRTY], capture_output=True, text=True, check=False
