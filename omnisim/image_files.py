@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,7 @@ METADATA_KEY = "ImageDescription"
 # On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
 JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
 _PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 _KINDS = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
@@ -174,10 +176,12 @@ def read_channels(path: Path) -> ExrData:
         OutputError: the file is missing or not one.
     """
     spec, pixels = _read(path, oiio.FLOAT)
-    found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+    with _utf8_header(path):
+        found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+        names = tuple(spec.channelnames)
     text = found.pop(METADATA_KEY, None)
     return ExrData(
-        {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(spec.channelnames)},
+        {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(names)},
         _parse_metadata(text),
         {key: value for key, value in found.items() if isinstance(value, str | int | float)},
     )
@@ -192,7 +196,8 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
         OutputError: the file is missing or not a picture.
     """
     spec, pixels = _read(path)
-    return pixels, _parse_metadata(spec.getattribute(METADATA_KEY))
+    with _utf8_header(path):
+        return pixels, _parse_metadata(spec.getattribute(METADATA_KEY))
 
 
 def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
@@ -277,17 +282,48 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
     Raises:
         OutputError: the file is missing or not a picture.
     """
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
+    _check_png(path)
+    with _utf8_header(path):
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
+        try:
+            spec = source.spec()
+            pixels = source.read_image(spec.format if kind is None else kind)
+            if pixels is None:
+                raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
+            return oiio.ImageSpec(spec), pixels
+        finally:
+            source.close()
+
+
+@contextmanager
+def _utf8_header(path: Path) -> Iterator[None]:
+    """Refuse a header that is not UTF-8, whose words are also in OpenImageIO's messages."""
     try:
-        spec = source.spec()
-        pixels = source.read_image(spec.format if kind is None else kind)
-        if pixels is None:
-            raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
-        return oiio.ImageSpec(spec), pixels
-    finally:
-        source.close()
+        yield
+    except UnicodeDecodeError:
+        raise OutputError(f"{path}: cannot be read: expected a header in UTF-8") from None
+
+
+def _check_png(path: Path) -> None:
+    """Refuse a damaged PNG file: libpng would print a line of its own on standard error."""
+    try:
+        data = path.read_bytes() if path.suffix.lower() == ".png" else b""
+    except OSError:
+        return  # OpenImageIO says why
+    if not data.startswith(_PNG_SIGNATURE):
+        return
+    start, kind = len(_PNG_SIGNATURE), b""
+    while kind != b"IEND":  # its parts: length, kind, contents, checksum of kind and contents
+        kind = data[start + 4 : start + 8]
+        end = start + 8 + int.from_bytes(data[start : start + 4], "big")
+        checksum = data[end : end + 4]
+        if len(checksum) < 4:
+            raise OutputError(f"{path}: cannot be read: the file is cut off")
+        if zlib.crc32(memoryview(data)[start + 4 : end]) != int.from_bytes(checksum, "big"):
+            raise OutputError(f"{path}: cannot be read: {kind!r} is damaged")
+        start = end + 4
 
 
 def _parse_metadata(text: object) -> dict[str, Any] | None:

@@ -198,3 +198,27 @@ def test_equal_pictures_are_equal_bytes(tmp_path, suffix):
     write_image(tmp_path / f"a{suffix}", np.ones((2, 2, 3), kind))
     assert b"capDate" not in (tmp_path / f"a{suffix}").read_bytes()
     assert b"DateTime" not in (tmp_path / f"a{suffix}").read_bytes()
+
+
+@pytest.mark.parametrize("read", [read_channels, read_image])
+@pytest.mark.parametrize("word", [b"channels", b"chlist"])
+def test_header_that_is_not_utf8_is_refused(tmp_path, word, read):
+    path = tmp_path / "a.exr"
+    write_channels(path, {"range.X": np.ones((2, 3), np.float32)}, {}, {"comment": "a"})
+    path.write_bytes(path.read_bytes().replace(word, b"\xff" * len(word)))
+    with pytest.raises(OutputError, match=r"a\.exr: cannot be read"):
+        read(path)
+
+
+def test_damaged_png_is_refused(tmp_path):
+    path = tmp_path / "a.png"
+    write_image(path, np.arange(192, dtype=np.uint8).reshape(8, 8, 3))
+    whole = bytearray(path.read_bytes())
+    whole[whole.index(b"IDAT") + 9] ^= 4
+    path.write_bytes(whole)
+    with pytest.raises(OutputError, match="cannot be read: b'IDAT' is damaged"):
+        read_image(path)
+    for end in range(8, len(whole)):
+        path.write_bytes(whole[:end])
+        with pytest.raises(OutputError, match="cannot be read"):
+            read_image(path)

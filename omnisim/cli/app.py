@@ -4,8 +4,10 @@ Commands import their modules when they run: `omnisim --help` needs none of them
 OmnisimError for whatever a user can put right.
 """
 
+import errno
+import os
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -254,8 +256,19 @@ def main() -> None:
             err.print("interrupted")
         raise
     except OmnisimError as error:
-        from rich.markup import escape
+        _fail(str(error))
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        if error.errno == errno.ENOENT:  # of getcwd
+            _fail("the working directory is not there any more")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # or the end flushes it again
+        _fail(f"standard output: cannot be written: {error.strerror}")
 
-        for line in str(error).splitlines():
-            err.print(f"[bold red]error:[/] {escape(line)}")
-        sys.exit(1)
+
+def _fail(message: str) -> NoReturn:
+    from rich.markup import escape
+
+    for line in message.splitlines():
+        err.print(f"[bold red]error:[/] {escape(line)}")
+    sys.exit(1)

@@ -15,7 +15,9 @@ SceneArgument = Annotated[
 ]
 PictureOption = Annotated[
     Path,
-    typer.Option("-o", "--output", help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."),
+    typer.Option(
+        "-o", "--output", readable=False, help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."
+    ),
 ]
 AtOption = Annotated[
     tuple[float, float, float] | None,

@@ -28,7 +28,7 @@ class ConvertRequest:
     to: Annotated[
         str, typer.Option("--to", metavar="FORMAT", help="See `omnisim calibration formats`.")
     ]
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
+    output: Annotated[Path, typer.Option("-o", "--output", readable=False, help="File to write.")]
     camera_name: CameraNameOption = None
     format: FormatOption = None
     model: Annotated[

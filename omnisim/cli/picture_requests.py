@@ -173,11 +173,16 @@ class ScanRequest:
 
     scene: SceneArgument
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Ranges: .csv with beam, angle_deg, range_m.")
+        Path,
+        typer.Option(
+            "-o", "--output", readable=False, help="Ranges: .csv with beam, angle_deg, range_m."
+        ),
     ]
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Also plot it from above: .png .pdf .svg"),
+        typer.Option(
+            "--plot", metavar="FILE", readable=False, help="Also plot it from above: .png .pdf .svg"
+        ),
     ] = None
     at: AtOption = None
     yaw_deg: YawOption = None
@@ -201,7 +206,9 @@ class ScanRequest:
 class MirrorRequest:
     """Parameters of `omnisim mirror`."""
 
-    output: Annotated[Path, typer.Option("-o", "--output", help="Mesh: .glb, .obj or .ply.")]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", readable=False, help="Mesh: .glb, .obj or .ply.")
+    ]
     polygons: Annotated[
         int | None,
         typer.Option("-n", "--polygons", help="Polygons. [dim]1024, or the sensor file's[/]"),

@@ -26,7 +26,9 @@ class ImportRequest:
     configuration: Annotated[
         Path, typer.Argument(metavar="USARBot.ini", help="A configuration of USARSim.")
     ]
-    output: Annotated[Path, typer.Option("-o", "--output", help="Robot file: .toml")]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", readable=False, help="Robot file: .toml")
+    ]
     robot_class: Annotated[
         str | None,
         typer.Option(

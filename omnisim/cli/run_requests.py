@@ -123,7 +123,9 @@ class PlotRequest:
     run: RunArgument
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Plot: .png .pdf .svg. [dim]RUN/plot.png[/]"),
+        typer.Option(
+            "-o", "--output", readable=False, help="Plot: .png .pdf .svg. [dim]RUN/plot.png[/]"
+        ),
     ] = None
     scene: RunSceneOption = None
 
@@ -133,7 +135,9 @@ class VideoRequest:
     """Parameters of `omnisim video`."""
 
     run: RunArgument
-    output: Annotated[Path, typer.Option("-o", "--output", help="Video: .mp4 or .mkv.")]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", readable=False, help="Video: .mp4 or .mkv.")
+    ]
     camera: RunCameraOption = None
     rate_hz: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 10.0
 
@@ -143,7 +147,7 @@ class TrainRequest:
     """Parameters of `omnisim landmarks train`."""
 
     run: RunArgument
-    output: Annotated[Path, typer.Option("-o", "--output", help="Model: .npz.")]
+    output: Annotated[Path, typer.Option("-o", "--output", readable=False, help="Model: .npz.")]
     missed: Annotated[
         float, typer.Option("--missed", help="Cost of a false negative: a landmark's pixel missed.")
     ] = 1.0
@@ -164,10 +168,14 @@ class DetectRequest:
     model: Annotated[
         Path, typer.Option("--model", metavar="FILE", help="Model of `landmarks train`: .npz.")
     ]
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Detections: .csv.")] = None
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", readable=False, help="Detections: .csv.")
+    ] = None
     show: Annotated[
         Path | None,
-        typer.Option("--show", metavar="FILE", help="Annotated panoramas: .png .pdf .svg."),
+        typer.Option(
+            "--show", metavar="FILE", readable=False, help="Annotated panoramas: .png .pdf .svg."
+        ),
     ] = None
     height_m: Annotated[
         float | None,

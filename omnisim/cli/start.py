@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from io import TextIOWrapper
 from types import FrameType
 
 from omnisim.cli import INTERRUPTED
@@ -14,6 +15,9 @@ def main() -> None:
     """Run the command line; Ctrl-C is one line and exit status 130 at any moment."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, as by nohup
         signal.signal(signal.SIGINT, _interrupt)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # None where it was closed
+            stream.reconfigure(errors="backslashreplace")  # a console in ASCII has no ×
     try:
         from omnisim.cli.app import main as run
 

@@ -31,9 +31,10 @@ def write_plot(path: Path, figure: Figure) -> None:
     Raises:
         OutputError: an unknown format, or the file cannot be written.
     """
-    name = _format(path)
+    data = io.BytesIO()  # matplotlib's writers never see a disk that is full
+    figure.savefig(data, format=_format(path))
     with atomic_write(path) as partial:
-        figure.savefig(partial, format=name)
+        partial.write_bytes(data.getvalue())
 
 
 def figure_png(figure: Figure) -> bytes:

@@ -106,11 +106,17 @@ def _material_files(names: list[str], assets: AssetResolver) -> bytes:
 def _mesh(name: str, geometry: trimesh.Trimesh, material: int) -> tuple[Mesh, NDArray[np.float64]]:
     visual = geometry.visual
     positions: NDArray[np.float64] = np.asarray(geometry.vertices)
+    if positions.shape[1] != 3:  # of an OBJ file with a damaged vertex
+        raise SceneError(f"mesh {name!r}: expected vertices of three numbers")
     triangles: NDArray[np.int64] = np.asarray(geometry.faces)
     normals = geometry._cache.cache.get("vertex_normals")  # present where the file has them
     coordinates = colors = None
     if isinstance(visual, trimesh.visual.TextureVisuals):
-        if visual.uv is not None and len(visual.uv) == len(positions):
+        if (
+            visual.uv is not None
+            and len(visual.uv) == len(positions)
+            and visual.uv.shape[1:] >= (2,)
+        ):
             coordinates = _texture_coordinates(visual)
     elif visual is not None and visual.kind == "vertex":
         colors = _linear_colors(visual.vertex_colors)

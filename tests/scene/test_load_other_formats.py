@@ -292,3 +292,16 @@ def test_a_package_that_trimesh_lacks_is_an_error(monkeypatch, tmp_path, package
     (tmp_path / "a.obj").write_text("v 0 0 0\n")
     with pytest.raises(SceneError, match=message):
         load_scene(tmp_path / "a.obj")
+
+
+def test_obj_with_texture_coordinates_of_one_number_is_in_its_plain_colour(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0\nvt 1\nvt 1\nf 1/1 2/2 3/3\n"
+    (tmp_path / "a.obj").write_text(text, encoding="utf-8")
+    assert load_scene(tmp_path / "a.obj").meshes[0].texture_coordinates is None
+
+
+def test_obj_with_vertices_of_two_numbers_is_refused(tmp_path):
+    text = "v 0 0\nv 1 0\nv 1 1\nv 0 1\nf 1 2 3\n"
+    (tmp_path / "a.obj").write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match="expected vertices of three numbers"):
+        load_scene(tmp_path / "a.obj")
