@@ -41,8 +41,9 @@ demo: setup
 test: setup lint
 	$(BIN)/python -m pytest -m "not slow"
 
+# Two processes of one rasterising thread each take half the time of one process of two threads.
 test-all: setup lint
-	$(BIN)/python -m pytest
+	LP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 validate: setup
 	@mkdir -p out
