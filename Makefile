@@ -38,12 +38,15 @@ demo: setup
 	@echo "Your first picture: $(CURDIR)/out/courtyard.png"
 
 # Ends with the number of slow tests left out.
-test: setup lint
-	$(BIN)/python -m pytest -m "not slow"
-
 # Two processes of one rasterising thread each take half the time of one process of two threads.
+PYTEST := LP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+
+test: setup lint
+	$(PYTEST) -m "not slow"
+	@echo "Slow tests are left out: make test-all runs them, too"
+
 test-all: setup lint
-	LP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	$(PYTEST)
 
 validate: setup
 	@mkdir -p out

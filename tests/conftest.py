@@ -13,12 +13,6 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.context import open_context
 
 
-def pytest_terminal_summary(terminalreporter, config):
-    left_out = len(terminalreporter.stats.get("deselected", ()))
-    if config.option.markexpr == "not slow" and left_out:
-        terminalreporter.line(f"{left_out} slow tests left out: make test-all")
-
-
 @pytest.fixture(scope="session", autouse=True)
 def _numpy_errors_are_failures():
     with np.errstate(divide="raise", invalid="raise", over="raise"):

@@ -18,6 +18,8 @@ def start(folder, code, *arguments):
     process = subprocess.Popen(
         [sys.executable, "-c", code, *arguments],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # a shell's background job inherits that SIGINT is ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     assert process.stdout.readline() == "started\n"
     return process
