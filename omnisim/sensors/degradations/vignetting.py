@@ -22,8 +22,8 @@ class Vignetting(OpticalEffect, name="degradation.vignetting"):
     """Factor of the light: 1 + c₂r² + c₄r⁴ + c₆r⁶, at least 0."""
 
     coefficients: tuple[Signed, Signed, Signed] = (-0.3, 0.0, 0.0)
-    """Of r², r⁴, r⁶; r = 1 at half of the picture's shorter side; typically −2t², 3t⁴, −4t⁶: cos⁴
-    of the field angle, t its tangent at r = 1."""
+    """Coefficients of r², r⁴, r⁶; r = 1 at half of the picture's shorter side; typically −2t², 3t⁴,
+    −4t⁶: cos⁴ of the field angle, t its tangent at r = 1."""
 
     @classmethod
     def cos4(cls, tangent: float) -> Vignetting:
