@@ -45,6 +45,10 @@ class Texture:
         return short_repr(self, f"{width} × {height} px")
 
 
+# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
+BLENDED_CUTOFF = 0.5
+
+
 @dataclass(frozen=True, eq=False)
 class Material:
     """Appearance of a surface: base colour, alpha, sides.
@@ -70,6 +74,13 @@ class Material:
     def __repr__(self) -> str:
         texture = "" if self.texture is None else repr(self.texture)
         return short_repr(self, repr(self.name), self.alpha_mode.value, texture)
+
+    @property
+    def hit_cutoff(self) -> float:
+        """Alpha from which on a ray hits the surface, but for colours; 0: everywhere."""
+        if self.alpha_mode is AlphaMode.MASK:
+            return self.alpha_cutoff
+        return BLENDED_CUTOFF if self.alpha_mode is AlphaMode.BLEND else 0.0
 
 
 @dataclass(frozen=True, eq=False)

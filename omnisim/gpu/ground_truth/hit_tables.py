@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.capture.tile_uniforms import bind_tiles
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
-from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms, alpha_cutoff
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.triangle_table import table_texture, write_table
 from omnisim.gpu.uniforms import uniform
 
@@ -67,7 +67,7 @@ class HitTables:
 
 def _flags(draw: DrawItem) -> int:
     return (
-        _MASKED * (alpha_cutoff(draw.material) > 0.0)
+        _MASKED * (draw.material.hit_cutoff > 0.0)
         + _DOUBLE_SIDED * draw.material.double_sided
         + _FLIPS_WINDING * draw.flips_winding
     )

@@ -13,7 +13,7 @@ from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds
 from omnisim.gpu.ground_truth.visibility_program import VisibilityProgram, VisibilityVariant
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.scene.draw_item import InstanceTransforms, alpha_cutoff
+from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
@@ -72,7 +72,7 @@ class VisibilityPass:
         items = buffers.draw_items
         shown = buffers.shown_one_by_one(cameras.hidden)
         # a material may be so clear that no texel can show it: textures only take away
-        shown &= [one.material.base_color[3] >= alpha_cutoff(one.material) for one in items]
+        shown &= [one.material.base_color[3] >= one.material.hit_cutoff for one in items]
         one_by_one = np.flatnonzero(shown)
         self.triangle_ids = TriangleIds(buffers, one_by_one)
         self._tiles = TileRenderer(buffers, plan, cameras, one_by_one)
@@ -87,7 +87,7 @@ class VisibilityPass:
             return VisibilityProgram(buffers.context, variant)
 
         def find_program(material: Material, shading: Shading) -> VisibilityProgram:
-            return compiled(VisibilityVariant(alpha_cutoff(material) > 0.0, colored))
+            return compiled(VisibilityVariant(material.hit_cutoff > 0.0, colored))
 
         indices = buffers.triangles.indices
         return SceneDrawer(buffers, indices, find_program, ids.first_of_item, ids.append_clusters)

@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.draw_item import alpha_cutoff
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, uniform
 from omnisim.scene.model import Material
@@ -70,7 +69,7 @@ class VisibilityProgram:
             texture.use(0)
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
         if self._alpha_cutoff is not None:
-            self._alpha_cutoff.value = alpha_cutoff(material)
+            self._alpha_cutoff.value = material.hit_cutoff
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; the first triangle has this ID."""

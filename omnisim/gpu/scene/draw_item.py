@@ -11,16 +11,6 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import AlphaMode, Material, Mesh
 
-# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
-BLENDED_CUTOFF = 0.5
-
-
-def alpha_cutoff(material: Material) -> float:
-    """Alpha from which on a surface counts, but for colours; 0: everywhere."""
-    if material.alpha_mode is AlphaMode.MASK:
-        return material.alpha_cutoff
-    return BLENDED_CUTOFF if material.alpha_mode is AlphaMode.BLEND else 0.0
-
 
 @dataclass(frozen=True, eq=False)
 class DrawItem:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.draw_item import DrawItem, alpha_cutoff
+from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.gpu.uniforms import columns_first, uniform
@@ -100,7 +100,7 @@ class RangePass:
         program = self._opaque if material.alpha_mode is AlphaMode.OPAQUE else self._masked
         if program is self._masked:
             program["u_base_alpha"] = material.base_color[3]
-            program["u_alpha_cutoff"] = alpha_cutoff(material)
+            program["u_alpha_cutoff"] = material.hit_cutoff
             item.texture.use(0)
         triangles = item.triangles
         uniform(program, "u_scanner_from_mesh").write(scanner_from_mesh)

@@ -7,9 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.scene.masked_mipmaps import masked_mipmaps
-from omnisim.gpu.scene.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
+from omnisim.gpu.gl_functions import upload_mip_level
+from omnisim.scene.masked_mipmaps import masked_mipmaps
+from omnisim.scene.mipmaps import mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Wrap
+
+SRGB8_ALPHA8 = 0x8C43
 
 
 class MaterialTextures:
@@ -54,3 +57,13 @@ class MaterialTextures:
         upload_levels(texture, levels)
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
+
+
+def upload_levels(texture: moderngl.Texture, levels: list[NDArray[np.uint8]]) -> None:
+    """Give a texture of format `SRGB8_ALPHA8` its levels 1, 2, … down to one texel.
+
+    moderngl allocates levels only by letting the driver make them.
+    """
+    texture.use()
+    for number, level in enumerate(levels, start=1):
+        upload_mip_level(number, SRGB8_ALPHA8, (level.shape[1], level.shape[0]), level.tobytes())

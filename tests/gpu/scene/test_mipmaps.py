@@ -4,7 +4,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.gpu.scene.mipmaps import SRGB8_ALPHA8, mipmaps, upload_levels
+from omnisim.gpu.scene.textures import SRGB8_ALPHA8, upload_levels
+from omnisim.scene.mipmaps import mipmaps
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
 

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.gl_functions import upload_mip_level
 from omnisim.srgb import linear_from_srgb, srgb8_from_linear
 
-SRGB8_ALPHA8 = 0x8C43
 # Linear light in 14 bits: a step is a fifth of one of 8-bit sRGB where that is finest, and two
 # values add up within 16 bits.
 _MAX_LINEAR = 2**14 - 1
@@ -73,13 +70,3 @@ def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
         total = first * (half - index) + second * np.uint32(half) + rows[2::2] * (index + 1)
         mean = ((total + count // 2) // count).astype(np.uint16)
     return np.moveaxis(mean, 0, axis)
-
-
-def upload_levels(texture: moderngl.Texture, levels: list[NDArray[np.uint8]]) -> None:
-    """Give a texture of format `SRGB8_ALPHA8` its levels 1, 2, … down to one texel.
-
-    moderngl allocates levels only by letting the driver make them.
-    """
-    texture.use()
-    for number, level in enumerate(levels, start=1):
-        upload_mip_level(number, SRGB8_ALPHA8, (level.shape[1], level.shape[0]), level.tobytes())

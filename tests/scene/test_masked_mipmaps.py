@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.gpu.scene.masked_mipmaps import masked_mipmaps
+from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Material, Texture
 from omnisim.sensors import OmniCamera, Renderer
 from tests.scenes import scene_of, square
