@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.model import Instance, Light, Material, Mesh
+from omnisim.scene.parts import Instance, Light, Material, Mesh
 
 # Beyond, products of coordinates overflow a float32.
 LARGEST_COORDINATE = 1e15

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.model import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
+from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
 # With lights in the file, a white surface that none of them reaches still shows.
 FILL_AMBIENT = (0.25, 0.25, 0.25)

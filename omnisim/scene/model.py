@@ -2,296 +2,54 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from enum import Enum
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.parts import (
+    MAX_LIGHTS,
+    SLIM_M,
+    AlphaMode,
+    ColorBand,
+    Instance,
+    LabelRule,
+    Landmark,
+    Light,
+    Lighting,
+    LightKind,
+    Material,
+    Mesh,
+    NamedStart,
+    ScenePath,
+    StartPose,
+    Texture,
+    Wrap,
+    bounds_m,
+)
 from omnisim.short_repr import counted, short_repr
 
-
-class Wrap(Enum):
-    """Wrapping mode of a texture beyond its edges."""
-
-    REPEAT = "repeat"
-    CLAMP_TO_EDGE = "clamp_to_edge"
-
-
-class AlphaMode(Enum):
-    """Alpha mode, as in glTF."""
-
-    OPAQUE = "opaque"
-    MASK = "mask"
-    BLEND = "blend"
-
-
-@dataclass(frozen=True, eq=False)
-class Texture:
-    """Image with sRGB-encoded colours.
-
-    Attributes:
-        pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
-        wrap_u, wrap_v: wrapping modes.
-    """
-
-    pixels: NDArray[np.uint8]
-    wrap_u: Wrap = Wrap.REPEAT
-    wrap_v: Wrap = Wrap.REPEAT
-
-    def __repr__(self) -> str:
-        height, width = self.pixels.shape[:2]
-        return short_repr(self, f"{width} × {height} px")
-
-
-# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
-BLENDED_CUTOFF = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Material:
-    """Appearance of a surface: base colour, alpha, sides.
-
-    Attributes:
-        name: name in the file.
-        base_color: linear RGBA that multiplies texture and vertex colours.
-        texture: base colour texture, if any.
-        alpha_mode: opaque, mask or blend.
-        alpha_cutoff: with MASK, alpha below this is a hole.
-        double_sided: both sides are drawn.
-        unlit: drawn without lights, always.
-    """
-
-    name: str = ""
-    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    texture: Texture | None = None
-    alpha_mode: AlphaMode = AlphaMode.OPAQUE
-    alpha_cutoff: float = 0.5
-    double_sided: bool = False
-    unlit: bool = False
-
-    def __repr__(self) -> str:
-        texture = "" if self.texture is None else repr(self.texture)
-        return short_repr(self, repr(self.name), self.alpha_mode.value, texture)
-
-    @property
-    def hit_cutoff(self) -> float:
-        """Alpha from which on a ray hits the surface, but for colours; 0: everywhere."""
-        if self.alpha_mode is AlphaMode.MASK:
-            return self.alpha_cutoff
-        return BLENDED_CUTOFF if self.alpha_mode is AlphaMode.BLEND else 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Triangles of one material, about their own origin so that float32 holds them.
-
-    Attributes:
-        name: name in the file.
-        positions: (n, 3) float32, in the units of the file.
-        triangles: (m, 3) uint32, counter-clockwise seen from the front.
-        material: index into `Scene.materials`.
-        normals: (n, 3) float32, or None: flat triangles.
-        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left, or None.
-        colors: (n, 4) float32 linear RGBA, or None.
-    """
-
-    name: str
-    positions: NDArray[np.float32]
-    triangles: NDArray[np.uint32]
-    material: int
-    normals: NDArray[np.float32] | None = None
-    texture_coordinates: NDArray[np.float32] | None = None
-    colors: NDArray[np.float32] | None = None
-
-    def __repr__(self) -> str:
-        vertices = counted(len(self.positions), "vertex", "vertices")
-        return short_repr(self, repr(self.name), vertices, counted(len(self.triangles), "triangle"))
-
-
-@dataclass(frozen=True, eq=False)
-class Instance:
-    """Occurrence of a mesh in the world.
-
-    Attributes:
-        name: name of the node in the file; parts of one object share it.
-        mesh: index into `Scene.meshes`.
-        world_from_mesh: (4, 4) float64, metres.
-    """
-
-    name: str
-    mesh: int
-    world_from_mesh: NDArray[np.float64]
-
-    def __repr__(self) -> str:
-        return short_repr(self, repr(self.name), f"mesh {self.mesh}")
-
-
-class LightKind(Enum):
-    """The lights of KHR_lights_punctual."""
-
-    DIRECTIONAL = "directional"
-    POINT = "point"
-    SPOT = "spot"
-
-
-@dataclass(frozen=True, eq=False)
-class Light:
-    """Punctual light; it casts no shadows.
-
-    Attributes:
-        kind: directional, point or spot.
-        color: linear RGB.
-        intensity: directional in lux, point and spot in candela.
-        position_m: (3,) world; unused when directional.
-        direction: (3,) unit, world, the way the light travels; unused for a point light.
-        range_m: where a point or spot light ends.
-        cone_cosines: cosines of a spot light's inner and outer half-angle.
-
-    Source: glTF extension KHR_lights_punctual.
-    """
-
-    kind: LightKind
-    color: tuple[float, float, float]
-    intensity: float
-    position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
-    range_m: float = math.inf
-    cone_cosines: tuple[float, float] = (1.0, 0.0)
-
-    def __repr__(self) -> str:
-        return short_repr(self, self.kind.value, f"intensity {self.intensity:g}")
-
-
-MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
-
-
-@dataclass(frozen=True, eq=False)
-class Lighting:
-    """Lights of a scene, and their exposure.
-
-    A white surface under ambient (1, 1, 1) alone has colour (1, 1, 1). A light adds its
-    illuminance times `exposure`, by Lambert's cosine.
-
-    Attributes:
-        ambient: linear RGB, the same from everywhere.
-        lights: at most `MAX_LIGHTS`.
-        exposure: brightness of a white surface for one lux.
-    """
-
-    ambient: tuple[float, float, float]
-    lights: tuple[Light, ...]
-    exposure: float = 1.0
-
-    def __repr__(self) -> str:
-        return short_repr(self, counted(len(self.lights), "light"), f"exposure {self.exposure:g}")
-
-
-@dataclass(frozen=True)
-class StartPose:
-    """Default pose of the camera: its effective viewpoint, world, and heading."""
-
-    position_m: tuple[float, float, float]
-    yaw_deg: float = 0.0
-
-
-@dataclass(frozen=True)
-class NamedStart:
-    """Start pose of a vehicle: its base in the world, z up."""
-
-    name: str
-    position_m: tuple[float, float, float]
-    yaw_deg: float = 0.0
-
-
-@dataclass(frozen=True)
-class ColorBand:
-    """Colour of a landmark between two heights above its base.
-
-    Attributes:
-        color: name of the colour, the same for all that have it.
-        linear_rgb: the colour itself, before any light.
-        bottom_m, top_m: above the landmark's base.
-    """
-
-    color: str
-    linear_rgb: tuple[float, float, float]
-    bottom_m: float
-    top_m: float
-
-
-# A landmark of a footprint up to this wide is slim. The widest, seen from 1 m, spans 11°.
-SLIM_M = 0.2
-
-
-@dataclass(frozen=True)
-class Landmark:
-    """Object recognised by its colours, at a known position.
-
-    Attributes:
-        name: its name; names of its nodes begin with it.
-        position_m: the middle of its base, world.
-        footprint_m: extent along the world's x and y.
-        bands: from bottom to top, without gaps.
-    """
-
-    name: str
-    position_m: tuple[float, float, float]
-    footprint_m: tuple[float, float]
-    bands: tuple[ColorBand, ...]
-
-    def __repr__(self) -> str:
-        colors = "/".join(band.color for band in self.bands)
-        return short_repr(self, repr(self.name), colors, f"at {_point(self.position_m)} m")
-
-    @property
-    def height_m(self) -> float:
-        """Height from its base to the top of its last band."""
-        return self.bands[-1].top_m
-
-    @property
-    def is_slim(self) -> bool:
-        """True for a pillar, whose position is that of its axis; false for a wall or goal."""
-        return max(self.footprint_m) <= SLIM_M
-
-
-@dataclass(frozen=True)
-class ScenePath:
-    """Route for a vehicle.
-
-    Attributes:
-        name: distinct within a scene.
-        waypoints_m: (x, y) of its corners on the ground, world, one after the other.
-        start_yaw_deg: heading at the first of them, or None: towards the second.
-    """
-
-    name: str
-    waypoints_m: tuple[tuple[float, float], ...]
-    start_yaw_deg: float | None = None
-
-    def __repr__(self) -> str:
-        return short_repr(self, repr(self.name), counted(len(self.waypoints_m), "waypoint"))
-
-
-@dataclass(frozen=True)
-class LabelRule:
-    """Class of instances, by patterns of their names.
-
-    Attributes:
-        id: from 1; distinct.
-        name: distinct.
-        color: 8-bit sRGB, for pictures.
-        nodes: patterns of instances' names, `*` and `?` stand for any letters.
-    """
-
-    id: int
-    name: str
-    color: tuple[int, int, int]
-    nodes: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))
+__all__ = [
+    "MAX_LIGHTS",
+    "SLIM_M",
+    "AlphaMode",
+    "ColorBand",
+    "Instance",
+    "LabelRule",
+    "Landmark",
+    "Light",
+    "LightKind",
+    "Lighting",
+    "Material",
+    "Mesh",
+    "NamedStart",
+    "Scene",
+    "ScenePath",
+    "StartPose",
+    "Texture",
+    "Wrap",
+    "bounds_m",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,20 +102,3 @@ class Scene:
     def bounds_m(self) -> NDArray[np.float64]:
         """Smallest and largest corner (2, 3) of all instances in the world."""
         return bounds_m(self.meshes, self.instances)
-
-
-def _point(position_m: tuple[float, ...]) -> str:
-    return "(" + ", ".join(f"{value:g}" for value in position_m) + ")"
-
-
-def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
-    """Smallest and largest corner (2, 3) of the instances' bounding boxes in the world."""
-    if not instances:
-        return np.array([[np.inf] * 3, [-np.inf] * 3])
-    boxes = np.array(
-        [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in meshes], np.float64
-    )[[instance.mesh for instance in instances]]
-    corners = boxes[:, np.indices((2, 2, 2)).reshape(3, 8).T, [0, 1, 2]]  # (instances, 8, 3)
-    world_from_mesh = np.array([instance.world_from_mesh for instance in instances])
-    world = corners @ world_from_mesh[:, :3, :3].swapaxes(1, 2) + world_from_mesh[:, None, :3, 3]
-    return np.stack((world.min(axis=(0, 1)), world.max(axis=(0, 1))))

@@ -23,8 +23,8 @@ from omnisim.errors import SceneError
 from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
-from omnisim.scene.model import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
+from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 from omnisim.srgb import linear_from_srgb
 

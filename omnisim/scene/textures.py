@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL.Image import Image
 
-from omnisim.scene.model import AlphaMode, Texture, Wrap
+from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
 
 class TextureStore:
