@@ -36,8 +36,8 @@ def _sections(command: typer.core.TyperCommand, name: str) -> Iterator[str]:
 
 
 def _cell(text: str) -> str:
-    """A table's cell: rich's dimmed text is an option's default."""
-    plain = re.sub(r"\[dim\](.*?)\[/\]", r"Default: \1.", _one_line(text))
+    """A table's cell: a default in words is without its parentheses."""
+    plain = re.sub(r"\[default: \((.*)\)\]", r"[default: \1]", _one_line(text))
     return plain.replace("[required]", "**Required.**").replace("|", "\\|")
 
 

@@ -13,7 +13,7 @@ import typer
 
 from omnisim.cli import INTERRUPTED
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
-from omnisim.cli.command import command
+from omnisim.cli.command import Command, Group, command
 from omnisim.cli.console import err, out
 from omnisim.cli.picture_requests import (
     MirrorRequest,
@@ -38,6 +38,7 @@ from omnisim.version import __version__
 
 app = typer.Typer(
     name="omnisim",
+    cls=Group,
     help="Simulator of omnidirectional cameras, accurate to a tenth of a pixel.",
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -46,19 +47,26 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 robot_app = typer.Typer(
-    name="robot", help="Robots: list, check, or import from USARSim.", no_args_is_help=True
+    name="robot",
+    cls=Group,
+    help="Robots: list, check, or import from USARSim.",
+    no_args_is_help=True,
 )
 landmarks_app = typer.Typer(
-    name="landmarks", help="Learn the colours of landmarks, and detect them.", no_args_is_help=True
+    name="landmarks",
+    cls=Group,
+    help="Learn the colours of landmarks, and detect them.",
+    no_args_is_help=True,
 )
 calibration_app = typer.Typer(
     name="calibration",
+    cls=Group,
     help="Calibration files of other tools: convert, show, list the formats.",
     no_args_is_help=True,
 )
 
 
-@app.command()
+@app.command(cls=Command)
 def info() -> None:
     """Show versions, built-in scenes, and the GPUs that can render."""
     from omnisim.cli.info import run
@@ -161,7 +169,7 @@ def sensor(request: SensorRequest) -> None:
     run(request)
 
 
-@robot_app.command("list")
+@robot_app.command("list", cls=Command)
 def list_robots() -> None:
     """List the built-in robots."""
     from omnisim.cli.robot import list_robots
@@ -217,7 +225,7 @@ def show_calibration(request: ShowRequest) -> None:
     show(request)
 
 
-@calibration_app.command("formats")
+@calibration_app.command("formats", cls=Command)
 def list_formats() -> None:
     """List the formats, and the camera models that each represents exactly."""
     from omnisim.cli.calibration import list_formats

@@ -16,7 +16,11 @@ SceneArgument = Annotated[
 PictureOption = Annotated[
     Path,
     typer.Option(
-        "-o", "--output", readable=False, help="Picture: .png .jpg .tif (sRGB) or .exr (linear)."
+        "-o",
+        "--output",
+        metavar="FILE",
+        readable=False,
+        help="Picture: .png .jpg .tif (sRGB) or .exr (linear).",
     ),
 ]
 AtOption = Annotated[
@@ -24,12 +28,18 @@ AtOption = Annotated[
     typer.Option(
         "--at",
         metavar="X Y Z",
-        help="Viewpoint in metres, z up; by default the scene's start.",
+        help="Viewpoint in metres, z up.",
+        show_default="the scene's start",
     ),
 ]
 YawOption = Annotated[
     float | None,
-    typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from +x. [dim]0[/]"),
+    typer.Option(
+        "--yaw",
+        metavar="DEG",
+        help="Heading, counter-clockwise from +x.",
+        show_default="the scene's start",
+    ),
 ]
 PolygonsOption = Annotated[
     str | None,
@@ -37,37 +47,55 @@ PolygonsOption = Annotated[
         "-n",
         "--polygons",
         metavar="POLYGONS|exact",
-        help="Polygons of the mirror's mesh, or exact. [dim]1024, or the sensor file's[/]",
+        help="Polygons of the mirror's mesh, or exact.",
+        show_default="1024, or the sensor file's",
     ),
 ]
 SizeOption = Annotated[
-    int | None, typer.Option("--size", metavar="PX", help="Pixels of the shorter side.")
+    int | None,
+    typer.Option(
+        "--size",
+        metavar="PX",
+        help="Pixels of the picture's shorter side.",
+        show_default="the camera's",
+    ),
 ]
 QualityOption = Annotated[
     str | None,
     typer.Option(
         "--quality",
         metavar="fast|default|fine",
-        help="Samples per pixel and resolution of the virtual cameras. [dim]the sensor file's[/]",
+        help="Samples per pixel and resolution of the virtual cameras.",
+        show_default="the sensor file's",
     ),
 ]
-UnlitOption = Annotated[bool, typer.Option("--unlit", help="Plain base colours, no lights.")]
+UnlitOption = Annotated[
+    bool, typer.Option("--unlit", help="Show plain base colours, without lights.")
+]
 UpOption = Annotated[
     str | None,
-    typer.Option("--up", metavar="x|y|z", help="Up axis of the scene file."),
+    typer.Option(
+        "--up", metavar="x|y|z", help="Up axis of the scene file.", show_default="its format's"
+    ),
 ]
 PresetOption = Annotated[
     str | None,
     typer.Option(
         "--preset",
         metavar="NAME|FILE",
-        help="Degradations of the camera: ideal, dragonfly2, webcam, bad-day, or a .toml "
-        "file. [dim]the sensor file's[/]",
+        help="Degradations of the camera: ideal, dragonfly2, webcam, bad-day, or a .toml file.",
+        show_default="the sensor file's",
     ),
 ]
 DeviceOption = Annotated[
     int | None,
-    typer.Option("--device", min=0, help="Number of the GPU, as `omnisim info` lists them."),
+    typer.Option(
+        "--device",
+        metavar="N",
+        min=0,
+        help="Number of the GPU, as `omnisim info` lists them.",
+        show_default="the first",
+    ),
 ]
 AlsoOption = Annotated[
     str | None,
@@ -80,24 +108,40 @@ AlsoOption = Annotated[
 ]
 LabelsOption = Annotated[
     Path | None,
-    typer.Option("--labels", metavar="FILE", help="Label file instead of the scene's own: .toml."),
+    typer.Option(
+        "--labels", metavar="FILE", help="Label file: .toml.", show_default="the scene's own labels"
+    ),
 ]
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
 RunSceneOption = Annotated[
-    str | None, typer.Option("--scene", help="The run's scene, if it has moved.")
+    str | None,
+    typer.Option(
+        "--scene",
+        metavar="SCENE",
+        help="Scene of the run, if it has moved.",
+        show_default="where it was",
+    ),
 ]
 RunCameraOption = Annotated[
-    str | None, typer.Option("--camera", help="Name of a camera. [dim]the first[/]")
+    str | None,
+    typer.Option(
+        "--camera-name", metavar="NAME", help="Camera of the run.", show_default="the first"
+    ),
 ]
 CameraNameOption = Annotated[
     str | None,
-    typer.Option("--camera-name", metavar="NAME", help="Camera of the calibration file."),
+    typer.Option(
+        "--camera-name",
+        metavar="NAME",
+        help="Camera of the calibration file.",
+        show_default="the first",
+    ),
 ]
 MirroredOption = Annotated[
     bool | None,
     typer.Option(
         "--mirrored/--not-mirrored",
-        help="The file's camera looks into a mirror. [dim]as in the file's metadata, or not[/]",
-        show_default=False,
+        help="The camera of the calibration file looks into a mirror, or not.",
+        show_default="by the file's metadata, else not",
     ),
 ]

@@ -16,7 +16,7 @@ SourceArgument = Annotated[
 ]
 FormatOption = Annotated[
     str | None,
-    typer.Option("--format", metavar="FORMAT", help="Format of FILE. [dim]detected[/]"),
+    typer.Option("--format", metavar="FORMAT", help="Format of FILE.", show_default="detected"),
 ]
 
 
@@ -26,9 +26,17 @@ class ConvertRequest:
 
     source: SourceArgument
     to: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="See `omnisim calibration formats`.")
+        str,
+        typer.Option(
+            "--to", metavar="FORMAT", help="Format to write, one of `omnisim calibration formats`."
+        ),
     ]
-    output: Annotated[Path, typer.Option("-o", "--output", readable=False, help="File to write.")]
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", readable=False, help="Calibration file to write."
+        ),
+    ]
     camera_name: CameraNameOption = None
     format: FormatOption = None
     model: Annotated[
@@ -36,7 +44,8 @@ class ConvertRequest:
         typer.Option(
             "--model",
             metavar="MODEL",
-            help="Camera model to write. [dim]the same, or the nearest[/]",
+            help="Camera model to write.",
+            show_default="the same, or the nearest",
         ),
     ] = None
     mirrored: MirroredOption = None

@@ -2,11 +2,33 @@
 
 import inspect
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 Request = TypeVar("Request")
+
+
+class Command(TyperCommand):
+    """Command whose help names the values of its options, and no type after a flag."""
+
+    def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
+        return _without_flag_types(super().get_params(*context))
+
+
+class Group(TyperGroup):
+    """Group of commands whose help names no type after a flag."""
+
+    def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
+        return _without_flag_types(super().get_params(*context))
+
+
+def _without_flag_types(parameters: list[Any]) -> list[Any]:
+    for parameter in parameters:
+        if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
+            parameter.metavar = ""
+    return parameters
 
 
 def command(
@@ -25,7 +47,7 @@ def command(
             run(request(**values))
 
         setattr(callback, "__signature__", inspect.signature(request))  # noqa: B010
-        group.command(name or run.__name__, help=inspect.getdoc(run))(callback)
+        group.command(name or run.__name__, cls=Command, help=inspect.getdoc(run))(callback)
         return run
 
     return decorate

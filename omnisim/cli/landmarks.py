@@ -32,7 +32,7 @@ def train(request: TrainRequest) -> None:
             )
     check_suffix(request.output, color_model_file.SUFFIX)
     check_target(request.output)
-    run = read_run(request.run, request.scene, request.camera)
+    run = read_run(request.run, request.scene, request.camera_name)
     trained = train_on_run(
         run,
         Costs(request.missed, request.false_alarm),
@@ -120,11 +120,11 @@ def _open_run(request: DetectRequest) -> RunData:
     for option, value in (("--height", request.height_m), ("--sensor", request.sensor)):
         if value is not None:
             raise OpticsError(f"{option}: expected a picture, got the run {request.source}")
-    return read_run(request.source, request.scene, request.camera)
+    return read_run(request.source, request.scene, request.camera_name)
 
 
 def _open_picture(request: DetectRequest) -> SinglePicture:
-    for option, value in (("--scene", request.scene), ("--camera", request.camera)):
+    for option, value in (("--scene", request.scene), ("--camera-name", request.camera_name)):
         if value is not None:
             raise OpticsError(f"{option}: expected a run, got the picture {request.source}")
     sensor = None if request.sensor is None else read_sensor(request.sensor)

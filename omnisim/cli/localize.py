@@ -27,7 +27,7 @@ def run(request: LocalizeRequest) -> None:
     """Localize a run, write the estimate with its report, and print its errors."""
     check_report_target(request.output)
     chosen = read_parameters(request.params)
-    data = read_run(request.run, request.scene, request.camera)
+    data = read_run(request.run, request.scene, request.camera_name)
     colors = _read_colors(request.model)
     notices = [] if data.unfinished is None else [data.unfinished]
     if colors is None:

@@ -33,14 +33,20 @@ class RenderRequest:
     scene: SceneArgument
     output: PictureOption
     sensor: Annotated[
-        Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's camera.")
+        Path | None,
+        typer.Option(
+            "--sensor",
+            metavar="FILE",
+            help="Sensor file: .toml.",
+            show_default="the paper's camera",
+        ),
     ] = None
     camera: Annotated[
         Path | None,
         typer.Option(
             "--camera",
             metavar="FILE",
-            help="Calibration file instead: Kalibr, OpenCV, COLMAP, … "
+            help="Calibration file instead of a sensor file: Kalibr, OpenCV, COLMAP, … "
             "(`omnisim calibration formats`).",
         ),
     ] = None
@@ -55,7 +61,9 @@ class RenderRequest:
     faces: Annotated[
         Path | None,
         typer.Option(
-            "--faces", metavar="DIR", help="Also write the virtual cameras' pictures here."
+            "--faces",
+            metavar="DIR",
+            help="Also write the virtual cameras' pictures into this folder.",
         ),
     ] = None
     also: AlsoOption = None
@@ -63,34 +71,49 @@ class RenderRequest:
     next_at: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            "--next", metavar="X Y Z", help="Next viewpoint, for flow. [dim]0.1 m ahead[/]"
+            "--next",
+            metavar="X Y Z",
+            help="Viewpoint of the next frame, for flow.",
+            show_default="0.1 m ahead",
         ),
     ] = None
     next_yaw_deg: Annotated[
         float | None,
-        typer.Option("--next-yaw", metavar="DEG", help="Heading there. [dim]as now[/]"),
+        typer.Option(
+            "--next-yaw",
+            metavar="DEG",
+            help="Heading at the next viewpoint, for flow.",
+            show_default="that of --yaw",
+        ),
     ] = None
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a preview picture of each channel.")
     ] = False
     preset: PresetOption = None
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the camera's noise.")] = 0
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", help="Seed of the camera's noise.")
+    ] = 0
     speed_mps: Annotated[
         float,
         typer.Option(
-            "--speed", metavar="M/S", help="Forwards, for motion blur and rolling shutter."
+            "--speed", metavar="M/S", help="Speed ahead, for motion blur and rolling shutter."
         ),
     ] = 0.0
     turn_rate_degps: Annotated[
-        float, typer.Option("--turn-rate", metavar="DEG/S", help="To the left, for the same.")
+        float,
+        typer.Option(
+            "--turn-rate",
+            metavar="DEG/S",
+            help="Turn rate to the left, for motion blur and rolling shutter.",
+        ),
     ] = 0.0
     rays: Annotated[
         Path | None,
-        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr"),
+        typer.Option("--rays", metavar="FILE", help="Also write the ray of each pixel: .exr."),
     ] = None
     calibration: Annotated[
         Path | None,
-        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json"),
+        typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json."),
     ] = None
     up_axis: UpOption = None
     device: DeviceOption = None
@@ -113,35 +136,54 @@ class UnwarpRequest:
     ]
     kind: Annotated[
         ViewKind,
-        typer.Option("--to", help="View: a panorama, a pinhole camera's, a map of the ground."),
+        typer.Option(
+            "--to", help="View: a panorama, that of a pinhole camera, a map of the ground."
+        ),
     ]
     output: PictureOption
     sensor: Annotated[
         Path | None,
-        typer.Option("--sensor", help="Sensor file; by default the picture's metadata."),
+        typer.Option(
+            "--sensor",
+            metavar="FILE",
+            help="Sensor file: .toml.",
+            show_default="the picture's metadata",
+        ),
     ] = None
     size_px: Annotated[
         tuple[int, int] | None,
-        typer.Option("--size", metavar="W H", help="Pixels. [dim]as fine as the picture[/]"),
+        typer.Option(
+            "--size",
+            metavar="W H",
+            help="Width and height of the view in pixels.",
+            show_default="as fine as the picture",
+        ),
     ] = None
     yaw_deg: Annotated[
         float,
-        typer.Option("--yaw", metavar="DEG", help="Heading, counter-clockwise from the front."),
+        typer.Option(
+            "--yaw", metavar="DEG", help="Heading of the view, counter-clockwise from the front."
+        ),
     ] = 0.0
     pitch_deg: Annotated[
         float | None,
-        typer.Option("--pitch", metavar="DEG", help="Perspective: downwards. [dim]0[/]"),
+        typer.Option(
+            "--pitch", metavar="DEG", help="Perspective: tilt downwards.", show_default="0"
+        ),
     ] = None
     field_of_view_deg: Annotated[
         float | None,
-        typer.Option("--fov", metavar="DEG", help="Perspective: horizontal. [dim]90[/]"),
+        typer.Option(
+            "--fov", metavar="DEG", help="Perspective: horizontal field of view.", show_default="90"
+        ),
     ] = None
     elevation_deg: Annotated[
         tuple[float, float] | None,
         typer.Option(
             "--elevation",
             metavar="LOW HIGH",
-            help="Cylinder: rows, degrees above the horizon. [dim]-45 to the highest seen[/]",
+            help="Cylinder: lowest and highest row in degrees above the horizon.",
+            show_default="-45 to the highest seen",
         ),
     ] = None
     height_m: Annotated[
@@ -149,13 +191,17 @@ class UnwarpRequest:
         typer.Option(
             "--height",
             metavar="M",
-            help="Bird's eye: height of the viewpoint over the ground. [dim]the picture's z[/]",
+            help="Bird's eye: height of the viewpoint over the ground.",
+            show_default="the picture's z",
         ),
     ] = None
     extent_m: Annotated[
         float | None,
         typer.Option(
-            "--extent", metavar="M", help="Bird's eye: from centre to edge. [dim]4 × height[/]"
+            "--extent",
+            metavar="M",
+            help="Bird's eye: distance from the map's centre to its edge.",
+            show_default="4 × height",
         ),
     ] = None
 
@@ -175,29 +221,45 @@ class ScanRequest:
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", readable=False, help="Ranges: .csv with beam, angle_deg, range_m."
+            "-o",
+            "--output",
+            metavar="FILE",
+            readable=False,
+            help="Ranges: .csv with beam, angle_deg, range_m.",
         ),
     ]
     plot: Annotated[
         Path | None,
         typer.Option(
-            "--plot", metavar="FILE", readable=False, help="Also plot it from above: .png .pdf .svg"
+            "--plot",
+            metavar="FILE",
+            readable=False,
+            help="Also plot the scan from above: .png .pdf .svg.",
         ),
     ] = None
     at: AtOption = None
     yaw_deg: YawOption = None
     resolution_deg: Annotated[
         float,
-        typer.Option("--resolution", metavar="DEG", help="1 or 0.5 over 180°, or 0.25 over 100°."),
+        typer.Option(
+            "--resolution",
+            metavar="DEG",
+            help="Angle between two beams: 1 or 0.5 over 180°, or 0.25 over 100°.",
+        ),
     ] = 0.5
     mode: Annotated[
         RangeMode,
-        typer.Option("--mode", help="To 8.19 m in steps of 1 mm, or to 81.9 m in steps of 1 cm."),
+        typer.Option(
+            "--mode", help="Ranges to 8.19 m in steps of 1 mm, or to 81.9 m in steps of 1 cm."
+        ),
     ] = RangeMode.MM
     noise: Annotated[
-        bool, typer.Option("--noise/--no-noise", help="With the device's errors, or without.")
+        bool,
+        typer.Option("--noise/--no-noise", help="Ranges with the device's errors, or without."),
     ] = True
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the device's errors.")] = 0
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", help="Seed of the device's errors.")
+    ] = 0
     up_axis: UpOption = None
     device: DeviceOption = None
 
@@ -207,14 +269,29 @@ class MirrorRequest:
     """Parameters of `omnisim mirror`."""
 
     output: Annotated[
-        Path, typer.Option("-o", "--output", readable=False, help="Mesh: .glb, .obj or .ply.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", readable=False, help="Mesh: .glb .obj .ply."
+        ),
     ]
     polygons: Annotated[
         int | None,
-        typer.Option("-n", "--polygons", help="Polygons. [dim]1024, or the sensor file's[/]"),
+        typer.Option(
+            "-n",
+            "--polygons",
+            metavar="POLYGONS",
+            help="Polygons of the mesh.",
+            show_default="1024, or the sensor file's",
+        ),
     ] = None
     sensor: Annotated[
-        Path | None, typer.Option("--sensor", help="Sensor file; by default the paper's mirror.")
+        Path | None,
+        typer.Option(
+            "--sensor",
+            metavar="FILE",
+            help="Sensor file: .toml.",
+            show_default="the paper's mirror",
+        ),
     ] = None
 
 
@@ -223,5 +300,10 @@ class SensorRequest:
     """Parameters of `omnisim sensor`."""
 
     check: Annotated[
-        Path | None, typer.Option("--check", metavar="FILE", help="Check this sensor file.")
+        Path | None,
+        typer.Option(
+            "--check",
+            metavar="FILE",
+            help="Sensor file to check, instead of printing the default one.",
+        ),
     ] = None

@@ -27,20 +27,24 @@ class ImportRequest:
         Path, typer.Argument(metavar="USARBot.ini", help="A configuration of USARSim.")
     ]
     output: Annotated[
-        Path, typer.Option("-o", "--output", readable=False, help="Robot file: .toml")
+        Path,
+        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Robot file: .toml."),
     ]
     robot_class: Annotated[
         str | None,
         typer.Option(
-            "--class", metavar="NAME", help="Class of the robot: P2AT. [dim]the file's only one[/]"
+            "--class",
+            metavar="NAME",
+            help="Class of the robot, such as P2AT.",
+            show_default="the file's only one",
         ),
     ] = None
     unreal_units: Annotated[
         bool,
         typer.Option(
             "--unreal-units",
-            help="The file is in Unreal units: 250 to a metre, z up, 65536 to a turn; "
-            "by default metres, z down, and radians.",
+            help="Read the file in Unreal units: 250 to a metre, z up, 65536 to a turn.",
+            show_default="metres, z down, radians",
         ),
     ] = False
     origin_height_m: Annotated[
@@ -48,6 +52,7 @@ class ImportRequest:
         typer.Option(
             "--origin-height",
             metavar="M",
-            help="Height of USARSim's origin of the robot above the ground. [dim]0[/]",
+            help="Height of USARSim's origin of the robot above the ground.",
+            show_default="0",
         ),
     ] = None

@@ -36,21 +36,30 @@ class DriveRequest:
     """Parameters of `omnisim drive`."""
 
     scene: SceneArgument
-    robot: Annotated[str, typer.Option("--robot", help="Robot file, or name of a built-in robot.")]
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot", metavar="NAME|FILE", help="Robot file, or name of a built-in robot."
+        ),
+    ]
     path: Annotated[
         str,
         typer.Option(
             "--path",
+            metavar="NAME|FILE",
             help="Path of the scene, or a file: .tum .kitti .csv, or EuRoC's; a .csv of x_m and "
             "y_m alone has waypoints.",
         ),
     ]
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", help="Folder of the run; an unfinished run resumes."),
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder of the run; an unfinished run resumes."
+        ),
     ]
     seed: Annotated[
-        int, typer.Option("--seed", help="Of the odometry's and the cameras' noise.")
+        int,
+        typer.Option("--seed", metavar="N", help="Seed of the odometry's and the cameras' noise."),
     ] = 0
     step_m: Annotated[
         float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
@@ -61,11 +70,14 @@ class DriveRequest:
     rate_hz: Annotated[
         float | None,
         typer.Option(
-            "--rate", metavar="HZ", help="Steps per second instead, or of a file without times."
+            "--rate",
+            metavar="HZ",
+            help="Steps per second, instead of --step and --turn-step, or of a file without times.",
         ),
     ] = None
     ground_m: Annotated[
-        float, typer.Option("--ground", metavar="M", help="Height of the ground of waypoints.")
+        float,
+        typer.Option("--ground", metavar="M", help="Height of the ground that waypoints are on."),
     ] = 0.0
     ignore_limits: Annotated[
         bool, typer.Option("--ignore-limits", help="Ignore the robot's kinematic limits.")
@@ -75,7 +87,8 @@ class DriveRequest:
         typer.Option(
             "--axes",
             help="Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, "
-            "y left, z up). [dim]kitti for KITTI's files, else world[/]",
+            "y left, z up).",
+            show_default="kitti for KITTI's files, else world",
         ),
     ] = None
     polygons: PolygonsOption = None
@@ -85,7 +98,7 @@ class DriveRequest:
     also: AlsoOption = None
     labels: LabelsOption = None
     force: Annotated[
-        bool, typer.Option("--force", help="Overwrite another run that is in the folder.")
+        bool, typer.Option("--force", help="Throw away another run that is in the folder.")
     ] = False
     preset: PresetOption = None
     up_axis: UpOption = None
@@ -98,22 +111,31 @@ class LocalizeRequest:
 
     run: RunArgument
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder for the estimate, figures and report.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder for the estimate, figures and report."
+        ),
     ]
     model: Annotated[
         Path | None,
         typer.Option(
             "--model",
             metavar="FILE",
-            help="Model of `landmarks train`. [dim]learned from the run's own labels[/]",
+            help="Colour model of `omnisim landmarks train`: .npz.",
+            show_default="learned from the run's own labels",
         ),
     ] = None
     params: Annotated[
         Path | None,
-        typer.Option("--params", metavar="FILE", help="Filter's parameters. [dim]omnisim's[/]"),
+        typer.Option(
+            "--params",
+            metavar="FILE",
+            help="Parameters of the filter: .toml.",
+            show_default="omnisim's own",
+        ),
     ] = None
     scene: RunSceneOption = None
-    camera: RunCameraOption = None
+    camera_name: RunCameraOption = None
 
 
 @dataclass(frozen=True)
@@ -124,7 +146,12 @@ class PlotRequest:
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", readable=False, help="Plot: .png .pdf .svg. [dim]RUN/plot.png[/]"
+            "-o",
+            "--output",
+            metavar="FILE",
+            readable=False,
+            help="Plot: .png .pdf .svg.",
+            show_default="RUN/plot.png",
         ),
     ] = None
     scene: RunSceneOption = None
@@ -136,10 +163,11 @@ class VideoRequest:
 
     run: RunArgument
     output: Annotated[
-        Path, typer.Option("-o", "--output", readable=False, help="Video: .mp4 or .mkv.")
+        Path,
+        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Video: .mp4 .mkv."),
     ]
-    camera: RunCameraOption = None
-    rate_hz: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 10.0
+    camera_name: RunCameraOption = None
+    rate_hz: Annotated[float, typer.Option("--fps", metavar="HZ", help="Frames per second.")] = 10.0
 
 
 @dataclass(frozen=True)
@@ -147,15 +175,24 @@ class TrainRequest:
     """Parameters of `omnisim landmarks train`."""
 
     run: RunArgument
-    output: Annotated[Path, typer.Option("-o", "--output", readable=False, help="Model: .npz.")]
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Colour model: .npz."),
+    ]
     missed: Annotated[
-        float, typer.Option("--missed", help="Cost of a false negative: a landmark's pixel missed.")
+        float,
+        typer.Option(
+            "--missed", metavar="COST", help="Cost of a false negative: a landmark's pixel missed."
+        ),
     ] = 1.0
     false_alarm: Annotated[
-        float, typer.Option("--false-alarm", help="Cost of a false positive: another pixel taken.")
+        float,
+        typer.Option(
+            "--false-alarm", metavar="COST", help="Cost of a false positive: another pixel taken."
+        ),
     ] = 4.0
     scene: RunSceneOption = None
-    camera: RunCameraOption = None
+    camera_name: RunCameraOption = None
 
 
 @dataclass(frozen=True)
@@ -166,15 +203,22 @@ class DetectRequest:
         Path, typer.Argument(metavar="PICTURE|RUN", help="A picture of omnisim's, or a run.")
     ]
     model: Annotated[
-        Path, typer.Option("--model", metavar="FILE", help="Model of `landmarks train`: .npz.")
+        Path,
+        typer.Option(
+            "--model", metavar="FILE", help="Colour model of `omnisim landmarks train`: .npz."
+        ),
     ]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", readable=False, help="Detections: .csv.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Detections: .csv."),
     ] = None
     show: Annotated[
         Path | None,
         typer.Option(
-            "--show", metavar="FILE", readable=False, help="Annotated panoramas: .png .pdf .svg."
+            "--show",
+            metavar="FILE",
+            readable=False,
+            help="Also draw annotated panoramas: .png .pdf .svg.",
         ),
     ] = None
     height_m: Annotated[
@@ -182,11 +226,12 @@ class DetectRequest:
         typer.Option(
             "--height",
             metavar="M",
-            help="Height of a picture's viewpoint over the ground. [dim]its own[/]",
+            help="Height of a picture's viewpoint over the ground.",
+            show_default="the picture's z",
         ),
     ] = None
     scene: RunSceneOption = None
-    camera: RunCameraOption = None
+    camera_name: RunCameraOption = None
     sensor: Annotated[
         Path | None,
         typer.Option(

@@ -15,7 +15,9 @@ class ValidateRequest:
 
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", help="Folder for report.html, report.json and figures."),
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder for report.html, report.json and figures."
+        ),
     ]
     quick: Annotated[
         bool, typer.Option("--quick", help="Leave out the path tracer, the slowest check.")
@@ -34,7 +36,10 @@ class ExperimentsRequest:
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", help="Folder for the drives, report.html, report.json and figures."
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder for the drives, report.html, report.json and figures.",
         ),
     ]
     device: DeviceOption = None

@@ -22,7 +22,7 @@ def run(request: VideoRequest) -> None:
         raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")
     recorded = RunFolder.read(folder)
     check_video_target(output)
-    name = recorded.camera(request.camera)
+    name = recorded.camera(request.camera_name)
     done = recorded.steps_done()
     if done == 0:
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")

@@ -177,7 +177,7 @@ def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, mes
         (["plot", "none"], "none: no such folder: expected the folder of a run"),
         (["plot", "run", "-o", "a.bmp"], "a.bmp: expected .png"),
         (["video", "run", "-o", "a.avi"], "a.avi: expected .mp4 or .mkv, got .avi"),
-        (["video", "run", "-o", "a.mp4", "--camera", "omni"], "did you mean 'omnicam'?"),
+        (["video", "run", "-o", "a.mp4", "--camera-name", "omni"], "did you mean 'omnicam'?"),
         (["video", "run", "-o", "a.mp4", "--fps", "0"], "--fps: expected 0.1 to 240"),
         (["video", "none", "-o", "a.mp4"], "none: no such folder"),
     ],

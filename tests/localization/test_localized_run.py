@@ -171,12 +171,12 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
             ("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "-1"),
             "--missed: expected a number from 1e-09",
         ),
-        (("landmarks", "train", "RUN", "-o", "OUT.npz", "--camera", "omni"), "'omnicam'?"),
+        (("landmarks", "train", "RUN", "-o", "OUT.npz", "--camera-name", "omni"), "'omnicam'?"),
         (("landmarks", "train", "RUN", "-o", "OUT.npz", "--missed", "1e300"), "to 1e+09"),
         (("landmarks", "detect", "RUN", "--model", "MODEL", "-o", "MODEL"), "ends in .csv"),
         (
-            ("landmarks", "detect", "PNG", "--model", "MODEL", "--camera", "omnicam"),
-            "--camera: expected a run",
+            ("landmarks", "detect", "PNG", "--model", "MODEL", "--camera-name", "omnicam"),
+            "--camera-name: expected a run",
         ),
         (
             ("landmarks", "detect", "RUN", "--model", "MODEL", "--sensor", "PNG"),
