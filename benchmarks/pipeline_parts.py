@@ -125,9 +125,7 @@ class RepeatedFrame:
 
     def _draw_faces(self, passes: CameraPasses) -> None:
         renderer = self.renderer
-        world_from_rig = self.world_from_base @ renderer.camera.base_from_rig
-        object_poses = renderer._stage.object_poses_at(self.world_from_base)
-        passes.cube.render(world_from_rig, object_poses)
+        passes.cube.render(*renderer._poses_in(renderer._state(self.world_from_base)))
 
 
 class _Marks:

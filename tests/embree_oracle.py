@@ -119,7 +119,7 @@ def compare(scene, oracle, renderer, now, after):
     """Shares of the valid pixels that agree, and errors of the flow, as a dictionary."""
     camera, to_rig = renderer.camera.model, renderer.camera.model.rig_from_optical
     frame = renderer.render(
-        now, also=("range", "instance", "normals", "flow", "valid"), next_base=after
+        now, also=("range", "instance", "normals", "flow", "valid"), next_state=after
     )
     valid = frame.channels["valid"] > 0
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))

@@ -25,7 +25,7 @@ LAYERS = (
     {"mirrors"},
     {"frame"},
     {"ground_truth"},
-    {"image_files"},
+    {"image_files", "world"},
     {"poses"},
     {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file"},
     {"parameters", "extras"},

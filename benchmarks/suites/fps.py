@@ -133,12 +133,17 @@ def _timings(
     sensor = at_setting(mounted.sensor.resized(size_px), setting)
     with ExitStack() as renderers:
         view = renderers.enter_context(Renderer(stage, viewport()))
-        scanner = renderers.enter_context(LaserRenderer(stage, laser.scanner, hidden=laser.hides))
+        scanner = renderers.enter_context(
+            LaserRenderer(
+                stage,
+                laser.scanner,
+                base_from_scanner=laser.base_from_scanner,
+                hidden=laser.hides,
+            )
+        )
         sensors: dict[str, Take | None] = {
             NO_SENSOR: None,
-            SCANNER: lambda base: scanner.scan(
-                base @ laser.base_from_scanner, world_from_base=base
-            ),
+            SCANNER: scanner.scan,
         }
         covered_px: dict[str, int] = {}
         for polygons in (*POLYGONS, None):

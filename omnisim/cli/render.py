@@ -50,7 +50,7 @@ def run(request: RenderRequest) -> None:
     viewpoint = Viewpoint.in_scene(scene, request.at, request.yaw_deg)
     base = camera.base_pose(viewpoint.position_m, viewpoint.yaw_deg)
     after = _next_viewpoint(request, viewpoint)
-    next_base = camera.base_pose(after.position_m, after.yaw_deg) if "flow" in channels else None
+    next_state = camera.base_pose(after.position_m, after.yaw_deg) if "flow" in channels else None
     twist = _twist(request, camera)
     with Renderer(
         scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
@@ -59,7 +59,7 @@ def run(request: RenderRequest) -> None:
             base,
             linear=is_float,
             also=channels,
-            next_base=next_base,
+            next_state=next_state,
             motion=twist.through(base),
         )
         faces = {} if request.faces is None else renderer.faces()
@@ -76,7 +76,7 @@ def run(request: RenderRequest) -> None:
         _calibration(camera, base).save(request.calibration, "omnisim")
         out.print(f"{request.calibration}: camera and pose", markup=False)
     if channels:
-        flow = "" if next_base is None else _flow_summary(request, after)
+        flow = "" if next_state is None else _flow_summary(request, after)
         out.print(f"{request.output}: also {', '.join(channels)}{flow}", markup=False)
     if "range" in channels and not is_float:
         _note_coarse_ranges(request.output, frame.channels["range"])

@@ -51,7 +51,7 @@ def _tiles(
     stage: Stage, sensor: OmniCamera, hidden: Collection[str], names: tuple[str, ...], prefix: str
 ) -> list[Tile]:
     with Renderer(stage, sensor, hidden=hidden) as renderer:
-        frame = renderer.render(BASE, also=names, next_base=NEXT_BASE)
+        frame = renderer.render(BASE, also=names, next_state=NEXT_BASE)
     channels = {
         name: preview(name, values, frame.labels) for name, values in frame.channels.items()
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from omnisim.errors import OpticsError
 from omnisim.gpu.degradation.degradation_pass import DegradationPass, UniformValue
 from omnisim.gpu.pipeline import DegradedPipeline, Pipeline, Readback, ScenePoses, SubFrame
-from omnisim.poses import check_pose
 from omnisim.sensors.degradations.effect import MAX_EV
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
-from omnisim.sensors.motion import PoseFunction, moved_px
+from omnisim.sensors.motion import moved_px
 from omnisim.sensors.omnicamera import OmniCamera
 
 
@@ -26,16 +25,15 @@ class FrameRequest:
 
     Attributes:
         poses: in the middle of the frame.
-        poses_at: from another pose (4, 4) of the vehicle.
+        motion: poses by seconds after the middle of the frame; None: at rest.
 
     Raises:
         OpticsError: an impossible exposure, also of a camera that has none.
     """
 
     poses: ScenePoses
-    poses_at: Callable[[NDArray[np.float64]], ScenePoses]
+    motion: Callable[[float], ScenePoses] | None
     linear: bool
-    motion: PoseFunction | None
     frame_number: int
     exposure_ev: float | None
 
@@ -52,10 +50,17 @@ class DegradedCamera:
         sensor: the camera.
         seed: of its noise.
         ideal: pipeline of the sub-frames, float32.
+        object_corners_m: (8, 3) corners of the box around each moving object, in its own frame.
     """
 
-    def __init__(self, sensor: OmniCamera, seed: int | str, ideal: Pipeline):
-        self._sensor, self._seed = sensor, seed
+    def __init__(
+        self,
+        sensor: OmniCamera,
+        seed: int | str,
+        ideal: Pipeline,
+        object_corners_m: Sequence[NDArray[np.float64]],
+    ):
+        self._sensor, self._seed, self._object_corners_m = sensor, seed, object_corners_m
         degradation, geometry = sensor.degradation, PictureGeometry.of_camera(sensor.model)
         passes = DegradationPass(
             ideal.context,
@@ -101,15 +106,10 @@ class DegradedCamera:
         if shutter is None or motion is None or shutter.duration_s == 0.0:
             return [SubFrame(request.poses, None)]
         half_s = 0.5 * shutter.duration_s
-        ends = [check_pose(motion(time_s)) for time_s in (-half_s, 0.0, half_s)]
-        optical = [base @ sensor.base_from_optical for base in ends]
-        count = shutter.sub_frame_count(moved_px(sensor.model, optical))
-        bases = [check_pose(motion(float(time_s))) for time_s in shutter.times_s(count)]
+        ends = [motion(seconds) for seconds in (-half_s, 0.0, half_s)]
+        count = shutter.sub_frame_count(moved_px(sensor.model, ends, self._object_corners_m))
+        poses = [motion(float(seconds)) for seconds in shutter.times_s(count)]
         if count == 1:
-            return [SubFrame(request.poses_at(bases[0]), None)]
-        return [
-            SubFrame(request.poses_at(base), row_weights)
-            for base, row_weights in zip(
-                bases, shutter.row_weights(count, sensor.model.height_px), strict=True
-            )
-        ]
+            return [SubFrame(poses[0], None)]
+        row_weights = shutter.row_weights(count, sensor.model.height_px)
+        return [SubFrame(*part) for part in zip(poses, row_weights, strict=True)]

@@ -1,14 +1,14 @@
-"""A laser scanner in a scene: poses in, scans out."""
+"""A laser scanner in a scene: states of the world in, scans out."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.errors import OmnisimError
+from omnisim.gpu.scene.draw_item import ObjectPart
 from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
@@ -16,6 +16,7 @@ from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
 from omnisim.sensors.stage import SensorRenderer, Stage
 from omnisim.version import __version__
+from omnisim.world import WorldState
 
 
 class LaserRenderer(SensorRenderer[RangePass]):
@@ -27,9 +28,11 @@ class LaserRenderer(SensorRenderer[RangePass]):
         scene: to scan, or its path or built-in name; or a stage of it that other sensors share.
         scanner: by default an LMS200.
         body: of the vehicle, in its base frame; a stage has its own.
+        base_from_scanner: (4, 4) its mount on the vehicle; by default at the base.
         hidden: names of the body's instances that beams go through: the scanner's own housing.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
+        vehicle: name of the vehicle that carries the scanner, of a stage with several.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
@@ -41,49 +44,42 @@ class LaserRenderer(SensorRenderer[RangePass]):
         scene: Scene | Stage | str | Path,
         scanner: LaserScanner | None = None,
         *,
+        base_from_scanner: ArrayLike | None = None,
         body: Scene | None = None,
         hidden: Collection[str] = (),
         device: int | None = None,
+        vehicle: str | None = None,
     ):
         self.scanner = LaserScanner() if scanner is None else scanner
+        self._base_from_scanner = check_pose(
+            np.eye(4) if base_from_scanner is None else base_from_scanner
+        )
         self._angles_rad = np.radians(self.scanner.angles_deg)
 
-        def make_passes(stage: Stage) -> RangePass:
-            return RangePass(stage.buffers, self._angles_rad, self.scanner.reach_m, hidden)
+        def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> RangePass:
+            return RangePass(stage.buffers, self._angles_rad, self.scanner.reach_m, parts)
 
-        super().__init__(scene, body, hidden, device, make_passes)
+        super().__init__(scene, body, hidden, device, make_passes, vehicle)
 
     def _sensor_summary(self) -> str:
         return f"{len(self._angles_rad)} beams"
 
-    def scan(
-        self,
-        world_from_scanner: ArrayLike,
-        scan_number: int = 0,
-        *,
-        world_from_base: ArrayLike | None = None,
-        object_poses: Mapping[str, ArrayLike] | None = None,
-    ) -> Scan:
+    def scan(self, state: WorldState | ArrayLike, scan_number: int = 0) -> Scan:
         """Take one scan.
 
         Args:
-            world_from_scanner: (4, 4) pose of the scanner, see `omnisim.poses.pose`.
+            state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.
             scan_number: of the drive; the noise depends on it and on the scanner's seed alone.
-            world_from_base: (4, 4) pose of the body, if there is one: where the vehicle is. A
-                scanner that is mounted on it at `base_from_scanner` is at
-                `world_from_base @ base_from_scanner`.
-            object_poses: (4, 4) poses of the dynamic objects, by name.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, a body without one, a number that is none,
+            OmnisimError: a matrix that is not a pose, an object without one, a number that is none,
                 or the renderer or its stage is closed.
         """
-        pose = check_pose(world_from_scanner)
-        base = None if world_from_base is None else check_pose(world_from_base)
-        if self.body is not None and base is None:
-            raise OmnisimError("scan: expected world_from_base, the pose of the body, got none")
+        now = self._state(state)
+        world_from_base = now.world_from_object[self.vehicle]
+        world_from_scanner = world_from_base @ self._base_from_scanner
         with self._current() as ranges:
-            true_ranges_m = ranges.cast(pose, self._stage.object_poses_at(base, object_poses))
+            true_ranges_m = ranges.cast(world_from_scanner, self._stage.poses_in(now))
         ranges_m = self.scanner.measure(true_ranges_m, scan_number)
         metadata = {
             "omnisim": __version__,
@@ -91,6 +87,6 @@ class LaserRenderer(SensorRenderer[RangePass]):
             **self._body_metadata(),
             "scan_number": int(scan_number),
         }
-        if self.body is not None and base is not None:
-            metadata["world_from_base"] = base.tolist()
-        return Scan(self._angles_rad, ranges_m, self.scanner, pose, metadata)
+        if self.body is not None:
+            metadata["world_from_base"] = world_from_base.tolist()
+        return Scan(self._angles_rad, ranges_m, self.scanner, world_from_scanner, metadata)

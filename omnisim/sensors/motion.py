@@ -1,9 +1,9 @@
-"""Motion of a camera during its exposure, and of its picture."""
+"""Motion of a camera and of dynamic objects during an exposure, and of the picture."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera
+from omnisim.gpu.pipeline import ScenePoses
 from omnisim.parameters import Number, Parameters
+from omnisim.world import Pose
 
-# Poses (4, 4) world_from_base, by seconds after the middle of the frame.
-PoseFunction = Callable[[float], NDArray[np.float64]]
 # Assumed distance of the nearest surface, as depth is not known before there is a picture. Nearer
 # surfaces move by more from sub-frame to sub-frame.
 NEAREST_M = 1.0
@@ -43,8 +43,8 @@ class Twist(Parameters, name="twist"):
     linear_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
     angular_radps: tuple[TurnRate, TurnRate, TurnRate] = (0.0, 0.0, 0.0)
 
-    def through(self, world_from_base: NDArray[np.float64]) -> PoseFunction:
-        """Pose function of this motion, at a pose (4, 4) in the middle of the frame."""
+    def through(self, world_from_base: Pose) -> Callable[[float], Pose]:
+        """Poses (4, 4) of this motion by seconds, at a pose (4, 4) at 0 s."""
         x, y, z = self.angular_radps
         rates = np.array(
             [
@@ -55,27 +55,60 @@ class Twist(Parameters, name="twist"):
             ]
         )
 
-        def at(time_s: float) -> NDArray[np.float64]:
+        def at(time_s: float) -> Pose:
             from scipy.linalg import expm  # slow to import; a shutter that takes no time never asks
 
             moved = expm(rates * time_s)
             moved[3] = (0.0, 0.0, 0.0, 1.0)  # only nearly so after a long way
-            return world_from_base @ moved
+            pose: Pose = world_from_base @ moved
+            return pose
 
         return at
 
 
-def moved_px(camera: CentralCamera, world_from_optical: list[NDArray[np.float64]]) -> float:
-    """Largest motion in the picture along poses (4, 4) of a camera, in pixels."""
+def moved_px(
+    camera: CentralCamera,
+    poses: Sequence[ScenePoses],
+    object_corners_m: Sequence[NDArray[np.float64]] = (),
+) -> float:
+    """Largest motion in the picture along poses of the camera and the dynamic objects, in pixels.
+
+    Args:
+        camera: whose picture it is.
+        poses: one after the other.
+        object_corners_m: (8, 3) of the box around each dynamic object, in its own frame.
+    """
     u = np.linspace(0.0, camera.width_px - 1.0, GRID)
     v = np.linspace(0.0, camera.height_px - 1.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     rays = camera.ray_from_pixel(pixels)
-    total = np.zeros(np.count_nonzero(rays.valid))
-    for one, other in itertools.pairwise(world_from_optical):
-        other_from_one = np.linalg.inv(other) @ one
-        points = NEAREST_M * rays.directions[rays.valid] @ other_from_one[:3, :3].T
-        seen = camera.pixel_from_ray(points + other_from_one[:3, 3])
-        away = np.linalg.norm(seen.positions_px - pixels[rays.valid], axis=-1)
-        total += np.where(seen.valid, away, 0.0)
-    return float(np.max(total, initial=0.0))
+    pixels, points_m = pixels[rays.valid], NEAREST_M * rays.directions[rays.valid]
+    world_from_optical = [one.world_from_rig.copy() for one in poses]
+    for pose in world_from_optical:
+        pose[:3, :3] = pose[:3, :3] @ camera.rig_from_optical
+    static_px = np.zeros(len(points_m))
+    for before, after in itertools.pairwise(world_from_optical):
+        seen = camera.pixel_from_ray(_moved(points_m, np.linalg.inv(after) @ before))
+        static_px += np.where(seen.valid, np.linalg.norm(seen.positions_px - pixels, axis=-1), 0.0)
+    largest_px = [static_px.max(initial=0.0)]
+    for index, corners_m in enumerate(object_corners_m):
+        seen_at = [
+            camera.pixel_from_ray(
+                _moved(corners_m, np.linalg.inv(pose) @ one.world_from_objects[index])
+            )
+            for pose, one in zip(world_from_optical, poses, strict=True)
+        ]
+        dynamic_px = np.zeros(len(corners_m))
+        for first, second in itertools.pairwise(seen_at):
+            step_px = np.linalg.norm(second.positions_px - first.positions_px, axis=-1)
+            dynamic_px += np.where(first.valid & second.valid, step_px, 0.0)
+        largest_px.append(dynamic_px.max(initial=0.0))
+    return float(max(largest_px))
+
+
+def _moved(
+    points_m: NDArray[np.float64], target_from_source: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Points (n, 3) in another frame."""
+    moved: NDArray[np.float64] = points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+    return moved

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import itertools
+from collections.abc import Collection
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -17,18 +18,18 @@ from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.pipeline import Pipeline, Readback, ScenePoses, check_picture_size
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.gpu.scene.draw_item import ObjectPart
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.ground_truth import check_channels
-from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.sensors.degraded_camera import DegradedCamera, FrameRequest
 from omnisim.sensors.ground_truth import GroundTruth
-from omnisim.sensors.motion import PoseFunction
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import SensorRenderer, Stage
 from omnisim.sensors.tiles import sensor_tiles
 from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
+from omnisim.world import Motion, WorldState
 
 
 class CameraPasses:
@@ -58,7 +59,13 @@ class CameraPasses:
             sensor.supersampling,
             "f2" if is_ideal else "f4",
         )
-        self._degraded = None if is_ideal else DegradedCamera(sensor, seed, self._pipeline)
+        self._degraded = (
+            None
+            if is_ideal
+            else DegradedCamera(
+                sensor, seed, self._pipeline, [_corners_m(one) for one in stage.objects.values()]
+            )
+        )
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation."""
@@ -84,6 +91,12 @@ class CameraPasses:
         return CubePass(stage.buffers, stage.surface_programs, plan, self._cameras)
 
 
+def _corners_m(scene: Scene) -> NDArray[np.float64]:
+    """Corners (8, 3) of the box around a scene; (0, 3) of an empty one."""
+    corners_m = np.array(list(itertools.product(*scene.bounds_m().T)), dtype=np.float64)
+    return corners_m if np.isfinite(corners_m).all() else corners_m[:0]
+
+
 class Renderer(SensorRenderer[CameraPasses]):
     """Renders a sensor's pictures of a scene; loads and compiles everything once.
 
@@ -100,6 +113,7 @@ class Renderer(SensorRenderer[CameraPasses]):
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
         seed: of the camera's noise.
+        vehicle: name of the vehicle that carries the camera, of a stage with several.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
@@ -117,49 +131,46 @@ class Renderer(SensorRenderer[CameraPasses]):
         unlit: bool = False,
         device: int | None = None,
         seed: int | str = 0,
+        vehicle: str | None = None,
     ):
         self.camera = OmniCamera.of(camera)
         self._unlit = unlit
         self._last_poses: ScenePoses | None = None
 
-        def make_passes(stage: Stage) -> CameraPasses:
+        def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> CameraPasses:
             cameras = VirtualCameras(
                 self.camera.near_m,
                 self.camera.far_m,
                 self.camera.samples,
                 unlit,
                 stage.scene.background,
-                self.hidden,
+                parts,
             )
             return CameraPasses(stage, self.camera, cameras, seed)
 
-        super().__init__(scene, body, hidden, device, make_passes)
+        super().__init__(scene, body, hidden, device, make_passes, vehicle)
 
     def render(
         self,
-        world_from_base: ArrayLike,
+        state: WorldState | ArrayLike,
         linear: bool = False,
         *,
         also: Collection[str] = (),
-        object_poses: Mapping[str, ArrayLike] | None = None,
-        next_base: ArrayLike | None = None,
-        next_object_poses: Mapping[str, ArrayLike] | None = None,
-        motion: PoseFunction | None = None,
+        next_state: WorldState | ArrayLike | None = None,
+        motion: Motion | None = None,
         frame_number: int = 0,
         exposure_ev: float | None = None,
     ) -> Frame:
         """Render one frame.
 
         Args:
-            world_from_base: (4, 4) pose of the vehicle, see `OmniCamera.base_pose`; its body is
-                there, too. With a motion it is that of the middle of the frame.
+            state: of the world in the middle of the frame; or, where nothing else moves, the (4, 4)
+                pose of the vehicle, see `OmniCamera.base_pose`, at the time 0 s.
             linear: also read back linear floats, which EXR needs.
             also: names of channels of ground truth, see `omnisim.ground_truth`.
-            object_poses: (4, 4) poses of the dynamic objects, by name.
-            next_base: (4, 4) pose of the vehicle at the next frame, which flow needs.
-            next_object_poses: poses of the dynamic objects at the next frame; None: they stay.
-            motion: for motion blur and rolling shutter: from seconds after the middle of the frame
-                to the pose; None: at rest.
+            next_state: state, or pose, at the next frame, which flow needs.
+            motion: of the world around the state's time, for motion blur and rolling shutter; None:
+                at rest.
             frame_number: noise differs from frame to frame.
             exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
 
@@ -168,29 +179,26 @@ class Renderer(SensorRenderer[CameraPasses]):
                 pose, an impossible exposure, or the renderer or its stage is closed.
         """
         names = check_channels(also)
-        base = check_pose(world_from_base)
-        after_base = None if next_base is None else check_pose(next_base)
-        if "flow" in names and after_base is None:
-            raise OutputError("channel 'flow': expected next_base, got none")
-        if next_object_poses is None:
-            next_object_poses = object_poses
-        channels, labels, has_ray, after = {}, None, None, None
+        now = self._state(state)
+        after = None if next_state is None else self._state(next_state, now)
+        if "flow" in names and after is None:
+            raise OutputError("channel 'flow': expected next_state, got none")
+        channels, labels, has_ray = {}, None, None
         with self._current() as passes:
-            poses = self._poses_at(base, object_poses)
-            poses_at = partial(self._poses_at, object_poses=object_poses)
+            poses = self._poses_in(now)
+            around = None if motion is None else partial(self._poses_at, motion, now)
             picture, degradation = passes.take(
-                FrameRequest(poses, poses_at, linear, motion, frame_number, exposure_ev)
+                FrameRequest(poses, around, linear, frame_number, exposure_ev)
             )
             if names:
-                if after_base is not None:
-                    after = self._poses_at(after_base, next_object_poses)
                 ground_truth = passes.ground_truth("albedo" in names)
-                channels = ground_truth.channels(names, poses, after)
+                next_poses = None if after is None else self._poses_in(after)
+                channels = ground_truth.channels(names, poses, next_poses)
                 labels, has_ray = ground_truth.labels, ground_truth.has_ray
         self._last_poses = poses
-        metadata = self._metadata(base, poses.world_from_rig) | degradation
-        if "flow" in names and after_base is not None:
-            metadata["next_world_from_base"] = after_base.tolist()
+        metadata = self._metadata(now, poses.world_from_rig) | degradation
+        if "flow" in names and after is not None:
+            metadata["next_world_from_base"] = after.world_from_object[self.vehicle].tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
@@ -212,16 +220,16 @@ class Renderer(SensorRenderer[CameraPasses]):
     def _sensor_summary(self) -> str:
         return summary(self.camera.model)
 
-    def _poses_at(
-        self, world_from_base: NDArray[np.float64], object_poses: Mapping[str, ArrayLike] | None
-    ) -> ScenePoses:
-        """Poses of the camera and of all that moves, with the vehicle at a pose (4, 4)."""
-        world_from_objects = self._stage.object_poses_at(world_from_base, object_poses)
-        return ScenePoses(world_from_base @ self.camera.base_from_rig, world_from_objects)
+    def _poses_in(self, state: WorldState) -> ScenePoses:
+        """Poses of the camera and of all that moves, in a state of the world."""
+        world_from_base = state.world_from_object[self.vehicle]
+        return ScenePoses(world_from_base @ self.camera.base_from_rig, self._stage.poses_in(state))
 
-    def _metadata(
-        self, world_from_base: NDArray[np.float64], world_from_rig: NDArray[np.float64]
-    ) -> dict[str, Any]:
+    def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
+        """Poses in the motion of the world, some seconds after a state of it."""
+        return self._poses_in(self._state(motion(now.time_s + seconds_after), now))
+
+    def _metadata(self, state: WorldState, world_from_rig: NDArray[np.float64]) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()
         world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.model.rig_from_optical
         return {
@@ -233,6 +241,6 @@ class Renderer(SensorRenderer[CameraPasses]):
             "supersampling": self.camera.supersampling,
             "lit": not self._unlit,
             "exposure": self.scene.lighting.exposure,
-            "world_from_base": world_from_base.tolist(),
+            "world_from_base": state.world_from_object[self.vehicle].tolist(),
             "world_from_optical": world_from_optical.tolist(),
         }

@@ -22,12 +22,13 @@ from omnisim.gpu.context import (
     release_unclosed_context,
     release_unclosed_contexts,
 )
+from omnisim.gpu.scene.draw_item import ObjectPart
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
-from omnisim.poses import check_pose
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
 from omnisim.short_repr import counted, short_repr
+from omnisim.world import WorldState
 
 
 class Closing(ABC):
@@ -61,19 +62,22 @@ class Stage(Closing):
     Args:
         scene: static scene in the world frame, with its lights and background; or the path or
             built-in name of one.
-        body: of the vehicle, in its base frame (x forward, y left, z up, origin on the ground);
-            its lights and background are ignored.
+        body: of the only vehicle, named `BODY`, in its base frame (x forward, y left, z up, origin
+            on the ground); its lights and background are ignored.
+        vehicles: bodies of several vehicles by name, instead.
         dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
             ignored, too.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
 
     Attributes:
-        scene, body, dynamic_objects: as given.
+        scene: as given.
+        vehicles: bodies by name.
+        objects: bodies and dynamic objects by name, in the order of `poses_in`.
         context, buffers, surface_programs: for the passes.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
-        SceneError: a dynamic object of the body's name.
+        SceneError: a dynamic object of a vehicle's name, or a body beside vehicles.
     """
 
     def __init__(
@@ -81,14 +85,18 @@ class Stage(Closing):
         scene: Scene | str | Path,
         body: Scene | None = None,
         *,
+        vehicles: Mapping[str, Scene] | None = None,
         dynamic_objects: Mapping[str, Scene] | None = None,
         device: int | None = None,
     ):
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        self.body = body
-        self.dynamic_objects = dict(dynamic_objects or {})
-        if BODY in self.dynamic_objects:
-            raise SceneError(f"dynamic_objects: {BODY!r} is reserved for the vehicle")
+        if body is not None and vehicles is not None:
+            raise SceneError("body: expected either the body of one vehicle or vehicles, got both")
+        self.vehicles = dict(vehicles or {}) if body is None else {BODY: body}
+        dynamic_objects = dict(dynamic_objects or {})
+        for name in sorted(self.vehicles.keys() & dynamic_objects.keys()):
+            raise SceneError(f"dynamic_objects: {name!r}: a vehicle has this name")
+        self.objects = self.vehicles | dynamic_objects
         self.context = open_context(device)
         self._finalizer = weakref.finalize(
             self, release_unclosed_context, self.context, threading.current_thread()
@@ -103,38 +111,23 @@ class Stage(Closing):
             raise
 
     def __repr__(self) -> str:
-        objects = counted(len(self.dynamic_objects), "dynamic object")
-        body = "" if self.body is None else f"body {self.body.name!r}"
-        return short_repr(
-            self, repr(self.scene.name), body, objects, "" if self._finalizer.alive else "closed"
-        )
+        vehicles = counted(len(self.vehicles), "vehicle")
+        objects = counted(len(self.objects) - len(self.vehicles), "dynamic object")
+        closed = "" if self._finalizer.alive else "closed"
+        return short_repr(self, repr(self.scene.name), vehicles, objects, closed)
 
-    @property
-    def objects(self) -> dict[str, Scene]:
-        """Body and dynamic objects by name, in the order of `object_poses_at`."""
-        return ({} if self.body is None else {BODY: self.body}) | self.dynamic_objects
-
-    def object_poses_at(
-        self,
-        world_from_base: NDArray[np.float64] | None,
-        object_poses: Mapping[str, ArrayLike] | None = None,
-    ) -> tuple[NDArray[np.float64], ...]:
-        """Poses (4, 4) for the passes: the body's, then the dynamic objects'.
+    def poses_in(self, state: WorldState) -> tuple[NDArray[np.float64], ...]:
+        """Poses (4, 4) of the objects in a state of the world, for the passes.
 
         Raises:
-            SceneError: a dynamic object without a pose, or a pose without an object.
-            OmnisimError: a matrix that is not a pose.
+            SceneError: an object without a pose.
         """
-        given = dict(object_poses or {})
-        if given.keys() != self.dynamic_objects.keys():
-            expected, got = (
-                ", ".join(sorted(names)) or "none" for names in (self.dynamic_objects, given)
-            )
-            raise SceneError(f"object_poses: expected poses of {expected}, got {got}")
-        others = tuple(check_pose(given[name]) for name in self.dynamic_objects)
-        if self.body is None or world_from_base is None:
-            return others
-        return (world_from_base, *others)
+        poses = state.world_from_object
+        missing = [name for name in self.objects if name not in poses]
+        if missing:
+            got = ", ".join(poses) or "none"
+            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
+        return tuple(poses[name] for name in self.objects)
 
     @contextmanager
     def current(self) -> Iterator[None]:
@@ -172,12 +165,18 @@ class SensorRenderer(Closing, Generic[Passes]):
         scene: becomes a stage of its own, also by its path or built-in name; or a stage that
             somebody else closes.
         body: for a stage of its own.
-        hidden: names of the body's instances that this sensor does not see.
+        hidden: names of its vehicle's instances that this sensor does not see.
         device: for a stage of its own.
-        make_passes: called once, with the stage's context current.
+        make_passes: called once, with the stage's context current, and the hidden parts.
+        vehicle: name of the vehicle that carries the sensor; by default the stage's first.
+
+    Attributes:
+        hidden: as given.
+        vehicle: name of its vehicle, which may have no body.
 
     Raises:
         GraphicsError: from opening a stage, or a stage and what only it can choose.
+        SceneError: a hidden name that the body does not have.
     """
 
     def __init__(
@@ -186,7 +185,8 @@ class SensorRenderer(Closing, Generic[Passes]):
         body: Scene | None,
         hidden: Collection[str],
         device: int | None,
-        make_passes: Callable[[Stage], Passes],
+        make_passes: Callable[[Stage, frozenset[ObjectPart]], Passes],
+        vehicle: str | None = None,
     ):
         self.hidden = frozenset(hidden)
         self._owns_stage = not isinstance(scene, Stage)
@@ -196,9 +196,11 @@ class SensorRenderer(Closing, Generic[Passes]):
             self._stage = scene
         else:
             raise GraphicsError("a stage has its body and its device: give them to the stage")
+        self.vehicle = vehicle or next(iter(self._stage.vehicles), BODY)
         try:
+            parts = self._hidden_parts()
             with self._stage.current():
-                self._passes: Passes | None = make_passes(self._stage)
+                self._passes: Passes | None = make_passes(self._stage, parts)
         except BaseException:
             if self._owns_stage:
                 self._stage.close()
@@ -219,8 +221,37 @@ class SensorRenderer(Closing, Generic[Passes]):
 
     @property
     def body(self) -> Scene | None:
-        """Body of the vehicle, which moves with it."""
-        return self._stage.body
+        """Body of its vehicle; None: invisible."""
+        return self._stage.vehicles.get(self.vehicle)
+
+    def _hidden_parts(self) -> frozenset[ObjectPart]:
+        names = {} if self.body is None else {one.name: None for one in self.body.instances}
+        for name in sorted(self.hidden):
+            if name not in names:
+                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
+                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
+        if not names:
+            return frozenset()
+        index = list(self._stage.objects).index(self.vehicle)
+        return frozenset((index, name) for name in self.hidden)
+
+    def _state(self, given: WorldState | ArrayLike, before: WorldState | None = None) -> WorldState:
+        """State of the world that is given, or whose vehicle's pose (4, 4) alone is.
+
+        Args:
+            given: by the caller.
+            before: state that all else is in, where a pose is given.
+
+        Raises:
+            OmnisimError: a matrix that is not a pose.
+            SceneError: a state without a pose of the vehicle.
+        """
+        if not isinstance(given, WorldState):
+            return (before or WorldState({})).moved({self.vehicle: given})
+        if self.vehicle not in given.world_from_object:
+            got = ", ".join(given.world_from_object) or "none"
+            raise SceneError(f"state: expected a pose of {self.vehicle}, got {got}")
+        return given
 
     @contextmanager
     def _current(self) -> Iterator[Passes]:

@@ -133,7 +133,12 @@ class PlannedDrive:
                 stack.enter_context(renderer)
                 recorders.append(CameraRecorder(camera, renderer, self.truth))
             for scanner in vehicle.scanners:
-                scans = LaserRenderer(stage, scanner.scanner, hidden=scanner.hides)
+                scans = LaserRenderer(
+                    stage,
+                    scanner.scanner,
+                    base_from_scanner=scanner.base_from_scanner,
+                    hidden=scanner.hides,
+                )
                 stack.enter_context(scans)
                 recorders.append(ScannerRecorder(scanner, scans, self.truth))
             content = self._manifest(graphics_info(stage.context).renderer)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.errors import OmnisimError, RunError
 from omnisim.frame import Frame
@@ -22,6 +21,7 @@ from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.simulation.run_channels import write_step
 from omnisim.simulation.run_folder import RunFolder, is_written
 from omnisim.simulation.vehicle import MountedCamera, MountedScanner
+from omnisim.world import WorldState
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,23 +55,22 @@ class CameraRecorder:
             dataclasses.replace(frame, channels={}).save(picture)
 
     def _render(self, run: RunFolder, step: int) -> Frame:
-        poses, channels = self.truth.world_from_base, run.channels_at(step)
-        following = poses[step + 1] if "flow" in channels else None
+        channels = run.channels_at(step)
+        following = self._state(step + 1) if "flow" in channels else None
         if self.renderer.camera.degradation.is_ideal:
-            return self.renderer.render(poses[step], also=channels, next_base=following)
-        start_s = float(self.truth.times_s[step])
-
-        def motion(time_s: float) -> NDArray[np.float64]:
-            return self.truth.pose_at(start_s + time_s)
-
+            return self.renderer.render(self._state(step), also=channels, next_state=following)
         return self.renderer.render(
-            poses[step],
+            self._state(step),
             also=channels,
-            next_base=following,
-            motion=motion,
+            next_state=following,
+            motion=self.truth.pose_at,
             frame_number=step,
             exposure_ev=self._exposure_ev(run, step),
         )
+
+    def _state(self, step: int) -> WorldState:
+        time_s = float(self.truth.times_s[step])
+        return WorldState({self.renderer.vehicle: self.truth.world_from_base[step]}, time_s)
 
     def _exposure_ev(self, run: RunFolder, step: int) -> float | None:
         """Exposure that auto-exposure has reached; None: settled on the picture itself."""
@@ -106,9 +105,7 @@ class ScannerRecorder:
         target = run.file(self.scanner.name, step, ".csv")
         if is_written(target):
             return
-        base = self.truth.world_from_base[step]
-        world_from_scanner = base @ self.scanner.base_from_scanner
-        self.renderer.scan(world_from_scanner, step, world_from_base=base).save_csv(target)
+        self.renderer.scan(self.truth.world_from_base[step], step).save_csv(target)
 
 
 def noise_seed(drive_seed: int, camera_name: str) -> str:

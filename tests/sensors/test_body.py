@@ -34,9 +34,12 @@ def picture(scene, world_from_base, **options):
 
 
 def ranges(scene, world_from_base, **options):
-    with LaserRenderer(scene, SCANNER, **options) as renderer:
-        at = world_from_base @ BASE_FROM_SCANNER
-        return renderer.scan(at, world_from_base=world_from_base).ranges_m
+    with _scanner(scene, **options) as renderer:
+        return renderer.scan(world_from_base).ranges_m
+
+
+def _scanner(scene, **options):
+    return LaserRenderer(scene, SCANNER, base_from_scanner=BASE_FROM_SCANNER, **options)
 
 
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
@@ -46,7 +49,7 @@ def test_body_renders_as_the_same_static_geometry(offset_m):
     scene = moved(surroundings(), world_from_scene)
     empty = picture(scene, world_from_scene @ POSES["tilted"])
     with Stage(scene, body()) as stage:
-        camera, scanner = Renderer(stage, CAMERA), LaserRenderer(stage, SCANNER)
+        camera, scanner = Renderer(stage, CAMERA), _scanner(stage)
         for name, scene_from_base in POSES.items():
             base = world_from_scene @ scene_from_base
             one = merged(scene, body(), base)
@@ -55,7 +58,7 @@ def test_body_renders_as_the_same_static_geometry(offset_m):
             difference = np.abs(rgba.astype(int) - picture(one, base))
             assert difference.max() <= 1, name
             assert np.count_nonzero(difference) < 1e-3 * difference.size, name
-            scan = scanner.scan(base @ BASE_FROM_SCANNER, world_from_base=base)
+            scan = scanner.scan(base)
             np.testing.assert_array_equal(scan.ranges_m, ranges(one, base), err_msg=name)
             assert scan.ranges_m.min() < 0.3, name  # it is the body
             if name == "tilted":
@@ -72,10 +75,10 @@ def test_body_moves_with_the_vehicle():
         far = renderer.render(pose((700.0, -3e4, 5.0))).rgba
     assert np.ptp(at_origin[at_origin[..., 3] > 0][:, :3]) > 100
     np.testing.assert_array_equal(at_origin, far)
-    with LaserRenderer(nothing, SCANNER, body=body()) as scanner:
+    with _scanner(nothing, body=body()) as scanner:
         seen = []
         for base in POSES.values():
-            scan = scanner.scan(base @ BASE_FROM_SCANNER, world_from_base=base)
+            scan = scanner.scan(base)
             seen.append(scan.ranges_m)
     assert 10 < np.isfinite(seen[0]).sum() < len(seen[0])
     for one in seen[1:]:
@@ -90,11 +93,11 @@ def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     rest = without(body(), *hidden)
     with Stage(scene, body()) as stage:
         one, other = Renderer(stage, CAMERA, hidden=hidden), Renderer(stage, CAMERA)
-        scanner = LaserRenderer(stage, SCANNER, hidden=hidden)
+        scanner = _scanner(stage, hidden=hidden)
         np.testing.assert_array_equal(one.render(base).rgba, picture(scene, base, body=rest))
         np.testing.assert_array_equal(other.render(base).rgba, picture(scene, base, body=body()))
         assert np.any(one.render(base).rgba != other.render(base).rgba)
-        scan = scanner.scan(base @ BASE_FROM_SCANNER, world_from_base=base)
+        scan = scanner.scan(base)
         np.testing.assert_array_equal(scan.ranges_m, ranges(scene, base, body=rest))
         assert scan.metadata["hidden"] == sorted(hidden)
         assert one.render(base).metadata["hidden"] == sorted(hidden)
@@ -137,7 +140,7 @@ def test_lights_and_background_come_from_the_scene():
 def test_metadata_names_the_body():
     base = pose((0.5, 0.0, 0.0))
     with Stage(scene_of([room()]), body()) as stage:
-        scan = LaserRenderer(stage, SCANNER).scan(base, world_from_base=base)
+        scan = LaserRenderer(stage, SCANNER).scan(base)
         frame = Renderer(stage, CAMERA, hidden={"tail"}).render(base)
     assert scan.metadata["body"] == frame.metadata["body"] == "body"
     assert frame.metadata["hidden"] == ["tail"]
@@ -172,16 +175,15 @@ def test_p2at_is_visible_in_the_middle_only():
 def test_p2at_scanner_does_not_hit_the_robot():
     _, base_from_scanner = mounted_on_p2at(64)
     scene = load_scene("courtyard")
-    hidden = {"lms200"}
+    mount = {"base_from_scanner": base_from_scanner}
     with (
         Stage(scene, p2at_body()) as stage,
-        LaserRenderer(stage, SCANNER, hidden=hidden) as scanner,
-        LaserRenderer(stage, SCANNER) as blind,
-        LaserRenderer(scene, SCANNER) as alone,
+        LaserRenderer(stage, SCANNER, hidden={"lms200"}, **mount) as scanner,
+        LaserRenderer(stage, SCANNER, **mount) as blind,
+        LaserRenderer(scene, SCANNER, **mount) as alone,
     ):
         for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
-            at = base @ base_from_scanner
-            scan = scanner.scan(at, world_from_base=base)
-            np.testing.assert_array_equal(scan.ranges_m, alone.scan(at).ranges_m)
+            scan = scanner.scan(base)
+            np.testing.assert_array_equal(scan.ranges_m, alone.scan(base).ranges_m)
             assert scan.hit.sum() > 100
-            assert blind.scan(at, world_from_base=base).ranges_m.max() < 0.2  # its own housing
+            assert blind.scan(base).ranges_m.max() < 0.2  # its own housing

@@ -269,10 +269,10 @@ def test_ground_truth_is_that_of_the_ideal_camera():
     pose, after = np.eye(4), poses.pose((0.1, 0.0, 0.0), yaw_deg=3.0)
     with Stage(scene_of([room()])) as stage:
         with Renderer(stage, ideal) as renderer:
-            truth = renderer.render(pose, also=also, next_base=after)
+            truth = renderer.render(pose, also=also, next_state=after)
         with Renderer(stage, ideal.with_degradation(preset("bad-day"))) as renderer:
             motion = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.5)).through(pose)
-            frame = renderer.render(pose, also=also, next_base=after, motion=motion)
+            frame = renderer.render(pose, also=also, next_state=after, motion=motion)
             faces = renderer.faces()
     assert np.mean(frame.rgb != truth.rgb) > 0.3
     assert frame.channels.keys() == truth.channels.keys()

@@ -18,6 +18,7 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors.optical_flow import INVALID, OCCLUDED, OUTSIDE, VISIBLE
+from omnisim.world import WorldState
 from tests import embree_oracle
 from tests.gpu.sheets import sheet
 from tests.ray_casting import opaque_part
@@ -43,7 +44,7 @@ lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 def _truth(lens, also, now=POSE, after=None, scene=None, **options):
     sensor = OmniCamera(lens, polygons=None, supersampling=1)
     with Renderer(scene or scene_of([room()]), sensor) as renderer:
-        return renderer.render(now, also=also, next_base=after, **options)
+        return renderer.render(now, also=also, next_state=after, **options)
 
 
 def _rays_world(lens, now=POSE):
@@ -210,7 +211,7 @@ def test_culling_changes_no_channel(monkeypatch):
             "omnisim.gpu.culling.cluster_culling.MIN_TRIANGLES_PER_PASS", (worth,) * 2
         )
         with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
-            found.append(renderer.render(POSE, also=also, next_base=pose()).channels)
+            found.append(renderer.render(POSE, also=also, next_state=pose()).channels)
     for name in also:
         np.testing.assert_array_equal(*(channels[name] for channels in found))
 
@@ -277,13 +278,11 @@ def test_flow_and_occlusion_of_a_dynamic_object():
     crate_now, crate_after = pose((0.2, 0.2, 0.1)), pose((0.2, -0.3, 0.1), yaw_deg=25.0)
     with _beside_a_wall({"crate": crate}) as stage, Renderer(stage, sensor) as renderer:
         frame = renderer.render(
-            now,
+            WorldState({renderer.vehicle: now, "crate": crate_now}),
             also=("flow", "instance", "position"),
-            object_poses={"crate": crate_now},
-            next_base=after,
-            next_object_poses={"crate": crate_after},
+            next_state=WorldState({renderer.vehicle: after, "crate": crate_after}),
         )
-        with pytest.raises(SceneError, match="object_poses: expected poses of crate, got none"):
+        with pytest.raises(SceneError, match="state: expected a pose of crate, got body"):
             renderer.render(now)
     labels = {label.name: label for label in frame.labels.instances if label.object_name == "crate"}
     on_crate = frame.channels["instance"] == labels["object 0"].id
@@ -331,7 +330,7 @@ def test_a_channel_does_not_depend_on_others_or_on_the_picture():
     with Renderer(scene, sensor) as renderer:
         plain = renderer.render(POSE)
         alone = renderer.render(POSE, also=("range",))
-        all_of_them = renderer.render(POSE, also=also, next_base=pose())
+        all_of_them = renderer.render(POSE, also=also, next_state=pose())
         again = renderer.render(POSE, also=("range",))
     assert tuple(all_of_them.channels) == also
     assert not plain.channels
@@ -350,7 +349,7 @@ def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
             renderer.render(pose(), also=("rang",))
         with pytest.raises(OutputError, match="did you mean 'range'"):
             renderer.render(pose(), also=("depth",))
-        with pytest.raises(OutputError, match="'flow': expected next_base, got none"):
+        with pytest.raises(OutputError, match="'flow': expected next_state, got none"):
             renderer.render(pose(), also=("flow",))
 
 

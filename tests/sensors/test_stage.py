@@ -9,6 +9,7 @@ import pytest
 from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
 from omnisim.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.poses import pose
+from omnisim.world import WorldState
 from tests.scenes import room, scene_of
 from tests.vehicles import (
     BASE_FROM_SCANNER,
@@ -33,21 +34,18 @@ def test_shared_stage_renders_as_separate_ones():
         large_alone = [renderer.render(base).rgba for base in bases]
     with Renderer(scene, small, body=body(), unlit=True) as renderer:
         small_alone = [renderer.render(base).rgba for base in bases]
-    scanners = [base @ BASE_FROM_SCANNER for base in bases]
-    with LaserRenderer(scene, SCANNER, body=body()) as scanner:
-        scans_alone = [
-            scanner.scan(at, world_from_base=base).ranges_m
-            for at, base in zip(scanners, bases, strict=True)
-        ]
+    mount = {"base_from_scanner": BASE_FROM_SCANNER}
+    with LaserRenderer(scene, SCANNER, body=body(), **mount) as scanner:
+        scans_alone = [scanner.scan(base).ranges_m for base in bases]
     with Stage(scene, body()) as stage, Renderer(scene_of([room()])) as stranger:
         large_one = Renderer(stage, CAMERA)
         small_one = Renderer(stage, small, unlit=True)
-        scanner = LaserRenderer(stage, SCANNER)
+        scanner = LaserRenderer(stage, SCANNER, **mount)
         for index, base in enumerate(bases):
             np.testing.assert_array_equal(large_one.render(base).rgba, large_alone[index])
             stranger.render(np.eye(4))
             np.testing.assert_array_equal(small_one.render(base).rgba, small_alone[index])
-            scan = scanner.scan(scanners[index], world_from_base=base)
+            scan = scanner.scan(base)
             np.testing.assert_array_equal(scan.ranges_m, scans_alone[index])
         small_one.close()
         scanner.close()
@@ -73,13 +71,15 @@ def test_memory_is_constant_over_a_drive():
     camera, base_from_scanner = mounted_on_p2at(90)
     with Stage(surroundings(), p2at_body()) as stage:
         eye = Renderer(stage, camera)
-        scanner = LaserRenderer(stage, SCANNER, hidden={"lms200"})
+        scanner = LaserRenderer(
+            stage, SCANNER, base_from_scanner=base_from_scanner, hidden={"lms200"}
+        )
 
         def drive(steps):
             for step in range(steps):
                 base = pose((0.002 * step, 0.0, -1.5), yaw_deg=1.2 * step)
                 picture_bytes = eye.render(base).rgba.nbytes
-                scanner.scan(base @ base_from_scanner, step, world_from_base=base)
+                scanner.scan(base, step)
             return picture_bytes
 
         picture_bytes = drive(30)  # compiles, and fills what is filled once
@@ -104,7 +104,7 @@ def test_closed_renderer_frees_its_memory():
             for _ in range(count):
                 with Renderer(stage, CAMERA) as renderer, LaserRenderer(stage, SCANNER) as scanner:
                     renderer.render(pose())
-                    scanner.scan(pose(), world_from_base=pose())
+                    scanner.scan(pose())
 
         open_and_close(5)
         resident = resident_bytes()
@@ -160,10 +160,14 @@ def test_invalid_arguments_are_refused():
             with pytest.raises(GraphicsError, match="give them to the stage"):
                 Renderer(stage, CAMERA, **options)
         scanner = LaserRenderer(stage)
-        with pytest.raises(OmnisimError, match="expected world_from_base, the pose of the body"):
-            scanner.scan(np.eye(4))
+        with pytest.raises(SceneError, match="state: expected a pose of body, got crate"):
+            scanner.scan(WorldState({"crate": np.eye(4)}))
         with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
-            scanner.scan(np.eye(4), world_from_base=2.0 * np.eye(4))
-        scanner.scan(np.eye(4), world_from_base=np.eye(4))
+            scanner.scan(2.0 * np.eye(4))
+        scanner.scan(np.eye(4))
+    with pytest.raises(SceneError, match="expected either the body of one vehicle or vehicles"):
+        Stage(scene, body(), vehicles={"other": body()})
+    with pytest.raises(SceneError, match="dynamic_objects: 'one': a vehicle has this name"):
+        Stage(scene, vehicles={"one": body()}, dynamic_objects={"one": body()})
     with pytest.raises(GraphicsError, match="there is no such device"):
         Stage(scene, device=99)

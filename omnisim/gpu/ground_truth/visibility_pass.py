@@ -42,7 +42,6 @@ class VisibilityPass:
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
-        SceneError: a hidden name that no dynamic object has.
     """
 
     def __init__(

@@ -36,7 +36,6 @@ class CubePass:
 
     Raises:
         GraphicsError: the atlas is larger than the GPU allows.
-        SceneError: a hidden name that no dynamic object has.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.draw_item import DrawItem, ObjectPart
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.gpu.uniforms import columns_first, uniform
@@ -31,11 +31,10 @@ class RangePass:
         angles_rad: (n,) of the beams in the scanner's frame, counter-clockwise from its x axis,
             equally spaced, from −π at the lowest to π at the most.
         max_range_m: surfaces farther away need not be found; may be infinite.
-        hidden: names of the dynamic objects' instances that beams go through.
+        hidden: parts of dynamic objects that beams go through.
 
     Raises:
         GraphicsError: a scene that is too large for the GPU's shaders to read.
-        SceneError: a hidden name that no dynamic object has.
     """
 
     def __init__(
@@ -43,7 +42,7 @@ class RangePass:
         buffers: SceneBuffers,
         angles_rad: NDArray[np.float64],
         max_range_m: float = math.inf,
-        hidden: Collection[str] = (),
+        hidden: Collection[ObjectPart] = (),
     ):
         context = buffers.context
         self._context, self._buffers, self._max_range_m = context, buffers, max_range_m

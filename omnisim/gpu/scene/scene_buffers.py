@@ -13,8 +13,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError, SceneError
-from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
+from omnisim.errors import GraphicsError
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms, ObjectPart
 from omnisim.gpu.scene.static_geometry import StaticGeometry, build_static_geometry
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
@@ -107,27 +107,12 @@ class SceneBuffers:
         far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + self.radii_m[items]
         return items[np.argsort(far_m, kind="stable")]
 
-    def shown(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
-        """Mask (n,) of the items without the dynamic objects' instances of these names.
+    def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
+        """Mask (n,) of the items without these parts of dynamic objects."""
+        return np.array([(item.object_index, item.name) not in hidden for item in self.draw_items])
 
-        Raises:
-            SceneError: a name that no dynamic object has.
-        """
-        names = {item.name for item in self.draw_items if item.object_index is not None}
-        for name in sorted(hidden):
-            if name not in names:
-                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
-                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
-        return np.array(
-            [item.object_index is None or item.name not in hidden for item in self.draw_items]
-        )
-
-    def shown_one_by_one(self, hidden: Collection[str] = ()) -> NDArray[np.bool_]:
-        """Mask (n,) of the shown items that are not part of the static geometry.
-
-        Raises:
-            SceneError: a name that no dynamic object has.
-        """
+    def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
+        """Mask (n,) of the shown items that are not part of the static geometry."""
         shown = self.shown(hidden)
         return shown if self.static_geometry is None else shown & ~self.static_geometry.contains
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews
 from omnisim.gpu.gl_functions import flush
-from omnisim.gpu.scene.draw_item import InstanceTransforms
+from omnisim.gpu.scene.draw_item import InstanceTransforms, ObjectPart
 from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import P, SceneDrawer
@@ -30,7 +30,7 @@ class VirtualCameras:
         samples: of a texel of the picture.
         unlit: show plain base colours.
         background: linear RGB where nothing is hit.
-        hidden: names of the dynamic objects' instances that are not drawn.
+        hidden: parts of dynamic objects that are not drawn.
     """
 
     near_m: float
@@ -38,7 +38,7 @@ class VirtualCameras:
     samples: int = 1
     unlit: bool = False
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    hidden: frozenset[str] = frozenset()
+    hidden: frozenset[ObjectPart] = frozenset()
 
 
 class TileRenderer:
