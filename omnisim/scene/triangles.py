@@ -1,0 +1,136 @@
+"""Triangles of a scene in the world, and a bounding volume hierarchy of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.model import Instance, Scene
+from omnisim.short_repr import counted, short_repr
+
+LEAF_SIZE = 4
+MORTON_BITS = 16  # of each axis
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Triangles in the world.
+
+    Attributes:
+        corners_m: (n, 3, 3), a corner in each row.
+        instances: (n,) indices into `Scene.instances`.
+        seen_from_above: (n,) the front faces up, or both sides are drawn.
+    """
+
+    corners_m: NDArray[np.float64]
+    instances: NDArray[np.intp]
+    seen_from_above: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        return short_repr(self, counted(len(self.corners_m), "triangle"))
+
+    def __getitem__(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Triangles:
+        return Triangles(self.corners_m[rows], self.instances[rows], self.seen_from_above[rows])
+
+
+def triangles_within(
+    scene: Scene, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
+) -> Triangles:
+    """Triangles whose bounds meet those between two corners (2,) of a floor plan, or (3,)."""
+    axes = len(low_m)
+    corners, above, counts = [np.zeros((0, 3, 3))], [np.zeros(0, dtype=bool)], []
+    for instance in scene.instances:
+        triangles, up = _of_instance(scene, instance)
+        near = np.all(triangles[..., :axes].min(axis=1) <= high_m, axis=1)
+        near &= np.all(triangles[..., :axes].max(axis=1) >= low_m, axis=1)
+        corners.append(triangles[near])
+        above.append(up[near])
+        counts.append(int(near.sum()))
+    return Triangles(
+        np.concatenate(corners),
+        np.repeat(np.arange(len(counts)), counts),
+        np.concatenate(above),
+    )
+
+
+def _of_instance(scene: Scene, instance: Instance) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Corners (n, 3, 3) in the world, and a mask (n,) of the triangles seen from above."""
+    mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
+    positions = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    corners = positions[mesh.triangles]
+    first, second = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
+    area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    if np.linalg.det(matrix[:3, :3]) < 0.0:  # the winding flips, the front stays
+        area = -area
+    return corners, area > 0.0 if not scene.materials[mesh.material].double_sided else area != 0.0
+
+
+class TriangleBvh:
+    """Bounding volume hierarchy: a complete binary tree over triangles in Morton order.
+
+    The order is that of the floor plan: columns and boxes near the floor are looked up.
+
+    Source: Lauterbach et al., "Fast BVH Construction on GPUs", Eurographics 2009.
+
+    Args:
+        corners_m: (n, 3, 3).
+    """
+
+    def __init__(self, corners_m: NDArray[np.float64]):
+        low, high = corners_m.min(axis=1), corners_m.max(axis=1)
+        self._order = np.argsort(_morton_codes(0.5 * (low + high)[:, :2]), kind="stable")
+        leaves = 1
+        while leaves * LEAF_SIZE < len(corners_m):
+            leaves *= 2
+        # empty bounds beyond the last triangle meet no others
+        rows = np.full((2, leaves * LEAF_SIZE, 3), -np.inf)
+        rows[0] = np.inf
+        rows[0, : len(low)], rows[1, : len(high)] = low[self._order], high[self._order]
+        self._levels = [rows]
+        size = LEAF_SIZE
+        while rows.shape[1] > 1:
+            groups = rows.reshape(2, -1, size, 3)
+            rows = np.stack((groups[0].min(axis=1), groups[1].max(axis=1)))
+            self._levels.append(rows)
+            size = 2
+
+    def overlaps(
+        self, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Pairs of a box and a triangle whose bounds meet; infinite bounds are allowed.
+
+        Args:
+            low_m, high_m: (n, 3) corners of the boxes.
+
+        Returns:
+            Indices (pairs,) of the boxes, and of the triangles; ordered by both.
+        """
+        boxes = np.arange(len(low_m))
+        nodes = np.zeros(len(low_m), dtype=np.intp)
+        for depth, (low, high) in enumerate(reversed(self._levels)):
+            if depth > 0:
+                size = low.shape[0] // self._levels[-depth].shape[1]
+                boxes = np.repeat(boxes, size)
+                nodes = (nodes[:, None] * size + np.arange(size)).ravel()
+            meets = np.all(low[nodes] <= high_m[boxes], axis=1)
+            meets &= np.all(high[nodes] >= low_m[boxes], axis=1)
+            boxes, nodes = boxes[meets], nodes[meets]
+        found = self._order[nodes] if len(self._order) else nodes
+        order = np.lexsort((found, boxes))
+        return boxes[order], found[order]
+
+
+def _morton_codes(points_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Codes (n,) of points (n, 2) along a Z-order curve."""
+    if not len(points_m):
+        return np.zeros(0, dtype=np.int64)
+    low = points_m.min(axis=0)
+    size = np.maximum(points_m.max(axis=0) - low, np.finfo(np.float64).tiny)
+    cells = ((points_m - low) / size * (2**MORTON_BITS - 1)).astype(np.int64)
+    codes = np.zeros(len(points_m), dtype=np.int64)
+    for bit in range(MORTON_BITS):
+        for axis in range(2):
+            codes |= (cells[:, axis] >> bit & 1) << (2 * bit + axis)
+    return codes
