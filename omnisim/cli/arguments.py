@@ -103,7 +103,8 @@ AlsoOption = Annotated[
         "--also",
         metavar="CHANNELS",
         help="Ground-truth channels, comma-separated, or all: range z position normals "
-        "normals_camera albedo semantic instance flow occluded valid.",
+        "normals_camera albedo semantic instance flow occluded flow_backward occluded_backward "
+        "scene_flow scene_flow_camera valid.",
     ),
 ]
 LabelsOption = Annotated[

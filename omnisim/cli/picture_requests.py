@@ -86,6 +86,18 @@ class RenderRequest:
             show_default="that of --yaw",
         ),
     ] = None
+    previous_at: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--previous",
+            metavar="X Y Z",
+            help="Previous viewpoint, for flow_backward. [dim]0.1 m behind[/]",
+        ),
+    ] = None
+    previous_yaw_deg: Annotated[
+        float | None,
+        typer.Option("--previous-yaw", metavar="DEG", help="Heading there. [dim]as now[/]"),
+    ] = None
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a preview picture of each channel.")
     ] = False

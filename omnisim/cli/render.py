@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from omnisim.cli.inputs import (
 from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import FACE_NAMES, unfolded_cube
 from omnisim.errors import OutputError
-from omnisim.ground_truth import parse_channels
+from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.files import (
     FINEST_RANGE_STEPS_PER_M,
     is_sidecar_name,
@@ -49,8 +49,10 @@ def run(request: RenderRequest) -> None:
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
     viewpoint = Viewpoint.in_scene(scene, request.at, request.yaw_deg)
     base = camera.base_pose(viewpoint.position_m, viewpoint.yaw_deg)
-    after = _next_viewpoint(request, viewpoint)
-    next_state = camera.base_pose(after.position_m, after.yaw_deg) if "flow" in channels else None
+    others = _other_viewpoints(request, viewpoint, channels)
+    bases = {
+        other: camera.base_pose(there.position_m, there.yaw_deg) for other, there in others.items()
+    }
     twist = _twist(request, camera)
     with Renderer(
         scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
@@ -59,7 +61,8 @@ def run(request: RenderRequest) -> None:
             base,
             linear=is_float,
             also=channels,
-            next_state=next_state,
+            next_state=bases.get("next"),
+            previous_state=bases.get("previous"),
             motion=twist.through(base),
         )
         faces = {} if request.faces is None else renderer.faces()
@@ -76,8 +79,8 @@ def run(request: RenderRequest) -> None:
         _calibration(camera, base).save(request.calibration, "omnisim")
         out.print(f"{request.calibration}: camera and pose", markup=False)
     if channels:
-        flow = "" if next_state is None else _flow_summary(request, after)
-        out.print(f"{request.output}: also {', '.join(channels)}{flow}", markup=False)
+        flows = "".join(_flow_summary(request, *other) for other in others.items())
+        out.print(f"{request.output}: also {', '.join(channels)}{flows}", markup=False)
     if "range" in channels and not is_float:
         _note_coarse_ranges(request.output, frame.channels["range"])
     if request.faces is not None:
@@ -136,9 +139,11 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
 
 def _check_channel_options(request: RenderRequest, channels: Collection[str]) -> None:
     """Refuse options of channels that are not asked for: they would have no effect."""
-    for option, value in (("--next", request.next_at), ("--next-yaw", request.next_yaw_deg)):
-        if value is not None and "flow" not in channels:
-            raise OutputError(f"{option}: requires --also flow")
+    others = {CHANNELS[name].other for name in channels}
+    for other, channel in (("next", "flow"), ("previous", "flow_backward")):
+        for option, value in _other_options(request, other).items():
+            if value is not None and other not in others:
+                raise OutputError(f"{option}: requires --also {channel}")
     if request.preview and not channels:
         raise OutputError("--preview: requires --also")
 
@@ -157,17 +162,40 @@ def _camera(request: RenderRequest) -> OmniCamera:
     return camera
 
 
-def _next_viewpoint(request: RenderRequest, current: Viewpoint) -> Viewpoint:
-    """Viewpoint of the next frame: --next and --next-yaw, or a little ahead."""
-    yaw_deg = current.yaw_deg if request.next_yaw_deg is None else request.next_yaw_deg
-    if request.next_at is not None:
-        return Viewpoint(request.next_at, yaw_deg)
-    if request.next_yaw_deg is not None:
+def _other_viewpoints(
+    request: RenderRequest, current: Viewpoint, channels: Collection[str]
+) -> dict[str, Viewpoint]:
+    """Viewpoints of the "next" and the "previous" frame, where a channel needs them."""
+    others = {CHANNELS[name].other for name in channels}
+    advances_m = {"next": DEFAULT_ADVANCE_M, "previous": -DEFAULT_ADVANCE_M}
+    return {
+        other: _other_viewpoint(current, advance_m, *_other_options(request, other).values())
+        for other, advance_m in advances_m.items()
+        if other in others
+    }
+
+
+def _other_options(request: RenderRequest, other: str) -> dict[str, Any]:
+    """Viewpoint and heading of the next or the previous frame, None: not given, by option."""
+    if other == "next":
+        return {"--next": request.next_at, "--next-yaw": request.next_yaw_deg}
+    return {"--previous": request.previous_at, "--previous-yaw": request.previous_yaw_deg}
+
+
+def _other_viewpoint(
+    current: Viewpoint,
+    advance_m: float,
+    at: tuple[float, float, float] | None,
+    given_yaw_deg: float | None,
+) -> Viewpoint:
+    """Viewpoint of another frame: as given, or a little ahead."""
+    yaw_deg = current.yaw_deg if given_yaw_deg is None else given_yaw_deg
+    if at is not None:
+        return Viewpoint(at, yaw_deg)
+    if given_yaw_deg is not None:
         return Viewpoint(current.position_m, yaw_deg)
     yaw, (x, y, z) = math.radians(yaw_deg), current.position_m
-    return Viewpoint(
-        (x + DEFAULT_ADVANCE_M * math.cos(yaw), y + DEFAULT_ADVANCE_M * math.sin(yaw), z), yaw_deg
-    )
+    return Viewpoint((x + advance_m * math.cos(yaw), y + advance_m * math.sin(yaw), z), yaw_deg)
 
 
 def _twist(request: RenderRequest, camera: OmniCamera) -> Twist:
@@ -189,10 +217,11 @@ def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Ca
     return Calibration((CalibratedCamera("camera", sensor.model, poses),))
 
 
-def _flow_summary(request: RenderRequest, after: Viewpoint) -> str:
-    is_default = request.next_at is None and request.next_yaw_deg is None
-    reason = f", {DEFAULT_ADVANCE_M:g} m ahead as no --next says" if is_default else ""
-    return f"; flow to {after}{reason}"
+def _flow_summary(request: RenderRequest, other: str, viewpoint: Viewpoint) -> str:
+    flow, side = ("flow", "ahead") if other == "next" else ("backward flow", "behind")
+    is_default = all(value is None for value in _other_options(request, other).values())
+    reason = f", {DEFAULT_ADVANCE_M:g} m {side} as no --{other} says" if is_default else ""
+    return f"; {flow} to {viewpoint}{reason}"
 
 
 def _note_coarse_ranges(picture: Path, ranges_m: NDArray[np.float32]) -> None:

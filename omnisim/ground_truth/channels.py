@@ -25,6 +25,7 @@ class Channel:
         dtype: of the array.
         unit: of the numbers; empty: none.
         about: its contents, also where nothing is hit.
+        other: picture that it also depends on: "next", "previous", or empty.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Channel:
     dtype: str
     unit: str
     about: str
+    other: str = ""
 
 
 def _xyz(name: str) -> tuple[str, ...]:
@@ -78,11 +80,35 @@ CHANNELS = {
             "flow", ("flow.U", "flow.V"), "float32", "px",
             "from the pixel to where its point is in the next picture, u right, v down; of "
             "nothing's direction where nothing is hit; NaN: the next picture's lens cannot see it",
+            "next",
         ),
         Channel(
             "occluded", ("occluded",), "uint8", "",
             "the point in the next picture: 0 visible, 1 hidden, 2 outside of it, 255 the pixel "
             "sees nothing",
+            "next",
+        ),
+        Channel(
+            "flow_backward", ("flow_backward.U", "flow_backward.V"), "float32", "px",
+            "from the pixel to where its point was in the previous picture, otherwise as flow",
+            "previous",
+        ),
+        Channel(
+            "occluded_backward", ("occluded_backward",), "uint8", "",
+            "the point in the previous picture, otherwise as occluded",
+            "previous",
+        ),
+        Channel(
+            "scene_flow", _xyz("scene_flow"), "float32", "m",
+            "motion of the point until the next picture, world frame: 0 on the static scene; "
+            "NaN: nothing is hit",
+            "next",
+        ),
+        Channel(
+            "scene_flow_camera", _xyz("scene_flow_camera"), "float32", "m",
+            "the same relative to the camera: the point in the next picture's optical frame, less "
+            "the point in this one's",
+            "next",
         ),
         Channel(
             "valid", ("valid",), "uint8", "",
@@ -90,8 +116,18 @@ CHANNELS = {
         ),
     )
 }  # fmt: skip
+# Optical flow comes with its occlusion.
+FLOWS = {"flow": "occluded", "flow_backward": "occluded_backward"}
 # Other usual names.
-_SYNONYMS = {"depth": "range", "normal": "normals", "class": "semantic", "semantics": "semantic"}
+_SYNONYMS = {
+    "depth": "range",
+    "normal": "normals",
+    "class": "semantic",
+    "semantics": "semantic",
+    "forward_flow": "flow",
+    "flow_forward": "flow",
+    "backward_flow": "flow_backward",
+}
 
 
 def parse_channels(text: str) -> tuple[str, ...]:
@@ -121,6 +157,7 @@ def check_channels(names: Iterable[str]) -> tuple[str, ...]:
     for name in sorted(wanted - CHANNELS.keys()):
         hint = did_you_mean(_SYNONYMS.get(name, name), CHANNELS)
         raise OutputError(f"channel {name!r}: there is no such channel; {hint}")
-    if wanted & {"flow", "occluded"}:
-        wanted |= {"flow", "occluded"}
+    for pair in FLOWS.items():
+        if wanted.intersection(pair):
+            wanted.update(pair)
     return tuple(name for name in CHANNELS if name in wanted)

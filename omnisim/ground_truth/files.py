@@ -3,12 +3,14 @@
     frame.range.png             16 bits: 0 outside of the camera, 65535: nothing is hit; a step is
                                 1 mm, or, to hold what is beyond 65.534 m, 2, 5, 10 mm …: see JSON
     frame.z.exr, frame.position.exr            as in the EXR of all channels
+    frame.scene_flow.exr, frame.scene_flow_camera.exr    likewise
     frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: nothing is hit
     frame.albedo.png            8 bits, sRGB
     frame.semantic.png          8 bits, or 16 where a class has a number above 255
     frame.instance.png          16 bits
     frame.flow.flo, frame.flow.png             Middlebury's and KITTI's format
     frame.occluded.png          8 bits: 0 visible, 1 hidden, 2 outside, 255 nothing is seen
+    frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    likewise
     frame.valid.png             8 bits: 0 or 255
     frame.channels.json         units, scales, labels, camera and pose
     frame.coco.json             boxes of the instances, with the channel instance
@@ -24,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.channels import CHANNELS, FLOWS
 from omnisim.ground_truth.coco import coco_image, write_json
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write_kitti_flow
@@ -158,7 +160,10 @@ _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]
     "normals_camera": (_normal_steps, _NORMAL_SCALE),
     "valid": (lambda valid: (255 * valid).astype(np.uint8), {"true": 255}),
     "occluded": (lambda occluded: occluded, {}),
+    "occluded_backward": (lambda occluded: occluded, {}),
 }
+
+_AS_EXR = ("z", "position", "scene_flow", "scene_flow_camera")
 
 
 def _write(
@@ -174,12 +179,12 @@ def _write(
     if name in _NUMBERS:
         encode, scale = _NUMBERS[name]
         write_numbers(path, encode(values))
-    elif name in ("z", "position"):
+    elif name in _AS_EXR:
         path = path.with_suffix(".exr")
         write_exr(path, {name: values}, labels, metadata)
     elif name == "albedo":
         write_image(path, srgb8_from_linear(values))
-    elif name == "flow":
+    elif name in FLOWS:
         flo = path.with_suffix(".flo")
         write_flo(flo, values)
         write_kitti_flow(path, values)

@@ -27,8 +27,9 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
     and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow:
-    direction as hue, root of the length as saturation, full at the 95th percentile. Occlusion:
-    green visible, red occluded, yellow outside.
+    direction as hue, root of the length as saturation, full at the 95th percentile. Scene
+    flow: x, y, z as red, green, blue, grey at rest, full at the 99th percentile. Occlusion: green
+    visible, red occluded, yellow outside.
     """
     if name == "semantic" and labels is not None:
         return labels.class_colors.take(values, axis=0)
@@ -93,6 +94,18 @@ def _flow(flow_px: NDArray[Any]) -> NDArray[np.uint8]:
     return colors
 
 
+def _vectors(vectors: NDArray[Any]) -> NDArray[np.uint8]:
+    lengths = np.linalg.norm(vectors, axis=-1)
+    known = ~np.isnan(lengths)
+    colors = np.zeros(vectors.shape, dtype=np.uint8)
+    if known.any():
+        moving = lengths[known & (lengths > 0.0)]  # most is static
+        longest = float(np.percentile(moving, 99.0)) if moving.size else 1.0
+        share = np.clip(vectors[known] / max(longest, 1e-6), -1.0, 1.0)
+        colors[known] = np.rint(127.5 + 112.0 * share)  # black stands for nothing
+    return colors
+
+
 def _occlusion(codes: NDArray[Any]) -> NDArray[np.uint8]:
     table = np.zeros((256, 3), dtype=np.uint8)
     for code, color in _OCCLUSION.items():
@@ -115,5 +128,9 @@ _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
     "instance": _ids,
     "flow": _flow,
     "occluded": _occlusion,
+    "flow_backward": _flow,
+    "occluded_backward": _occlusion,
+    "scene_flow": _vectors,
+    "scene_flow_camera": _vectors,
     "valid": _valid,
 }

@@ -2,7 +2,8 @@
 FILE`, with FILE a .png or .jpg.
 
 The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
-that looks ahead. Flow leads to the pose after a step to the left and ahead.
+that looks ahead. Flow leads to the poses before and after a step to the left and
+ahead.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from omnisim.simulation.vehicle import Vehicle
 
 SIDE_PX, COLUMNS = 300, 4
 BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
+PREVIOUS_BASE = poses.pose((-1.0, 0.5, 0.0), yaw_deg=29.0)
 NEXT_BASE = poses.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
 LENS_THETA_MAX_DEG = 95.0
 LENS_CHANNELS = ("range", "normals", "semantic")
@@ -51,7 +53,9 @@ def _tiles(
     stage: Stage, sensor: OmniCamera, hidden: Collection[str], names: tuple[str, ...], prefix: str
 ) -> list[Tile]:
     with Renderer(stage, sensor, hidden=hidden) as renderer:
-        frame = renderer.render(BASE, also=names, next_state=NEXT_BASE)
+        frame = renderer.render(
+            BASE, also=names, next_state=NEXT_BASE, previous_state=PREVIOUS_BASE
+        )
     channels = {
         name: preview(name, values, frame.labels) for name, values in frame.channels.items()
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -15,9 +15,11 @@ from omnisim.gpu.ground_truth.ray_hit_pass import Hits, RayHitPass
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.ground_truth.channels import CHANNELS, FLOWS
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.optical_flow import OpticalFlow
+from omnisim.sensors.scene_flow import in_optical, in_world, objects_of_draws, scene_flow
 from omnisim.sensors.stage import Stage
 from omnisim.sensors.tiles import sensor_tiles
 
@@ -63,23 +65,29 @@ class GroundTruth:
         ]
         # from the draw −1, which is nothing, on
         self._instance_of_draw = np.array([0, *instances], dtype=np.uint32)
+        self._objects_of_draws = objects_of_draws(stage.buffers)
         self._class_of_draw = self.labels.class_of_instance[self._instance_of_draw]
 
     def channels(
-        self, names: Sequence[str], current: ScenePoses, after: ScenePoses | None = None
+        self,
+        names: Sequence[str],
+        current: ScenePoses,
+        others: Mapping[str, ScenePoses] | None = None,
     ) -> dict[str, NDArray[Any]]:
         """Render the channels of these names, in their order.
 
         Args:
             names: as `check_channels` gives them; albedo only where `has_albedo`.
             current: poses of the camera and the dynamic objects.
-            after: the next ones, for the flow.
+            others: those of the "next" and the "previous" picture, where `Channel.other` of a name
+                needs them.
         """
         hits = self._ray_hits.render(
             *current,
             normals="normals" in names or "normals_camera" in names,
             albedos="albedo" in names,
         )
+        poses = others or {}
         rig_from_optical = self._pixels.camera.rig_from_optical
         world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
         make: dict[str, Callable[[], NDArray[Any]]] = {
@@ -91,16 +99,27 @@ class GroundTruth:
             "albedo": lambda: hits.albedos,
             "semantic": lambda: self._class_of_draw.take(hits.draws_plus_one),
             "instance": lambda: self._instance_of_draw.take(hits.draws_plus_one),
+            "scene_flow": lambda: self._scene_flow(hits, in_world(current, poses["next"])),
+            "scene_flow_camera": lambda: self._scene_flow(
+                hits, in_optical(current, poses["next"], rig_from_optical)
+            ),
             "valid": lambda: self._pixels.valid.astype(np.uint8),
         }
-        motion = None
-        if after is not None and "flow" in names:
-            motion = self._flow.begin(current, after)
+        flows = [
+            (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
+        ]
+        motion = self._flow.begin(current, flows[0][1]) if flows else None
         # the GPU draws the occlusion meanwhile
         found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
-        if motion is not None:
-            found["flow"], found["occluded"] = self._flow.end(hits, motion)
-        return {name: found[name] for name in names if name in found}
+        for pair, other in flows:
+            if motion is None:
+                motion = self._flow.begin(current, other)
+            found |= zip(pair, self._flow.end(hits, motion), strict=True)
+            motion = None
+        return {name: found[name] for name in names}
+
+    def _scene_flow(self, hits: Hits, transforms: NDArray[np.float64]) -> NDArray[np.float32]:
+        return scene_flow(hits, self._objects_of_draws, transforms)
 
     @property
     def has_ray(self) -> NDArray[np.bool_]:

@@ -1,4 +1,7 @@
-"""Optical flow of a camera between two poses, by exact reprojection, and occlusion."""
+"""Optical flow of a camera from its picture to another one, by exact reprojection, and occlusion.
+
+The other picture is the next one, or for the backward flow the previous one.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,7 @@ from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.gpu.ground_truth.ray_hit_pass import Hits
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.sensors.scene_flow import objects_of_draws, other_from_current, transform_points
 
 # Points projected at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
 # products on threads that then keep the cores from whatever comes next, on one.
@@ -30,13 +34,13 @@ class OpticalFlow:
     """Flow of one camera; everything on the GPU is made once.
 
     The point that a pixel sees moves with its surface, also on dynamic objects, and is projected
-    from the next viewpoint in float64. Where nothing is hit, the point is infinitely far: only the
+    from the other viewpoint in float64. Where nothing is hit, the point is infinitely far: only the
     camera's rotation moves it.
 
-    The point is occluded where the ray from the next viewpoint to it hits something nearer.
+    The point is occluded where the ray from the other viewpoint to it hits something nearer.
 
     Flow through a mirror's mesh is that of the exact model, from where the exact camera would see
-    the pixel's point to where it would see it next: the mesh's own error, the same in both but for
+    the pixel's point to where it would see it then: the mesh's own error, the same in both but for
     a fraction, is not motion.
 
     Where a picture goes all around, flow across its seam takes the short way and leads outside of
@@ -45,7 +49,7 @@ class OpticalFlow:
     Args:
         scene: the scene and its dynamic objects.
         pixels: of the camera.
-        occlusion_pass: from the next viewpoint.
+        occlusion_pass: from the other viewpoint.
     """
 
     def __init__(self, scene: SceneBuffers, pixels: PixelMap, occlusion_pass: OcclusionPass):
@@ -58,42 +62,39 @@ class OpticalFlow:
             if pixels.polygons is None
             else self._camera.pixel_from_ray(pixels.read_rays()[0][pixels.valid]).positions_px
         )
-        objects = [
-            0 if draw.object_index is None else draw.object_index + 1 for draw in scene.draw_items
-        ]
-        self._object_of_draw = np.array([0, *objects], dtype=np.intp)  # from the draw −1 on
+        self._object_of_draw = objects_of_draws(scene)
         self._period_px = _period_px(self._camera)
 
-    def begin(self, current: ScenePoses, next_poses: ScenePoses) -> NDArray[np.float64]:
+    def begin(self, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
         """Start to draw the occlusion; return what `end` needs.
 
         Returns:
-            (1 + objects, 3, 4), from the current viewpoint frame to the next optical frame: of
+            (1 + objects, 3, 4), from the current viewpoint frame to the other optical frame: of
             static points, and of those on each dynamic object.
         """
-        next_from_current = _next_from_current_transforms(current, next_poses)
+        transforms = other_from_current(current, other)
         self._occlusion_pass.render(
-            next_poses.world_from_rig,
-            next_poses.world_from_objects,
-            next_from_current[self._object_of_draw[1:], :3],
+            other.world_from_rig,
+            other.world_from_objects,
+            transforms[self._object_of_draw[1:], :3],
         )
-        optical_from_world = (next_poses.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
-        return optical_from_world @ next_from_current[:, :3]
+        optical_from_world = (other.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
+        return optical_from_world @ transforms[:, :3]
 
     def end(
-        self, hits: Hits, next_optical_from_current: NDArray[np.float64]
+        self, hits: Hits, other_optical_from_current: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Compute the flow.
 
         Args:
             hits: from the current viewpoint.
-            next_optical_from_current: from `begin`.
+            other_optical_from_current: from `begin`.
 
         Returns:
-            Flow (height, width, 2) in pixels, NaN where the lens cannot see the point next; and
+            Flow (height, width, 2) in pixels, NaN where the lens cannot see the point then; and
             (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has no ray.
         """
-        projected = self._next_pixels(hits, next_optical_from_current)
+        projected = self._other_pixels(hits, other_optical_from_current)
         motion_px = projected.positions_px - self._positions_px
         if self._period_px is not None:
             motion_px[:, 0] -= self._period_px * np.round(motion_px[:, 0] / self._period_px)
@@ -108,23 +109,23 @@ class OpticalFlow:
         )
         return flow.reshape(*self._shape, 2), status.reshape(self._shape)
 
-    def _next_pixels(self, hits: Hits, next_optical_from_current: NDArray[np.float64]) -> Pixels:
-        """Project the points (n,) of the valid pixels into the next picture."""
+    def _other_pixels(self, hits: Hits, other_optical_from_current: NDArray[np.float64]) -> Pixels:
+        """Project the points (n,) of the valid pixels into the other picture."""
         points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
             np.float64
         )
         draws_plus_one = hits.draws_plus_one.ravel()[self._valid]
         points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no translation moves
-        static, *dynamic = next_optical_from_current
-        objects = self._object_of_draw[draws_plus_one] if dynamic else None
+        has_objects = len(other_optical_from_current) > 1
+        objects = self._object_of_draw[draws_plus_one] if has_objects else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
         for first in range(0, len(points_m), _POINTS_PER_BATCH):
             batch = slice(first, first + _POINTS_PER_BATCH)
-            optical_m = points_m[batch] @ static.T
-            if objects is not None:
-                for index in np.unique(objects[batch]):
-                    on_it = np.flatnonzero(objects[batch] == index)
-                    optical_m[on_it] = points_m[batch][on_it] @ next_optical_from_current[index].T
+            optical_m = transform_points(
+                points_m[batch],
+                None if objects is None else objects[batch],
+                other_optical_from_current,
+            )
             positions_px[batch], valid[batch] = self._camera.pixel_from_ray(optical_m)
         return Pixels(positions_px, valid)
 
@@ -135,24 +136,6 @@ class OpticalFlow:
         inside: NDArray[np.bool_] = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
         inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
         return inside
-
-
-def _next_from_current_transforms(
-    current: ScenePoses, next_poses: ScenePoses
-) -> NDArray[np.float64]:
-    """Transforms (1 + objects, 4, 4) from the current viewpoint frame to the next one: of static
-    points, and of those on each dynamic object."""  # fmt: skip
-    viewpoint_m, next_m = current.world_from_rig[:3, 3], next_poses.world_from_rig[:3, 3]
-    transforms = np.tile(np.eye(4), (1 + len(current.world_from_objects), 1, 1))
-    for index, (before, then) in enumerate(
-        zip(current.world_from_objects, next_poses.world_from_objects, strict=True), start=1
-    ):
-        moved = then @ np.linalg.inv(before)
-        transforms[index, :3, :3] = moved[:3, :3]
-        # a point at the current viewpoint, less that viewpoint
-        transforms[index, :3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
-    transforms[:, :3, 3] += viewpoint_m - next_m
-    return transforms
 
 
 def _period_px(camera: CentralCamera) -> float | None:

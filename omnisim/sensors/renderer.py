@@ -20,7 +20,7 @@ from omnisim.gpu.pipeline import Pipeline, Readback, ScenePoses, check_picture_s
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.draw_item import ObjectPart
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
-from omnisim.ground_truth import check_channels
+from omnisim.ground_truth import CHANNELS, check_channels
 from omnisim.scene import Scene
 from omnisim.sensors.degraded_camera import DegradedCamera, FrameRequest
 from omnisim.sensors.ground_truth import GroundTruth
@@ -157,6 +157,7 @@ class Renderer(SensorRenderer[CameraPasses]):
         *,
         also: Collection[str] = (),
         next_state: WorldState | ArrayLike | None = None,
+        previous_state: WorldState | ArrayLike | None = None,
         motion: Motion | None = None,
         frame_number: int = 0,
         exposure_ev: float | None = None,
@@ -168,21 +169,25 @@ class Renderer(SensorRenderer[CameraPasses]):
                 pose of the vehicle, see `OmniCamera.base_pose`, at the time 0 s.
             linear: also read back linear floats, which EXR needs.
             also: names of channels of ground truth, see `omnisim.ground_truth`.
-            next_state: state, or pose, at the next frame, which flow needs.
+            next_state: state, or pose, at the next frame, which flow and scene flow need.
+            previous_state: likewise at the previous frame, for backward flow.
             motion: of the world around the state's time, for motion blur and rolling shutter; None:
                 at rest.
             frame_number: noise differs from frame to frame.
             exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, an unknown channel, flow without a next
-                pose, an impossible exposure, or the renderer or its stage is closed.
+            OmnisimError: a matrix that is not a pose, an unknown channel, flow without its
+                other state, an impossible exposure, or the renderer or its stage is closed.
         """
         names = check_channels(also)
         now = self._state(state)
-        after = None if next_state is None else self._state(next_state, now)
-        if "flow" in names and after is None:
-            raise OutputError("channel 'flow': expected next_state, got none")
+        others = {
+            other: self._state(given, now)
+            for other, given in (("next", next_state), ("previous", previous_state))
+            if given is not None
+        }
+        needed = _needed_others(names, others)
         channels, labels, has_ray = {}, None, None
         with self._current() as passes:
             poses = self._poses_in(now)
@@ -192,13 +197,14 @@ class Renderer(SensorRenderer[CameraPasses]):
             )
             if names:
                 ground_truth = passes.ground_truth("albedo" in names)
-                next_poses = None if after is None else self._poses_in(after)
-                channels = ground_truth.channels(names, poses, next_poses)
+                there = {other: self._poses_in(others[other]) for other in needed}
+                channels = ground_truth.channels(names, poses, there)
                 labels, has_ray = ground_truth.labels, ground_truth.has_ray
         self._last_poses = poses
         metadata = self._metadata(now, poses.world_from_rig) | degradation
-        if "flow" in names and after is not None:
-            metadata["next_world_from_base"] = after.world_from_object[self.vehicle].tolist()
+        for other in needed:
+            world_from_base = others[other].world_from_object[self.vehicle]
+            metadata[f"{other}_world_from_base"] = world_from_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
@@ -244,3 +250,16 @@ class Renderer(SensorRenderer[CameraPasses]):
             "world_from_base": state.world_from_object[self.vehicle].tolist(),
             "world_from_optical": world_from_optical.tolist(),
         }
+
+
+def _needed_others(names: Collection[str], given: Collection[str]) -> list[str]:
+    """Other pictures that channels of these names depend on: "next", "previous".
+
+    Raises:
+        OutputError: the state at one is not given.
+    """
+    needed = {CHANNELS[name].other: name for name in reversed(tuple(names)) if CHANNELS[name].other}
+    for other, name in needed.items():
+        if other not in given:
+            raise OutputError(f"channel {name!r}: expected {other}_state, got none")
+    return sorted(needed)

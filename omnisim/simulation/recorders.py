@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -55,17 +56,17 @@ class CameraRecorder:
             dataclasses.replace(frame, channels={}).save(picture)
 
     def _render(self, run: RunFolder, step: int) -> Frame:
-        channels = run.channels_at(step)
-        following = self._state(step + 1) if "flow" in channels else None
-        if self.renderer.camera.degradation.is_ideal:
-            return self.renderer.render(self._state(step), also=channels, next_state=following)
-        return self.renderer.render(
+        render = partial(
+            self.renderer.render,
             self._state(step),
-            also=channels,
-            next_state=following,
-            motion=self.truth.pose_at,
-            frame_number=step,
-            exposure_ev=self._exposure_ev(run, step),
+            also=run.channels_at(step),
+            next_state=self._state(step + 1) if step + 1 < len(self.truth) else None,
+            previous_state=self._state(step - 1) if step > 0 else None,
+        )
+        if self.renderer.camera.degradation.is_ideal:
+            return render()
+        return render(
+            motion=self.truth.pose_at, frame_number=step, exposure_ev=self._exposure_ev(run, step)
         )
 
     def _state(self, step: int) -> WorldState:

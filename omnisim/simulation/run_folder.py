@@ -33,6 +33,7 @@ from typing import Any
 
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, did_you_mean
+from omnisim.ground_truth import CHANNELS
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.manifest import (
     Manifest,
@@ -51,7 +52,6 @@ _OWN_FILE = re.compile(
     r"\d{6,}\.(png|csv|channels\.exr|coco\.json)|coco\.json|sensor\.toml|calibration\.json"
     r"|\.omnisim-.*\.partial"
 )
-_TO_THE_NEXT = ("flow", "occluded")
 
 
 @dataclass(frozen=True)
@@ -151,11 +151,11 @@ class RunFolder:
         return next((file for file in files if not is_written(file)), None)
 
     def channels_at(self, step: int) -> tuple[str, ...]:
-        """Channels of ground truth of a step: the last one has no flow."""
-        is_last = step == self.manifest.steps - 1
-        return tuple(
-            name for name in self.manifest.channels if not (is_last and name in _TO_THE_NEXT)
-        )
+        """Channels of ground truth of a step: the first has no previous one, the last no next."""
+        there = {""}
+        there |= {"previous"} if step > 0 else set()
+        there |= {"next"} if step < self.manifest.steps - 1 else set()
+        return tuple(name for name in self.manifest.channels if CHANNELS[name].other in there)
 
     def camera_files(self, camera: str, step: int) -> list[Path]:
         """All files of a camera at a step."""

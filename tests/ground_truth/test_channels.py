@@ -1,7 +1,12 @@
 """Names of channels: as they are asked for, and as people mistype them."""
 
+import re
+from pathlib import Path
+
 import pytest
 
+import omnisim.ground_truth
+from omnisim.cli.arguments import AlsoOption
 from omnisim.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
 
@@ -15,6 +20,8 @@ def test_names_are_unique_and_ordered():
 
 def test_flow_has_its_occlusion():
     assert check_channels(("flow",)) == check_channels(("occluded",)) == ("flow", "occluded")
+    backward = ("flow_backward", "occluded_backward")
+    assert check_channels(backward[:1]) == check_channels(backward[1:]) == backward
 
 
 @pytest.mark.parametrize(
@@ -23,6 +30,7 @@ def test_flow_has_its_occlusion():
         ("rnage", "'rnage': there is no such channel; did you mean 'range'?"),
         ("range,semantics", "'semantics': there is no such channel; did you mean 'semantic'?"),
         ("xyzzy", "'xyzzy': there is no such channel; expected one of range, z, position"),
+        ("backward_flow", "did you mean 'flow_backward'?"),
         (" , ", "expected names with commas: range,z"),
     ],
 )
@@ -44,3 +52,13 @@ def test_layer_names_are_unique():
     layers = [layer for channel in CHANNELS.values() for layer in channel.layers]
     assert len(set(layers)) == len(layers)
     assert not {"R", "G", "B"} & set(layers)
+
+
+def test_reference_and_help_name_all_channels():
+    readme = (Path(omnisim.ground_truth.__file__).parent / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| `(\w+)", readme, flags=re.MULTILINE))
+    first_layers = {name: one.layers[0].partition(".")[0] for name, one in CHANNELS.items()}
+    assert rows == first_layers
+    assert list(rows) == list(CHANNELS)
+    (option,) = AlsoOption.__metadata__
+    assert option.help.endswith(f"or all: {' '.join(CHANNELS)}.")

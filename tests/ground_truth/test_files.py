@@ -34,6 +34,8 @@ def _channels(height=7, width=9):
     valid[0, 0] = 0
     occlusion = random.integers(0, 3, hit.shape).astype(np.uint8)
     occlusion[0, 0] = 255
+    motion = np.where(hit[..., None], random.normal(size=(*hit.shape, 3)), np.nan)
+    motion = motion.astype(np.float32)
     distances = random.uniform(0.2, 90.0, hit.shape).astype(np.float32)
     return {
         "range": np.where(hit, distances, np.float32(np.inf)),
@@ -46,6 +48,10 @@ def _channels(height=7, width=9):
         "instance": instance,
         "flow": flow,
         "occluded": occlusion,
+        "flow_backward": -flow,
+        "occluded_backward": occlusion,
+        "scene_flow": motion,
+        "scene_flow_camera": -motion,
         "valid": valid,
     }
 
@@ -193,7 +199,9 @@ def test_previews_are_black_without_a_hit_only(name):
     assert colors.dtype == np.uint8
     assert not colors[0, 0].any()
     assert colors[1:].any(axis=-1).mean() > 0.8
-    empty = {"range": np.inf, "z": np.inf, "position": np.nan, "flow": np.nan, "occluded": 255}
+    empty = {"range": np.inf, "z": np.inf, "position": np.nan}
+    empty |= {found: np.nan for found in CHANNELS if "flow" in found}
+    empty |= {found: 255 for found in CHANNELS if "occluded" in found}
     nothing = np.full_like(channels[name], empty.get(name, 0))
     assert not preview(name, nothing, LABELS).any()
 

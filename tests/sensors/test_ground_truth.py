@@ -55,7 +55,7 @@ def _rays_world(lens, now=POSE):
 @lenses
 def test_channels_of_a_room_are_those_of_the_exact_rays(lens):
     """Every pixel, also those beside the edges of the room and of the cube's faces."""
-    also = tuple(name for name in CHANNELS if name not in ("flow", "occluded"))
+    also = tuple(name for name in CHANNELS if not CHANNELS[name].other)
     found = _truth(lens, also).channels
     directions, valid = _rays_world(lens)
     np.testing.assert_array_equal(found["valid"] > 0, valid)
@@ -203,6 +203,11 @@ def test_sorted_blended_triangles_are_hit_where_they_are():
             assert same.mean() > 0.999
 
 
+def _render_all(renderer):
+    previous = POSE @ pose((-0.1, 0.02, 0.0), yaw_deg=3.0)
+    return renderer.render(POSE, also=tuple(CHANNELS), next_state=pose(), previous_state=previous)
+
+
 def test_culling_changes_no_channel(monkeypatch):
     also = tuple(CHANNELS)
     found = []
@@ -211,7 +216,7 @@ def test_culling_changes_no_channel(monkeypatch):
             "omnisim.gpu.culling.cluster_culling.MIN_TRIANGLES_PER_PASS", (worth,) * 2
         )
         with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
-            found.append(renderer.render(POSE, also=also, next_state=pose()).channels)
+            found.append(_render_all(renderer).channels)
     for name in also:
         np.testing.assert_array_equal(*(channels[name] for channels in found))
 
@@ -330,7 +335,7 @@ def test_a_channel_does_not_depend_on_others_or_on_the_picture():
     with Renderer(scene, sensor) as renderer:
         plain = renderer.render(POSE)
         alone = renderer.render(POSE, also=("range",))
-        all_of_them = renderer.render(POSE, also=also, next_state=pose())
+        all_of_them = _render_all(renderer)
         again = renderer.render(POSE, also=("range",))
     assert tuple(all_of_them.channels) == also
     assert not plain.channels
@@ -351,6 +356,10 @@ def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
             renderer.render(pose(), also=("depth",))
         with pytest.raises(OutputError, match="'flow': expected next_state, got none"):
             renderer.render(pose(), also=("flow",))
+        with pytest.raises(OutputError, match="'scene_flow': expected next_state, got none"):
+            renderer.render(pose(), also=("scene_flow", "scene_flow_camera"))
+        with pytest.raises(OutputError, match="'flow_backward': expected previous_state, got none"):
+            renderer.render(pose(), also=("flow_backward",), next_state=pose())
 
 
 @pytest.mark.parametrize("lens", slow_but(embree_oracle.LENSES, "mirror"))

@@ -12,6 +12,7 @@ from omnisim.image_files import read_channels
 from omnisim.scene import load_scene
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
+from omnisim.simulation.run_folder import RunFolder
 from omnisim.simulation.vehicle import Vehicle
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -42,25 +43,30 @@ def _bytes(folder):
     }
 
 
-def test_every_step_has_its_channels_and_the_last_flows_nowhere(drive, whole):
+def test_every_step_has_its_channels_and_flows_to_the_steps_beside_it(drive, whole):
     labels = json.loads((whole / "labels.json").read_text())
     names = {one["id"]: one["name"] for one in labels["classes"]}
     seen = set()
     poses = drive.plan().truth.world_from_base
     for step in range(STEPS):
         found = read_channels(whole / "omnicam" / f"{step:06d}.channels.exr")
-        is_last = step == STEPS - 1
-        assert ("flow.U" in found.values) != is_last
-        assert ("next_world_from_base" in found.metadata) != is_last
+        others = {"next": step + 1, "previous": step - 1}
         np.testing.assert_allclose(found.metadata["world_from_base"], poses[step])
-        if not is_last:
-            np.testing.assert_allclose(found.metadata["next_world_from_base"], poses[step + 1])
+        for channel in CHANNELS.values():
+            is_there = others.get(channel.other, step) in range(STEPS)
+            assert (channel.layers[0] in found.values) == is_there
+        for other, number in others.items():
+            key = f"{other}_world_from_base"
+            assert (key in found.metadata) == (number in range(STEPS))
+            if key in found.metadata:
+                np.testing.assert_allclose(found.metadata[key], poses[number])
         seen |= {names[int(number)] for number in np.unique(found.values["semantic"])}
         body = found.values["semantic"] == next(n for n in names if names[n] == "vehicle")
         # the body stays where it is in the picture, however the vehicle moves
         assert body.sum() > 20
-        for part in () if is_last else ("flow.U", "flow.V"):
-            assert np.abs(found.values[part][body]).max() < 1e-3
+        for part in ("flow.U", "flow.V", "flow_backward.U", "scene_flow_camera.X"):
+            if part in found.values:
+                assert np.abs(found.values[part][body]).max() < 1e-3
     assert {"vehicle", "carpet", "field_line"} <= seen
 
 
@@ -114,3 +120,9 @@ def test_flow_alone_leaves_no_file_at_the_last_step(drive, tmp_path):
     there = sorted(path.name for path in (folder / "omnicam").glob("*.exr"))
     assert there == [f"{step:06d}.channels.exr" for step in range(STEPS - 1)]
     assert list(flow.plan().record(folder)) == [STEPS]
+
+
+def test_a_run_of_one_step_has_no_flows(whole):
+    run = RunFolder.read(whole)
+    run = dataclasses.replace(run, manifest=run.manifest.model_copy(update={"steps": 1}))
+    assert run.channels_at(0) == tuple(name for name in CHANNELS if not CHANNELS[name].other)
