@@ -15,6 +15,7 @@ from omnisim.ground_truth import Labels
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.files import write_boxes, write_previews, write_sidecars
 from omnisim.ground_truth.frame_channels import FrameChannels
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import is_float_format, png_bytes, write_image
 from omnisim.short_repr import short_repr
 
@@ -70,7 +71,7 @@ class Frame:
         """Mask (height, width): the pixel shows the scene, with at least half of its samples."""
         return self.rgba[..., 3] > 0
 
-    def save(self, path: str | Path, previews: bool = False) -> None:
+    def save(self, path: str | Path, previews: bool = False, channel_format: str = "auto") -> None:
         """Write PNG, JPEG or TIFF (sRGB), or EXR (linear float), with the metadata inside.
 
         Channels are layers of the EXR; beside the other formats they are files of their own, see
@@ -79,25 +80,27 @@ class Frame:
         Args:
             path: of the picture.
             previews: also write the channels in colours, `<stem>.range.preview.png` and so on.
+            channel_format: "npy": each channel's array in `<stem>.range.npy` and so on, in place of
+                the files above, with `<stem>.channels.json`; "both"; or "auto": the files above.
 
         Raises:
             OutputError: an unknown format, EXR without a linear picture, or a file that cannot
                 be written.
         """
-        path = Path(path)
+        path, files = Path(path), ChannelFormat.parse(channel_format)
         if not is_float_format(path):
             write_image(path, self.rgb, self.metadata)
-            if self.channels:
-                has_ray = self.valid if self.has_ray is None else self.has_ray
-                write_sidecars(path, self.channels, self.labels, self.metadata, has_ray)
         elif self.linear is None:
             raise OutputError(
                 f"{path}: EXR holds linear colours: expected a frame rendered with linear=True"
             )
-        elif self.channels:
+        elif self.channels and files is not ChannelFormat.NPY:
             write_exr(path, self.channels, self.labels, self.metadata, self.linear)
         else:
             write_image(path, self.linear, self.metadata)
+        if self.channels and not (is_float_format(path) and files is ChannelFormat.AUTO):
+            has_ray = self.valid if self.has_ray is None else self.has_ray
+            write_sidecars(path, self.channels, self.labels, self.metadata, has_ray, files)
         write_boxes(path, self.channels, self.labels)
         if previews:
             write_previews(path, self.channels, self.labels)

@@ -107,6 +107,15 @@ AlsoOption = Annotated[
         "scene_flow scene_flow_camera valid.",
     ),
 ]
+ChannelFormatOption = Annotated[
+    str | None,
+    typer.Option(
+        "--channel-format",
+        metavar="auto|npy|both",
+        help="Files of the channels: layers of an EXR, or PNG and others; an .npy each; or both.",
+        show_default="auto",
+    ),
+]
 LabelsOption = Annotated[
     Path | None,
     typer.Option(

@@ -14,7 +14,12 @@ from rich.progress import (
 from rich.text import Text
 
 from omnisim.cli.console import err, out, pluralize, print_note
-from omnisim.cli.inputs import load_labelled_scene, parse_polygons, read_preset
+from omnisim.cli.inputs import (
+    load_labelled_scene,
+    parse_channel_format,
+    parse_polygons,
+    read_preset,
+)
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
 from omnisim.simulation.drive import Drive
@@ -57,6 +62,7 @@ def run(request: DriveRequest) -> None:
         device=request.device,
         up_axis=request.up_axis,
         channels=channels,
+        channel_format=parse_channel_format(request.channel_format, channels),
     )
     plan = drive.plan(print_note)
     columns = (

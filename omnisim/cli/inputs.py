@@ -9,6 +9,7 @@ from pathlib import Path
 
 from omnisim.cli.console import print_note
 from omnisim.errors import CalibrationError, OpticsError, OutputError
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
@@ -105,6 +106,17 @@ def load_labelled_scene(
     for notice in (*scene.notices, *(find_labels(scene).notices() if is_labelled else ())):
         print_note(notice)
     return scene
+
+
+def parse_channel_format(text: str | None, channels: Collection[str]) -> ChannelFormat:
+    """Parse --channel-format.
+
+    Raises:
+        OutputError: an unknown format, or one of no channels.
+    """
+    if text is not None and not channels:
+        raise OutputError("--channel-format: requires --also")
+    return ChannelFormat.parse(text)
 
 
 def read_preset(name: str | None) -> Degradation | None:

@@ -11,6 +11,7 @@ from omnisim.cli.arguments import (
     AlsoOption,
     AtOption,
     CameraNameOption,
+    ChannelFormatOption,
     DeviceOption,
     LabelsOption,
     MirroredOption,
@@ -67,6 +68,7 @@ class RenderRequest:
         ),
     ] = None
     also: AlsoOption = None
+    channel_format: ChannelFormatOption = None
     labels: LabelsOption = None
     next_at: Annotated[
         tuple[float, float, float] | None,
@@ -91,12 +93,18 @@ class RenderRequest:
         typer.Option(
             "--previous",
             metavar="X Y Z",
-            help="Previous viewpoint, for flow_backward. [dim]0.1 m behind[/]",
+            help="Viewpoint of the previous frame, for backward flow.",
+            show_default="0.1 m behind",
         ),
     ] = None
     previous_yaw_deg: Annotated[
         float | None,
-        typer.Option("--previous-yaw", metavar="DEG", help="Heading there. [dim]as now[/]"),
+        typer.Option(
+            "--previous-yaw",
+            metavar="DEG",
+            help="Heading at the previous frame.",
+            show_default="as now",
+        ),
     ] = None
     preview: Annotated[
         bool, typer.Option("--preview", help="Also write a preview picture of each channel.")

@@ -15,6 +15,7 @@ from omnisim.cli.console import out, print_note
 from omnisim.cli.inputs import (
     Viewpoint,
     load_labelled_scene,
+    parse_channel_format,
     parse_polygons,
     read_camera,
     read_preset,
@@ -29,6 +30,7 @@ from omnisim.ground_truth.files import (
     range_steps_per_m,
     sidecar_path,
 )
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
@@ -46,6 +48,7 @@ def run(request: RenderRequest) -> None:
     channels = _check_outputs(request)
     camera = _camera(request)
     _check_channel_options(request, channels)
+    channel_format = parse_channel_format(request.channel_format, channels)
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
     viewpoint = Viewpoint.in_scene(scene, request.at, request.yaw_deg)
     base = camera.base_pose(viewpoint.position_m, viewpoint.yaw_deg)
@@ -66,7 +69,7 @@ def run(request: RenderRequest) -> None:
             motion=twist.through(base),
         )
         faces = {} if request.faces is None else renderer.faces()
-    frame.save(request.output, previews=request.preview)
+    frame.save(request.output, request.preview, channel_format)
     polygons = f"{camera.polygons} polygons" if camera.polygons else "exact"
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
     out.print(f"{request.output}: {size}, {polygons}, from {viewpoint}", markup=False)
@@ -81,7 +84,7 @@ def run(request: RenderRequest) -> None:
     if channels:
         flows = "".join(_flow_summary(request, *other) for other in others.items())
         out.print(f"{request.output}: also {', '.join(channels)}{flows}", markup=False)
-    if "range" in channels and not is_float:
+    if "range" in channels and not is_float and channel_format is not ChannelFormat.NPY:
         _note_coarse_ranges(request.output, frame.channels["range"])
     if request.faces is not None:
         _write_faces(request.faces, faces)

@@ -9,6 +9,7 @@ import typer
 
 from omnisim.cli.arguments import (
     AlsoOption,
+    ChannelFormatOption,
     DeviceOption,
     LabelsOption,
     PolygonsOption,
@@ -96,6 +97,7 @@ class DriveRequest:
     quality: QualityOption = None
     unlit: UnlitOption = False
     also: AlsoOption = None
+    channel_format: ChannelFormatOption = None
     labels: LabelsOption = None
     force: Annotated[
         bool, typer.Option("--force", help="Throw away another run that is in the folder.")

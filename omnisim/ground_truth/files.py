@@ -12,6 +12,7 @@
     frame.occluded.png          8 bits: 0 visible, 1 hidden, 2 outside, 255 nothing is seen
     frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    likewise
     frame.valid.png             8 bits: 0 or 255
+    frame.range.npy ...         any channel, by the format npy: its array, see `CHANNELS`
     frame.channels.json         units, scales, labels, camera and pose
     frame.coco.json             boxes of the instances, with the channel instance
 """  # fmt: skip
@@ -31,8 +32,9 @@ from omnisim.ground_truth.coco import coco_image, write_json
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write_kitti_flow
 from omnisim.ground_truth.labels import Labels
+from omnisim.ground_truth.npy import ChannelFormat, write_npy
 from omnisim.ground_truth.previews import preview
-from omnisim.image_files import write_image, write_numbers
+from omnisim.image_files import is_float_format, write_image, write_numbers
 from omnisim.srgb import srgb8_from_linear
 
 _LARGEST = 2**16 - 1
@@ -50,8 +52,9 @@ def write_sidecars(
     labels: Labels | None,
     metadata: Mapping[str, Any],
     has_ray: NDArray[np.bool_],
+    channel_format: ChannelFormat = ChannelFormat.AUTO,
 ) -> None:
-    """Write a file for each channel beside the picture, and their description.
+    """Write files for each channel beside the picture, and their description.
 
     Args:
         picture: its path.
@@ -59,6 +62,7 @@ def write_sidecars(
         labels: of the IDs of classes and instances.
         metadata: the picture's.
         has_ray: (height, width), false outside of the lens or the mirror.
+        channel_format: of the files; those of an EXR's layers are not written here.
 
     Raises:
         OutputError: a file cannot be written, or numbers that 16 bits do not hold.
@@ -66,11 +70,22 @@ def write_sidecars(
     described: dict[str, Any] = {}
     for name, values in channels.items():
         channel = CHANNELS[name]
-        if name == "range":
-            files, scale = _write_ranges(picture, values, has_ray)
-        else:
-            files, scale = _write(picture, name, values, labels, metadata)
-        described[name] = {"files": files, "unit": channel.unit, "about": channel.about} | scale
+        described[name] = {"unit": channel.unit, "about": channel.about}
+        if channel_format is not ChannelFormat.NPY and not is_float_format(picture):
+            if name == "range":
+                files, scale = _write_ranges(picture, values, has_ray)
+            else:
+                files, scale = _write(picture, name, values, labels, metadata)
+            described[name] = {"files": files} | described[name] | scale
+        if channel_format is not ChannelFormat.AUTO:
+            path = sidecar_path(picture, f"{name}.npy")
+            write_npy(path, values)
+            described[name]["npy"] = {
+                "file": path.name,
+                "dtype": values.dtype.name,
+                "shape": values.shape,
+                "about": channel.about,
+            }
     content = dict(metadata) | {"channels": described}
     if labels is not None:
         content["labels"] = labels.to_json()

@@ -15,6 +15,7 @@ from typing import Any
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
 from omnisim.gpu.context import graphics_info
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
@@ -55,6 +56,7 @@ class Drive:
         device: EGL's number of the GPU, or None.
         up_axis: that the scene was loaded with, for the record, or None.
         channels: of ground truth, as `check_channels` gives them.
+        channel_format: of their files.
     """
 
     scene: Scene
@@ -65,6 +67,7 @@ class Drive:
     device: int | None = None
     up_axis: str | None = None
     channels: tuple[str, ...] = ()
+    channel_format: ChannelFormat = ChannelFormat.AUTO
 
     def __repr__(self) -> str:
         return short_repr(self, f"{self.vehicle.name} in {self.scene.name}", f"seed {self.seed}")
@@ -200,6 +203,8 @@ class PlannedDrive:
                 **{name: metadata.version(name) for name in ("moderngl", "numpy", "trimesh")},
             },
         }
+        if drive.channel_format is not ChannelFormat.AUTO:
+            content["channel_format"] = drive.channel_format
         as_read: dict[str, Any] = json.loads(json.dumps(content))
         return as_read
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field
 
 from omnisim.errors import RunError
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.parameters import Table, parse_table
 from omnisim.robot.sensor_mounts import SensorName
 
@@ -45,6 +46,7 @@ class Manifest(_OpenTable):
     cameras: list[SensorName]
     scanners: list[SensorName]
     channels: tuple[str, ...] = Field(default=(), strict=False)
+    channel_format: ChannelFormat = Field(default=ChannelFormat.AUTO, strict=False)
 
     @property
     def sensors(self) -> list[str]:

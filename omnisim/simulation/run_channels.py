@@ -11,6 +11,8 @@ from omnisim.frame import Frame
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.coco import coco_image, merged, write_json
 from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.files import write_sidecars
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.simulation.run_folder import (
     BOXES,
     BOXES_SUFFIX,
@@ -27,14 +29,17 @@ def write_step(run: RunFolder, camera: str, step: int, frame: Frame) -> None:
     Raises:
         OutputError: a file cannot be written.
     """
+    picture, files = run.file(camera, step, ".png"), run.manifest.channel_format
     target = run.file(camera, step, CHANNELS_SUFFIX)
-    if frame.channels and not is_written(target):
+    if frame.channels and files is not ChannelFormat.NPY and not is_written(target):
         write_exr(target, frame.channels, None, frame.metadata)
+    if frame.channels and files is not ChannelFormat.AUTO:
+        has_ray = frame.valid if frame.has_ray is None else frame.has_ray
+        write_sidecars(picture, frame.channels, None, frame.metadata, has_ray, ChannelFormat.NPY)
     target = run.file(camera, step, BOXES_SUFFIX)
     instances, labels = frame.channels.get("instance"), frame.labels
     if instances is not None and labels is not None and not is_written(target):
-        picture = run.file(camera, step, ".png").name
-        write_json(target, coco_image(instances, labels, picture, step))
+        write_json(target, coco_image(instances, labels, picture.name, step))
 
 
 def write_labels(run: RunFolder, labels: Labels) -> None:

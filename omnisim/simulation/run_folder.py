@@ -12,6 +12,8 @@ With channels of ground truth also:
 
     labels.json                             numbers, names and colours of classes and instances
     <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
+    <camera>/000000.range.npy ...           or each in its own, by the format npy, with
+    <camera>/000000.channels.json ...       their units and what they mean
     <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
     <camera>/coco.json                      boxes of all steps, when all are there
 
@@ -34,6 +36,7 @@ from typing import Any
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, did_you_mean
 from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.manifest import (
     Manifest,
@@ -48,8 +51,9 @@ LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
 PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
 CHANNELS_SUFFIX, BOXES_SUFFIX = ".channels.exr", ".coco.json"
+DESCRIPTION_SUFFIX = ".channels.json"
 _OWN_FILE = re.compile(
-    r"\d{6,}\.(png|csv|channels\.exr|coco\.json)|coco\.json|sensor\.toml|calibration\.json"
+    r"\d{6,}\.(png|csv|channels\.(exr|json)|[a-z_]+\.npy|coco\.json)|coco\.json|sensor\.toml|calibration\.json"
     r"|\.omnisim-.*\.partial"
 )
 
@@ -155,13 +159,17 @@ class RunFolder:
         there = {""}
         there |= {"previous"} if step > 0 else set()
         there |= {"next"} if step < self.manifest.steps - 1 else set()
-        return tuple(name for name in self.manifest.channels if CHANNELS[name].other in there)
+        names = self.manifest.channels
+        return tuple(name for name in names if name in CHANNELS and CHANNELS[name].other in there)
 
     def camera_files(self, camera: str, step: int) -> list[Path]:
         """All files of a camera at a step."""
         channels = self.channels_at(step)
         suffixes = [".png"]
-        suffixes += [CHANNELS_SUFFIX] if channels else []
+        if channels and self.manifest.channel_format is not ChannelFormat.NPY:
+            suffixes.append(CHANNELS_SUFFIX)
+        if channels and self.manifest.channel_format is not ChannelFormat.AUTO:
+            suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
         suffixes += [BOXES_SUFFIX] if "instance" in channels else []
         return [self.file(camera, step, suffix) for suffix in suffixes]
 

@@ -46,6 +46,16 @@ def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
         assert (tmp_path / f"f.{name}.preview.png").is_file()
 
 
+def test_channels_as_npy(omnisim, tmp_path, needs_opengl):
+    command = ["render", "soccer", *SMALL, "--also", "range,flow_backward", "-o", "f.exr"]
+    status, out, err = omnisim(*command, "--channel-format", "npy")
+    assert status == 0, err
+    assert "; backward flow to (-1.3, -0.5, 0.6) m at yaw 0°, 0.1 m behind as no --prev" in out
+    assert set(read_channels(tmp_path / "f.exr").values) == {"R", "G", "B"}
+    assert np.load(tmp_path / "f.range.npy").shape == (40, 40)
+    assert np.load(tmp_path / "f.flow_backward.npy").shape == (40, 40, 2)
+
+
 def test_coarse_ranges_are_said(omnisim, tmp_path, needs_opengl):
     (tmp_path / "far.obj").write_text("v 90 -9 -9\nv 90 9 -9\nv 90 0 9\nf 1 3 2\nf 1 2 3\n")
     arguments = ["far.obj", "--up", "z", *SMALL, "--at", 0, 0, 0, "--also", "range"]
@@ -69,6 +79,9 @@ def test_coarse_ranges_are_said(omnisim, tmp_path, needs_opengl):
         (["--also", "range", "--labels", "x.toml"], "--labels: requires --also semantic"),
         (["--also", "semantic", "--labels", "x.toml"], "x.toml: cannot be read: No such file"),
         (["--preview"], "--preview: requires --also"),
+        (["--channel-format", "npy"], "--channel-format: requires --also"),
+        (["--also", "z", "--channel-format", "csv"], "channel format: expected one of auto, npy"),
+        (["--also", "flow", "--previous-yaw", "3"], "--previous-yaw: requires --also flow_back"),
         (["--also", "flow", "--next", "0", "0", "nan"], "expected three finite numbers in metres"),
     ],
 )

@@ -119,6 +119,59 @@ def test_files_beside_a_picture_are_described(tmp_path):
     np.testing.assert_array_equal(valid[..., 0] > 0, channels["valid"] > 0)
 
 
+@pytest.mark.parametrize("picture", ["a.png", "a.exr"])
+def test_npy_files_are_the_arrays_and_the_same_as_the_exr(tmp_path, picture):
+    channels = _channels()
+    frame = _frame(channels)
+    frame.save(tmp_path / "b.exr")
+    layers = read_channels(tmp_path / "b.exr").values
+    frame.save(tmp_path / picture, channel_format="npy")
+    there = {path.name for path in tmp_path.glob("a.*")}
+    arrays = {f"a.{name}.npy" for name in CHANNELS}
+    assert there == arrays | {picture, "a.channels.json", "a.coco.json"}
+    document = json.loads((tmp_path / "a.channels.json").read_text())
+    for name, values in channels.items():
+        found = np.load(tmp_path / f"a.{name}.npy")
+        assert found.dtype == values.dtype
+        np.testing.assert_array_equal(found, values)
+        described = document["channels"][name]["npy"]
+        assert (described["dtype"], tuple(described["shape"])) == (found.dtype.name, found.shape)
+        planes = found.reshape(*found.shape[:2], -1).astype(np.float32)
+        for index, layer in enumerate(CHANNELS[name].layers):
+            np.testing.assert_array_equal(
+                layers[layer].view(np.uint32), planes[..., index].view(np.uint32), err_msg=layer
+            )
+    assert document["labels"]["classes"][0]["name"] == "nothing"
+
+
+def test_opencv_takes_the_arrays(tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")
+    channels = _channels()
+    _frame(channels).save(tmp_path / "a.png", channel_format="npy")
+    for name, values in channels.items():
+        found = np.load(tmp_path / f"a.{name}.npy")
+        if found.dtype == np.uint32:  # which OpenCV 4 lacks
+            found = found.astype(np.int32)
+        np.testing.assert_array_equal(cv2.flip(found, 0), values[::-1])
+
+
+def test_both_formats_leave_the_files_of_each(tmp_path):
+    channels = {"range": _channels()["range"]}
+    _frame(channels).save(tmp_path / "a.png")
+    plain = (tmp_path / "a.range.png").read_bytes()
+    _frame(channels).save(tmp_path / "a.png", channel_format="both")
+    assert (tmp_path / "a.range.png").read_bytes() == plain
+    described = json.loads((tmp_path / "a.channels.json").read_text())["channels"]["range"]
+    assert described["files"] == ["a.range.png"]
+    assert described["npy"]["file"] == "a.range.npy"
+    _frame(channels).save(tmp_path / "b.exr", channel_format="both")
+    assert {"range", "R"} <= set(read_channels(tmp_path / "b.exr").values)
+    np.testing.assert_array_equal(np.load(tmp_path / "b.range.npy"), channels["range"])
+    with pytest.raises(OutputError, match="channel format: expected one of auto, npy, both, got"):
+        _frame(channels).save(tmp_path / "c.png", channel_format="csv")
+    assert not (tmp_path / "c.png").exists()
+
+
 @pytest.mark.parametrize(
     ("farthest_m", "steps_per_m"),
     [

@@ -8,6 +8,7 @@ import pytest
 
 from omnisim.errors import RunError
 from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import read_channels
 from omnisim.scene import load_scene
 from omnisim.simulation.drive import Drive
@@ -126,3 +127,27 @@ def test_a_run_of_one_step_has_no_flows(whole):
     run = RunFolder.read(whole)
     run = dataclasses.replace(run, manifest=run.manifest.model_copy(update={"steps": 1}))
     assert run.channels_at(0) == tuple(name for name in CHANNELS if not CHANNELS[name].other)
+
+
+def test_npy_files_of_a_run_go_on_with_the_same_bytes(drive, whole, tmp_path):
+    folder = tmp_path / "run"
+    npy = dataclasses.replace(drive, channel_format=ChannelFormat.NPY)
+    assert list(npy.plan().record(folder))[-1] == STEPS
+    before, camera = _bytes(folder), folder / "omnicam"
+    assert not list(camera.glob("*.exr"))
+    for step in range(STEPS):
+        layers = read_channels(whole / "omnicam" / f"{step:06d}.channels.exr").values
+        names = {name for name in CHANNELS if CHANNELS[name].layers[0] in layers}
+        assert {path.name.split(".")[1] for path in camera.glob(f"{step:06d}.*.npy")} == names
+        ranges_m = np.load(camera / f"{step:06d}.range.npy")
+        np.testing.assert_array_equal(ranges_m, layers["range"])
+    described = json.loads((camera / "000001.channels.json").read_text())
+    assert described["channels"]["range"]["npy"]["file"] == "000001.range.npy"
+    (camera / "000001.flow.npy").unlink()
+    (camera / "000002.channels.json").unlink()
+    assert list(npy.plan().record(folder)) == [STEPS - 2, STEPS - 1, STEPS]
+    assert _bytes(folder) == before
+    with pytest.raises(RunError, match="channel_format was 'npy', is None"):
+        list(drive.plan().record(folder))
+    list(dataclasses.replace(drive, channels=()).plan().record(folder, force=True))
+    assert not list(camera.glob("*.npy")) + list(camera.glob("*.channels.json"))

@@ -1,0 +1,44 @@
+"""Channels as NumPy's .npy files."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.atomic_file import atomic_write
+from omnisim.errors import OutputError
+
+
+class ChannelFormat(StrEnum):
+    """File formats of a picture's channels."""
+
+    AUTO = "auto"  # layers of an EXR; beside other pictures PNG, EXR and FLO
+    NPY = "npy"
+    BOTH = "both"
+
+    @classmethod
+    def parse(cls, text: str | None) -> ChannelFormat:
+        """Format of a name; None: auto.
+
+        Raises:
+            OutputError: an unknown name.
+        """
+        try:
+            return cls.AUTO if text is None else cls(text.strip().lower())
+        except ValueError:
+            names = ", ".join(cls)
+            raise OutputError(f"channel format: expected one of {names}, got {text!r}") from None
+
+
+def write_npy(path: Path, values: NDArray[Any]) -> None:
+    """Write an array as it is, dtype and all.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with atomic_write(path) as partial, partial.open("wb") as file:
+        np.save(file, values, allow_pickle=False)
