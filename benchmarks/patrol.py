@@ -31,7 +31,7 @@ def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
         camera, start = vehicle.camera().sensor, scene.start
         yaws_deg = start.yaw_deg + np.arange(count) * 360.0 / count
         return np.array([camera.base_pose(start.position_m, yaw_deg) for yaw_deg in yaws_deg])
-    driven = plan_route(scene, vehicle, Route(scene.paths[0].name)).world_from_base
+    driven = plan_route(scene, vehicle, Route(scene.paths[0].name)).trajectory.world_from_base
     return driven[np.arange(count) * len(driven) // count]
 
 

@@ -142,7 +142,9 @@ def _of_kind(rows: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
 def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven:
     vehicle = Vehicle.load(ROBOT)
     mounted = vehicle.camera()
-    poses = plan_route(scene, vehicle, Route(scene.paths[0].name, rate_hz=RATE_HZ)).world_from_base
+    poses = plan_route(
+        scene, vehicle, Route(scene.paths[0].name, rate_hz=RATE_HZ)
+    ).trajectory.world_from_base
     warm_up = min(options.warm_up, frames)
     drive = np.arange(-warm_up, frames) % len(poses)
     collector_s, resident = np.zeros(len(drive)), np.zeros(len(drive), dtype=np.int64)

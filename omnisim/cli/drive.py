@@ -22,9 +22,12 @@ from omnisim.cli.inputs import (
 )
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
+from omnisim.simulation.contacts import check_no_contact
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
+
+MOST_CONTACTS = 5  # notes; the manifest has all
 
 
 class _RateColumn(ProgressColumn):
@@ -65,6 +68,10 @@ def run(request: DriveRequest) -> None:
         channel_format=parse_channel_format(request.channel_format, channels),
     )
     plan = drive.plan(print_note)
+    if request.no_contact:
+        check_no_contact(plan.contacts, request.path)
+    for contact in plan.contacts[:MOST_CONTACTS]:
+        print_note(str(contact))
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=32),
@@ -89,9 +96,11 @@ def run(request: DriveRequest) -> None:
                     markup=False,
                 )
             raise
+    objects = len(plan.contacts)
+    touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
     resumed = f", {before} of them there before" if before else ""
     out.print(
         f"{request.output}: {pluralize(done, 'step')}{resumed}; "
-        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s",
+        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{touched}",
         markup=False,
     )

@@ -77,9 +77,16 @@ class DriveRequest:
         ),
     ] = None
     ground_m: Annotated[
-        float,
-        typer.Option("--ground", metavar="M", help="Height of the ground that waypoints are on."),
-    ] = 0.0
+        float | None,
+        typer.Option(
+            "--ground",
+            metavar="M",
+            help="Height of waypoints. [dim]the scene's floor under the wheels[/]",
+        ),
+    ] = None
+    no_contact: Annotated[
+        bool, typer.Option("--no-contact", help="Refuse a path on which the body hits the scene.")
+    ] = False
     ignore_limits: Annotated[
         bool, typer.Option("--ignore-limits", help="Ignore the robot's kinematic limits.")
     ] = False

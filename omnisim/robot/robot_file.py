@@ -21,6 +21,9 @@ from omnisim.robot.sensor_mounts import Name, SensorMount, parse_mounts
 from omnisim.short_repr import short_repr
 from omnisim.toml_file import read_toml
 
+# Of robots whose file does not say: a wheel of 0.2 m drives over a door sill.
+DEFAULT_CLEARANCE_M = 0.05
+
 Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
 Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
@@ -77,6 +80,9 @@ class _FootprintTable(Table):
     """Metres along y."""
     height_m: Length
     """Metres to its highest point, sensors included."""
+    clearance_m: Length | None = None
+    """Metres to its underside: the wheels climb what is lower, the body touches what is higher;
+    left out: 0.05, or half of the height where that is less."""
 
 
 class RobotFile(Table):
@@ -95,6 +101,11 @@ class RobotFile(Table):
     """Tables of the sensors; their keys depend on type."""
 
 
+def default_clearance_m(height_m: float) -> float:
+    """Clearance of a robot of a height, where its file says none."""
+    return min(DEFAULT_CLEARANCE_M, 0.5 * height_m)
+
+
 @dataclass(frozen=True)
 class Footprint:
     """Footprint of a robot about its base.
@@ -102,11 +113,23 @@ class Footprint:
     Attributes:
         length_m, width_m: on the ground, along x and y.
         height_m: to its highest point.
+        clearance_m: to its underside.
+
+    Raises:
+        TrajectoryError: a clearance that is not below the height.
     """
 
     length_m: float
     width_m: float
     height_m: float
+    clearance_m: float = DEFAULT_CLEARANCE_M
+
+    def __post_init__(self) -> None:
+        if not self.clearance_m < self.height_m:
+            raise TrajectoryError(
+                f"footprint.clearance_m = {self.clearance_m:g}: expected less than height_m, "
+                f"{self.height_m:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -170,9 +193,9 @@ def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
     try:
         kinematics = None if table.kinematics is None else _kinematics(table.kinematics)
         odometry = _odometry(table.odometry)
+        footprint = None if table.footprint is None else _footprint(table.footprint)
     except TrajectoryError as reason:  # such as a tick that is too small
         raise RobotFileError(f"{source}: {reason}") from None
-    footprint = table.footprint
     return Robot(
         source=source,
         folder=folder,
@@ -181,9 +204,14 @@ def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
         body=table.body,
         kinematics=kinematics,
         odometry=odometry,
-        footprint=None if footprint is None else Footprint(**dict(footprint)),
+        footprint=footprint,
         mounts=parse_mounts(table.sensors, source),
     )
+
+
+def _footprint(table: _FootprintTable) -> Footprint:
+    clearance_m = table.clearance_m or default_clearance_m(table.height_m)
+    return Footprint(table.length_m, table.width_m, table.height_m, clearance_m)
 
 
 def _kinematics(table: _KinematicsTable) -> Kinematics:

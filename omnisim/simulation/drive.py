@@ -23,7 +23,9 @@ from omnisim.scene.labels import find_labels
 from omnisim.sensors import LaserRenderer, Renderer
 from omnisim.sensors.stage import Stage
 from omnisim.short_repr import counted, short_repr
+from omnisim.simulation.body_box import BodyBox
 from omnisim.simulation.calibration_file import CALIBRATION, calibration_json
+from omnisim.simulation.contacts import Contact, find_contacts
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
 from omnisim.simulation.recorders import (
@@ -81,11 +83,13 @@ class Drive:
         """
         if not 0 <= self.seed <= LARGEST_SEED:
             raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
-        truth = plan_route(self.scene, self.vehicle, self.route, print_note)
+        planned = plan_route(self.scene, self.vehicle, self.route, print_note)
+        truth, box = planned.trajectory, BodyBox.of(self.vehicle)
         for camera in self.vehicle.cameras:
             check_exposure(camera, truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
-        return PlannedDrive(self, truth, odometry)
+        contacts = () if box is None else find_contacts(self.scene, planned.sweep, box)
+        return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +100,15 @@ class PlannedDrive:
         drive: its settings.
         truth: poses of the base.
         odometry: readings of the wheels.
+        follows_floor: see `PlannedRoute`.
+        contacts: of the body with the scene, in the order in which they begin.
     """
 
     drive: Drive
     truth: Trajectory
     odometry: Odometry
+    follows_floor: bool
+    contacts: tuple[Contact, ...]
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -190,6 +198,8 @@ class PlannedDrive:
                 "poses": fingerprint(self.truth.times_s, self.truth.world_from_base),
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
+                "follows_floor": self.follows_floor,
+                "contacts": [dataclasses.asdict(contact) for contact in self.contacts],
             },
             "steps": len(self.truth),
             "seed": drive.seed,

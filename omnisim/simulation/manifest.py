@@ -14,8 +14,9 @@ from omnisim.parameters import Table, parse_table
 from omnisim.robot.sensor_mounts import SensorName
 
 MANIFEST_FORMAT = 1
-# For the record: other versions of these, or from elsewhere, may go on with a run.
-FOR_THE_RECORD = ("libraries", "scene.file", "path.name")
+# For the record: other versions of these, or from elsewhere, may go on with a run; and what follows
+# from its poses.
+FOR_THE_RECORD = ("libraries", "scene.file", "path.name", "path.follows_floor", "path.contacts")
 
 
 class _OpenTable(Table):

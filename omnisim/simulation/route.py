@@ -26,6 +26,10 @@ from omnisim.robot.formats.text_table import check_printed_times
 from omnisim.robot.trajectory import step_lengths_m
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
+from omnisim.short_repr import short_repr
+from omnisim.simulation.body_box import BodyBox
+from omnisim.simulation.floor_following import follow_floor
+from omnisim.simulation.sweep import Sweep
 from omnisim.simulation.vehicle import Vehicle
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
@@ -34,6 +38,7 @@ LARGEST_STEP_M = 1.0  # of poses without times: farther is a jump
 LARGEST_SPEED_MPS = 100.0  # of a robot without limits of its own: faster is a jump
 # Above and below the map: recorded heights have errors, and a flat map has none.
 ROOM_M = 1.0
+NOTED_M = 0.005  # farthest from 0 without a note on the floor's height
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class Route:
         step_m, step_deg: longest step along waypoints and on the spot.
         rate_hz: steps a second along waypoints instead, or of a file without times.
         ignore_limits: drive what the robot could not, and jumps.
-        ground_m: height of the ground that waypoints are on.
+        ground_m: height that waypoints are at, or None: on the scene's floor.
         axes: of the poses of a file, or None: by its format's convention.
     """
 
@@ -54,8 +59,26 @@ class Route:
     step_deg: float = DEFAULT_STEP_DEG
     rate_hz: float | None = None
     ignore_limits: bool = False
-    ground_m: float = 0.0
+    ground_m: float | None = None
     axes: Axes | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedRoute:
+    """Route with its trajectory.
+
+    Attributes:
+        trajectory: of the vehicle's base.
+        sweep: poses close together along it, for contacts.
+        follows_floor: on the scene's floor; false for one height, or heights of a file.
+    """
+
+    trajectory: Trajectory
+    sweep: Sweep
+    follows_floor: bool
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.trajectory))
 
 
 def plan_route(
@@ -63,8 +86,11 @@ def plan_route(
     vehicle: Vehicle,
     route: Route,
     print_note: Callable[[str], None] | None = None,
-) -> Trajectory:
+) -> PlannedRoute:
     """Plan the trajectory of the vehicle's base along a route.
+
+    Waypoints, and poses of a file without heights, are on the scene's floor (`follow_floor`), or at
+    the height asked for; poses with heights are taken as they are.
 
     A file without a suffix is one only where the scene has no path of its name.
 
@@ -72,27 +98,48 @@ def plan_route(
         scene: where.
         vehicle: that drives.
         route: the path.
-        print_note: called with the axes taken, where a file's are not the world's by themselves.
+        print_note: called with the axes taken, where a file's are not the world's by themselves,
+            and with the floor's heights, where they are not 0.
 
     Raises:
         TrajectoryError: a step, rate or ground that cannot be; no such path; a file that is
             damaged, jumps, or asks for more than the vehicle can do; or a path that leaves the
-            map.
+            map or the floor.
     """
     _check_numbers(route)
     path = Path(route.path)
     is_of_scene = any(path.name == route.path for path in scene.paths)
     if path.exists() if path.suffix else path.is_file() and not is_of_scene:
-        trajectory = _from_file(path, vehicle, route, print_note)
+        trajectory, has_heights = _from_file(path, vehicle, route, print_note)
     else:
         _refuse_axes(route)
-        trajectory = _from_scene(scene, vehicle, route)
-    _check_on_the_map(scene, trajectory, route.path)
+        trajectory, has_heights = _from_scene(scene, vehicle, route), False
+    follows_floor = not has_heights and route.ground_m is None
+    if not has_heights and route.ground_m is not None:
+        trajectory = _at_height(trajectory, route.ground_m)
+    _check_on_the_map(scene, trajectory, route.path, with_heights=not follows_floor)
     try:
         check_printed_times(trajectory.times_s)
     except TrajectoryError as reason:
         raise TrajectoryError(f"{route.path}: {reason}") from None
-    return trajectory
+    box = BodyBox.of(vehicle)
+    sweep = Sweep.along(trajectory, 0.0 if box is None else box.reach_m)
+    if not follows_floor:
+        return PlannedRoute(trajectory, sweep, follows_floor=False)
+    sweep = follow_floor(scene, sweep, box, route.path)
+    trajectory = Trajectory(trajectory.times_s, sweep.world_from_base[sweep.is_step])
+    if print_note is not None:
+        low, high = trajectory.positions_m[:, 2].min(), trajectory.positions_m[:, 2].max()
+        if max(abs(low), abs(high)) >= NOTED_M:
+            heights = f"{low:.2f} m" if high - low < NOTED_M else f"{low:.2f} to {high:.2f} m"
+            print_note(f"{route.path}: on the floor, at {heights}; --ground M drives at one height")
+    return PlannedRoute(trajectory, sweep, follows_floor=True)
+
+
+def _at_height(trajectory: Trajectory, ground_m: float) -> Trajectory:
+    poses = trajectory.world_from_base.copy()
+    poses[:, 2, 3] = ground_m
+    return Trajectory(trajectory.times_s, poses)
 
 
 def _check_numbers(route: Route) -> None:
@@ -105,7 +152,7 @@ def _check_numbers(route: Route) -> None:
         )
     if route.rate_hz is not None and not 0.0 < route.rate_hz < math.inf:
         raise TrajectoryError(f"rate {route.rate_hz:g} Hz: expected a finite number above 0")
-    if not math.isfinite(route.ground_m):
+    if route.ground_m is not None and not math.isfinite(route.ground_m):
         raise TrajectoryError(f"ground {route.ground_m:g} m: expected a finite number")
 
 
@@ -130,18 +177,19 @@ def _refuse_axes(route: Route) -> None:
 
 def _from_file(
     path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
-) -> Trajectory:
+) -> tuple[Trajectory, bool]:
+    """Trajectory of a file, and true where the file has heights."""
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
         _refuse_axes(route)
-        return _along(waypoints_m, None, vehicle, route, str(path))
+        return _along(waypoints_m, None, vehicle, route, str(path)), False
     recording = parse_trajectory(path, axes=route.axes)
     if print_note is not None and recording.axes != "world":
         print_note(
             f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world takes them "
             "as x forward, y left, z up"
         )
-    if route.ground_m != 0.0:
+    if recording.has_heights and route.ground_m is not None:
         raise TrajectoryError(
             f"{path}: expected waypoints with --ground, got poses, which have heights of their own"
         )
@@ -165,7 +213,7 @@ def _from_file(
                 check_continuous(trajectory, math.inf, recording.source, LARGEST_SPEED_MPS, lines)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
-    return trajectory
+    return trajectory, recording.has_heights
 
 
 def _check_steps(recording: ParsedTrajectory) -> None:
@@ -191,13 +239,9 @@ def _along(
     kinematics = _kinematics(vehicle, where)
     try:
         if route.rate_hz is not None:
-            flat = drive_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
-        else:
-            step_rad = math.radians(route.step_deg)
-            flat = drive_in_steps(waypoints_m, kinematics, route.step_m, step_rad, start_yaw_rad)
-        poses = flat.world_from_base.copy()
-        poses[:, 2, 3] = route.ground_m
-        return Trajectory(flat.times_s, poses)
+            return drive_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
+        step_rad = math.radians(route.step_deg)
+        return drive_in_steps(waypoints_m, kinematics, route.step_m, step_rad, start_yaw_rad)
     except TrajectoryError as reason:
         raise TrajectoryError(f"{where}: {reason}") from None
 
@@ -211,7 +255,7 @@ def _kinematics(vehicle: Vehicle, where: str) -> Kinematics:
     return vehicle.kinematics
 
 
-def _check_on_the_map(scene: Scene, trajectory: Trajectory, name: str) -> None:
+def _check_on_the_map(scene: Scene, trajectory: Trajectory, name: str, with_heights: bool) -> None:
     low, high = scene.bounds_m()
     places = trajectory.positions_m
     outside = np.any((places[:, :2] < low[:2]) | (places[:, :2] > high[:2]), axis=1)
@@ -223,7 +267,7 @@ def _check_on_the_map(scene: Scene, trajectory: Trajectory, name: str) -> None:
             f"({low[0]:.2f}, {low[1]:.2f}) to ({high[0]:.2f}, {high[1]:.2f}) m"
         )
     outside = (places[:, 2] < low[2] - ROOM_M) | (places[:, 2] > high[2] + ROOM_M)
-    if outside.any():
+    if with_heights and outside.any():
         step = int(np.argmax(outside))
         raise TrajectoryError(
             f"{name}: leaves the map at step {step}, at a height of {places[step, 2]:.6g} m: "

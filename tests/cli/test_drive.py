@@ -189,3 +189,25 @@ def test_bad_views_get_one_line(omnisim, run_folder, tmp_path, arguments, messag
     assert message in error
     assert error.count("\n") == 1
     assert not list(tmp_path.glob("a.*"))
+
+
+def test_contacts_are_noted_and_refused(omnisim, needs_opengl, tmp_path):
+    """One note per object and a count at the end; --no-contact writes nothing."""
+    (tmp_path / "way.csv").write_text("x_m,y_m\n0,0\n2.9,0\n")
+    drive = ["drive", "soccer", "--robot", "superscout", "--path", "way.csv", "--step", "1.5"]
+    drive += ["--size", "32", "--quality", "fast"]
+    status, out, error = omnisim(*drive, "--no-contact", "-o", "run")
+    assert status == 1
+    assert error.count("\n") == 1
+    assert "way.csv: contact with goal_blue first at step " in error
+    assert not (tmp_path / "run").exists()
+    status, out, error = omnisim(*drive, "-o", "run")
+    assert status == 0
+    assert error.startswith("note: contact with goal_blue first at step ")
+    assert "; contact with 1 object\n" in out
+    path = json.loads((tmp_path / "run" / "manifest.json").read_text())["path"]
+    assert path["follows_floor"]
+    assert [contact["object"] for contact in path["contacts"]] == ["goal_blue"]
+    status, out, error = omnisim(*drive, "--ground", "0", "-o", "run")  # not off the carpet
+    assert status == 1
+    assert "run/manifest.json: path.poses was " in error

@@ -29,14 +29,14 @@ def scene():
 
 
 def _drive(scene, vehicle, path, **options):
-    return plan_route(scene, vehicle, Route(str(path), **options))
+    return plan_route(scene, vehicle, Route(str(path), **options)).trajectory
 
 
 def test_path_of_the_scene(scene, vehicle):
     poses = _drive(scene, vehicle, "corner", step_m=0.25, step_deg=30.0)
-    np.testing.assert_allclose(poses.positions_m[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(poses.positions_m[0], (0.0, 0.0, -1.5), atol=1e-12)  # the floor
     assert poses.yaw_rad[0] == pytest.approx(math.pi / 2.0)  # the path's start, not its first leg
-    np.testing.assert_allclose(poses.positions_m[-1], (1.0, 1.0, 0.0), atol=1e-12)
+    np.testing.assert_allclose(poses.positions_m[-1], (1.0, 1.0, -1.5), atol=1e-12)
     assert len(poses) == 1 + 3 + 4 + 3 + 4  # turn, leg, turn, leg
     assert poses.path_length_m == pytest.approx(2.0)
 
@@ -110,7 +110,7 @@ def test_a_file_without_a_suffix(scene, vehicle, tmp_path, monkeypatch):
 
 
 def test_poses_have_heights_of_their_own(scene, vehicle, tmp_path):
-    (tmp_path / "my.csv").write_text("x_m,y_m,yaw_deg\n0,0,0\n0.1,0,0\n")
+    (tmp_path / "my.csv").write_text("x_m,y_m,z_m\n0,0,0\n0.1,0,0\n")
     with pytest.raises(
         TrajectoryError, match=r"my\.csv: expected waypoints with --ground, got poses"
     ):
@@ -137,13 +137,13 @@ def test_kitti_file_drives_ahead_and_says_its_axes(scene, vehicle, tmp_path):
     (tmp_path / "a.kitti").write_text(ahead)
     notes = []
     route = Route(str(tmp_path / "a.kitti"))
-    poses = plan_route(scene, vehicle, route, notes.append)
+    poses = plan_route(scene, vehicle, route, notes.append).trajectory
     np.testing.assert_allclose(poses.positions_m[-1], (1.0, 0.0, 0.0), atol=1e-12)
     assert len(notes) == 1
     assert "KITTI's axes" in notes[0]
     assert "--axes world" in notes[0]
     as_it_is = dataclasses.replace(route, axes="world", ignore_limits=True)
-    poses = plan_route(scene, vehicle, as_it_is, notes.append)
+    poses = plan_route(scene, vehicle, as_it_is, notes.append).trajectory
     np.testing.assert_allclose(poses.positions_m[-1], (0.0, 0.0, 1.0), atol=1e-12)
     assert len(notes) == 1
 

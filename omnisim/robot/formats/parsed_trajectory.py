@@ -38,6 +38,7 @@ class ParsedTrajectory:
         times_s: (n,), or None: the file has none.
         world_from_base: (n, 4, 4).
         axes: that the file's poses are in; `world_from_base` is in the world's.
+        has_heights: false for poses of a floor plan: x, y and heading.
     """
 
     source: str
@@ -45,6 +46,7 @@ class ParsedTrajectory:
     times_s: NDArray[np.float64] | None
     world_from_base: NDArray[np.float64]
     axes: Axes = "world"
+    has_heights: bool = True
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
         """Trajectory at the poses' times, or at `rate_hz` from 0 s on where they have none.

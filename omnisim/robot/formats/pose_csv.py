@@ -1,12 +1,14 @@
 """Our own CSV: a header, then a pose a line; the columns in any order.
 
-`x_m` and `y_m` must be there. `z_m`, `roll_deg` and `pitch_deg` are 0 where they are not. Without
+`x_m` and `y_m` must be there. `z_m`, `roll_deg` and `pitch_deg` are 0 where they are not; without
+any of them the poses are those of a floor plan. Without
 `yaw_deg` the robot looks along its path: to the next pose that is elsewhere, at the end as before.
 Without `t_s` the poses have no times.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -38,7 +40,9 @@ def read(table: TextTable) -> ParsedTrajectory:
         [rotation_from_roll_pitch_yaw(*angles) for angles in zip(roll, pitch, yaw, strict=True)]
     )
     times_s = read_times(table, values["t_s"]) if "t_s" in values else None
-    return parsed_trajectory(table, times_s, positions, rotations)
+    parsed = parsed_trajectory(table, times_s, positions, rotations)
+    has_heights = any(name in values for name in ("z_m", "roll_deg", "pitch_deg"))
+    return dataclasses.replace(parsed, has_heights=has_heights)
 
 
 def _header(table: TextTable) -> list[str]:
