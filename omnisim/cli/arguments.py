@@ -1,9 +1,18 @@
 """Arguments and options that several commands share."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+
+class PoseAxes(StrEnum):
+    """Axes of the poses of a trajectory file."""
+
+    KITTI = "kitti"
+    WORLD = "world"
+
 
 SceneArgument = Annotated[
     str,
@@ -40,6 +49,24 @@ YawOption = Annotated[
         help="Heading, counter-clockwise from +x.",
         show_default="the scene's start",
     ),
+]
+PitchOption = Annotated[
+    float, typer.Option("--pitch", metavar="DEG", help="Tilt of the front downwards.")
+]
+RollOption = Annotated[
+    float, typer.Option("--roll", metavar="DEG", help="Tilt of the right side downwards.")
+]
+AxesOption = Annotated[
+    PoseAxes | None,
+    typer.Option(
+        "--axes",
+        help="Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, "
+        "y left, z up).",
+        show_default="kitti for KITTI's files, else world",
+    ),
+]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Throw away another run that is in the folder.")
 ]
 PolygonsOption = Annotated[
     str | None,

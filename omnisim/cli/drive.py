@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
-
-from omnisim.cli.console import err, out, pluralize, print_note
+from omnisim.cli.console import print_note
 from omnisim.cli.inputs import (
     load_labelled_scene,
     parse_channel_format,
     parse_polygons,
     read_preset,
 )
+from omnisim.cli.recording import record
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
 from omnisim.simulation.contacts import check_no_contact
@@ -28,13 +18,6 @@ from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
 MOST_CONTACTS = 5  # notes; the manifest has all
-
-
-class _RateColumn(ProgressColumn):
-    """Steps per second."""
-
-    def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:.1f} steps/s" if task.speed else "", style="cyan")
 
 
 def run(request: DriveRequest) -> None:
@@ -72,35 +55,4 @@ def run(request: DriveRequest) -> None:
         check_no_contact(plan.contacts, request.path)
     for contact in plan.contacts[:MOST_CONTACTS]:
         print_note(str(contact))
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=32),
-        MofNCompleteColumn(),
-        _RateColumn(),
-        TimeRemainingColumn(),
-    )
-    done, total = 0, len(plan.truth)
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        steps = plan.record(request.output, request.force)
-        try:
-            before = done = next(steps)
-            task = progress.add_task(f"{vehicle.name} in {scene.name}", total=total)
-            progress.update(task, completed=before)
-            for done in steps:
-                progress.update(task, completed=done)
-        except KeyboardInterrupt:
-            how = "the same command without --force" if request.force else "the same command"
-            if done:
-                err.print(
-                    f"{request.output}: {done} of {total} steps are there: {how} goes on",
-                    markup=False,
-                )
-            raise
-    objects = len(plan.contacts)
-    touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
-    resumed = f", {before} of them there before" if before else ""
-    out.print(
-        f"{request.output}: {pluralize(done, 'step')}{resumed}; "
-        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{touched}",
-        markup=False,
-    )
+    record(plan, request.output, request.force)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.cli.console import print_note
+from omnisim.cli.picture_requests import RenderRequest, ScanRequest
 from omnisim.errors import CalibrationError, OpticsError, OutputError
 from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.poses import pose
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
@@ -20,24 +25,38 @@ LABELLED = frozenset(("semantic", "instance"))  # channels whose files name clas
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Position and heading, world."""
+    """Position and attitude, world."""
 
     position_m: tuple[float, float, float]
     yaw_deg: float
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
 
     @classmethod
-    def in_scene(
-        cls, scene: Scene, at: tuple[float, float, float] | None, yaw_deg: float | None
-    ) -> Viewpoint:
-        """Take --at and --yaw, by default from the scene's start."""
+    def in_scene(cls, scene: Scene, request: RenderRequest | ScanRequest) -> Viewpoint:
+        """Take --at, --yaw, --pitch and --roll, by default level at the scene's start."""
+        start, at, yaw_deg = scene.start, request.at, request.yaw_deg
         return cls(
-            position_m=scene.start.position_m if at is None else at,
-            yaw_deg=scene.start.yaw_deg if yaw_deg is None else yaw_deg,
+            position_m=start.position_m if at is None else at,
+            yaw_deg=start.yaw_deg if yaw_deg is None else yaw_deg,
+            pitch_deg=request.pitch_deg,
+            roll_deg=request.roll_deg,
         )
 
     def __str__(self) -> str:
         x, y, z = self.position_m
-        return f"({x:g}, {y:g}, {z:g}) m at yaw {self.yaw_deg:g}°"
+        tilts = (("pitch", self.pitch_deg), ("roll", self.roll_deg))
+        tilt = "".join(f", {name} {angle:g}°" for name, angle in tilts if angle)
+        return f"({x:g}, {y:g}, {z:g}) m at yaw {self.yaw_deg:g}°{tilt}"
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Pose (4, 4) in the world."""
+        return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+
+    def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
+        """Pose (4, 4) world_from_base of a vehicle whose camera is here."""
+        return camera.base_pose(self.position_m, self.yaw_deg, self.pitch_deg, self.roll_deg)
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -68,6 +87,20 @@ def read_camera(
             if value is not None:
                 raise CalibrationError(f"{option}: requires --camera")
         return read_sensor(sensor)
+    check_calibration_path(calibration, sensor)
+    # the time to import formats and fits is for those who use them
+    from omnisim.cli.calibration import read_calibration, select_camera
+
+    read = read_calibration(calibration, camera_name, None, mirrored)
+    return OmniCamera(select_camera(read, camera_name).cameras[0].camera, polygons=None)
+
+
+def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
+    """Refuse a sensor file in the place of a calibration file, or beside it.
+
+    Raises:
+        CalibrationError: naming the options.
+    """
     if sensor is not None:
         raise CalibrationError("--sensor, --camera: expected one of them, got both")
     if calibration.suffix.lower() == ".toml":
@@ -75,11 +108,22 @@ def read_camera(
             f"--camera: expected a calibration file, got the sensor file {calibration}: "
             "pass it as --sensor"
         )
-    # the time to import formats and fits is for those who use them
-    from omnisim.cli.calibration import read_calibration, select_camera
 
-    read = read_calibration(calibration, camera_name, None, mirrored)
-    return OmniCamera(select_camera(read, camera_name).cameras[0].camera, polygons=None)
+
+def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: str) -> None:
+    """Refuse options that would have no effect.
+
+    Args:
+        request: of a command.
+        options: names of their fields in the request.
+        reason: for the message.
+
+    Raises:
+        OutputError: naming the first that is not at its default.
+    """
+    for option, name in options.items():
+        if getattr(request, name) != getattr(RenderRequest, name):
+            raise OutputError(f"{option}: {reason}")
 
 
 def load_labelled_scene(

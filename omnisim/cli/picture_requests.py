@@ -10,20 +10,30 @@ import typer
 from omnisim.cli.arguments import (
     AlsoOption,
     AtOption,
-    CameraNameOption,
+    AxesOption,
     ChannelFormatOption,
     DeviceOption,
+    ForceOption,
     LabelsOption,
     MirroredOption,
     PictureOption,
+    PitchOption,
     PolygonsOption,
     PresetOption,
     QualityOption,
+    RollOption,
     SceneArgument,
     SizeOption,
     UnlitOption,
     UpOption,
     YawOption,
+)
+from omnisim.cli.trajectory_arguments import (
+    PictureOrRunOption,
+    RigCameraOption,
+    TrajectoryFrameOption,
+    TrajectoryOption,
+    TrajectoryRateOption,
 )
 
 
@@ -32,7 +42,7 @@ class RenderRequest:
     """Parameters of `omnisim render`."""
 
     scene: SceneArgument
-    output: PictureOption
+    output: PictureOrRunOption
     sensor: Annotated[
         Path | None,
         typer.Option(
@@ -51,10 +61,17 @@ class RenderRequest:
             "(`omnisim calibration formats`).",
         ),
     ] = None
-    camera_name: CameraNameOption = None
+    camera_name: RigCameraOption = None
     mirrored: MirroredOption = None
+    trajectory: TrajectoryOption = None
+    trajectory_frame: TrajectoryFrameOption = None
+    axes: AxesOption = None
+    rate_hz: TrajectoryRateOption = None
+    force: ForceOption = False
     at: AtOption = None
     yaw_deg: YawOption = None
+    pitch_deg: PitchOption = 0.0
+    roll_deg: RollOption = 0.0
     polygons: PolygonsOption = None
     size_px: SizeOption = None
     quality: QualityOption = None
@@ -93,7 +110,7 @@ class RenderRequest:
         typer.Option(
             "--previous",
             metavar="X Y Z",
-            help="Viewpoint of the previous frame, for backward flow.",
+            help="Viewpoint of the previous frame, for flow_backward.",
             show_default="0.1 m behind",
         ),
     ] = None
@@ -102,8 +119,8 @@ class RenderRequest:
         typer.Option(
             "--previous-yaw",
             metavar="DEG",
-            help="Heading at the previous frame.",
-            show_default="as now",
+            help="Heading at the previous viewpoint, for flow_backward.",
+            show_default="that of --yaw",
         ),
     ] = None
     preview: Annotated[
@@ -259,6 +276,8 @@ class ScanRequest:
     ] = None
     at: AtOption = None
     yaw_deg: YawOption = None
+    pitch_deg: PitchOption = 0.0
+    roll_deg: RollOption = 0.0
     resolution_deg: Annotated[
         float,
         typer.Option(

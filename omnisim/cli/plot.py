@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.run_requests import PlotRequest
@@ -23,9 +24,8 @@ def run(request: PlotRequest) -> None:
     recorded = RunFolder.read(folder)
     check_plot_target(target)
     truth = read_trajectory(folder / GROUND_TRUTH)
-    reckoned = read_odometry(folder / ODOMETRY).dead_reckoned().positions_m[:, :2]
-    for name, count in ((GROUND_TRUTH, len(truth)), (ODOMETRY, len(reckoned))):
-        recorded.check_steps(name, count)
+    recorded.check_steps(GROUND_TRUTH, len(truth))
+    reckoned = _dead_reckoned(recorded)
     done = recorded.steps_done()
     if notice := recorded.unfinished():
         print_note(notice)
@@ -34,22 +34,32 @@ def run(request: PlotRequest) -> None:
         camera = recorded.camera()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
         pictures = {step: read_image(recorded.file(camera, step, ".png"))[0] for step in shown}
-    title = _title(
-        recorded, truth, float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1])), done
-    )
+    title = _title(recorded, truth, reckoned, done)
     figure = run_figure(title, _scene(recorded, request.scene), truth, reckoned, pictures)
     write_plot(target, figure)
     out.print(f"{target}: {done} of {pluralize(len(truth), 'step')}", markup=False)
 
 
-def _title(run: RunFolder, truth: Trajectory, error_m: float, done: int) -> str:
+def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:
+    """Positions (n, 2) by the wheels, or None: the run is of a rig, which has none."""
+    if run.manifest.is_rig:
+        return None
+    positions_m = read_odometry(run.path / ODOMETRY).dead_reckoned().positions_m[:, :2]
+    run.check_steps(ODOMETRY, len(positions_m))
+    return positions_m
+
+
+def _title(
+    run: RunFolder, truth: Trajectory, reckoned: NDArray[np.float64] | None, done: int
+) -> str:
     length_m = truth.path_length_m
     there = "" if done == len(truth) else f" ({done} are there)"
+    title = f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}"
+    if reckoned is None:
+        return title
+    error_m = float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1]))
     share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
-    return (
-        f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}; "
-        f"odometry ends {error_m:.2f} m off{share}"
-    )
+    return f"{title}; odometry ends {error_m:.2f} m off{share}"
 
 
 def _scene(run: RunFolder, scene: str | None) -> Scene | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Collection
 from pathlib import Path
@@ -19,6 +20,7 @@ from omnisim.cli.inputs import (
     parse_polygons,
     read_camera,
     read_preset,
+    refuse_options,
 )
 from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import FACE_NAMES, unfolded_cube
@@ -38,11 +40,22 @@ from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.calibration import Calibration
 
+TRAJECTORY_OPTIONS = {
+    "--trajectory-frame": "trajectory_frame",
+    "--axes": "axes",
+    "--rate": "rate_hz",
+    "--force": "force",
+}
 DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
 
 
 def run(request: RenderRequest) -> None:
-    """Render one frame, write it and print a summary."""
+    """Render one frame, or a rig along a trajectory, and print a summary."""
+    if request.trajectory is not None:
+        from omnisim.cli.trajectory import run as run_trajectory
+
+        return run_trajectory(request, request.trajectory)
+    refuse_options(request, TRAJECTORY_OPTIONS, "requires --trajectory")
     _check_motion(request)
     is_float = is_float_format(request.output)
     channels = _check_outputs(request)
@@ -50,12 +63,10 @@ def run(request: RenderRequest) -> None:
     _check_channel_options(request, channels)
     channel_format = parse_channel_format(request.channel_format, channels)
     scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
-    viewpoint = Viewpoint.in_scene(scene, request.at, request.yaw_deg)
-    base = camera.base_pose(viewpoint.position_m, viewpoint.yaw_deg)
+    viewpoint = Viewpoint.in_scene(scene, request)
+    base = viewpoint.base_of(camera)
     others = _other_viewpoints(request, viewpoint, channels)
-    bases = {
-        other: camera.base_pose(there.position_m, there.yaw_deg) for other, there in others.items()
-    }
+    bases = {other: there.base_of(camera) for other, there in others.items()}
     twist = _twist(request, camera)
     with Renderer(
         scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
@@ -193,12 +204,13 @@ def _other_viewpoint(
 ) -> Viewpoint:
     """Viewpoint of another frame: as given, or a little ahead."""
     yaw_deg = current.yaw_deg if given_yaw_deg is None else given_yaw_deg
+    turned = dataclasses.replace(current, yaw_deg=yaw_deg)
     if at is not None:
-        return Viewpoint(at, yaw_deg)
+        return dataclasses.replace(turned, position_m=at)
     if given_yaw_deg is not None:
-        return Viewpoint(current.position_m, yaw_deg)
-    yaw, (x, y, z) = math.radians(yaw_deg), current.position_m
-    return Viewpoint((x + advance_m * math.cos(yaw), y + advance_m * math.sin(yaw), z), yaw_deg)
+        return turned
+    x, y, z = (current.position_m + advance_m * current.pose[:3, 0]).tolist()
+    return dataclasses.replace(current, position_m=(x, y, z))
 
 
 def _twist(request: RenderRequest, camera: OmniCamera) -> Twist:

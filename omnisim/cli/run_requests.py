@@ -1,7 +1,6 @@
 """Parameters of the commands that record a run, or read one."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,8 +8,10 @@ import typer
 
 from omnisim.cli.arguments import (
     AlsoOption,
+    AxesOption,
     ChannelFormatOption,
     DeviceOption,
+    ForceOption,
     LabelsOption,
     PolygonsOption,
     PresetOption,
@@ -23,13 +24,6 @@ from omnisim.cli.arguments import (
     UnlitOption,
     UpOption,
 )
-
-
-class PoseAxes(StrEnum):
-    """Axes of the poses of a trajectory file."""
-
-    KITTI = "kitti"
-    WORLD = "world"
 
 
 @dataclass(frozen=True)
@@ -90,15 +84,7 @@ class DriveRequest:
     ignore_limits: Annotated[
         bool, typer.Option("--ignore-limits", help="Ignore the robot's kinematic limits.")
     ] = False
-    axes: Annotated[
-        PoseAxes | None,
-        typer.Option(
-            "--axes",
-            help="Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, "
-            "y left, z up).",
-            show_default="kitti for KITTI's files, else world",
-        ),
-    ] = None
+    axes: AxesOption = None
     polygons: PolygonsOption = None
     size_px: SizeOption = None
     quality: QualityOption = None
@@ -106,9 +92,7 @@ class DriveRequest:
     also: AlsoOption = None
     channel_format: ChannelFormatOption = None
     labels: LabelsOption = None
-    force: Annotated[
-        bool, typer.Option("--force", help="Throw away another run that is in the folder.")
-    ] = False
+    force: ForceOption = False
     preset: PresetOption = None
     up_axis: UpOption = None
     device: DeviceOption = None

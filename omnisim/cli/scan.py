@@ -10,7 +10,6 @@ from omnisim.cli.inputs import Viewpoint
 from omnisim.cli.picture_requests import ScanRequest
 from omnisim.errors import OutputError
 from omnisim.extras import require_extra
-from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.sensors import LaserRenderer, LaserScanner
 
@@ -31,10 +30,9 @@ def run(request: ScanRequest) -> None:
     scene = load_scene(request.scene, request.up_axis)
     for notice in scene.notices:
         print_note(notice)
-    viewpoint = Viewpoint.in_scene(scene, request.at, request.yaw_deg)
-    world_from_scanner = pose(viewpoint.position_m, yaw_deg=viewpoint.yaw_deg)
+    viewpoint = Viewpoint.in_scene(scene, request)
     with LaserRenderer(scene, scanner, device=request.device) as renderer:
-        scan = renderer.scan(world_from_scanner)
+        scan = renderer.scan(viewpoint.pose)
     scan.save_csv(request.output)
     too_near = int(np.isneginf(scan.ranges_m).sum())
     out_of_range = int(np.isposinf(scan.ranges_m).sum())

@@ -26,7 +26,7 @@ def run_figure(
     title: str,
     scene: Scene | None,
     truth: Trajectory,
-    reckoned: NDArray[np.float64],
+    reckoned: NDArray[np.float64] | None,
     pictures: dict[int, NDArray[np.uint8]],
 ) -> Figure:
     """The plot of a run.
@@ -35,7 +35,7 @@ def run_figure(
         title: broken into lines where it is long.
         scene: its map and landmarks, or None: no map.
         truth: poses of the base.
-        reckoned: (n, 2) positions by dead reckoning.
+        reckoned: (n, 2) positions by dead reckoning, or None: no odometry.
         pictures: (height, width, 3) by step, at most a handful.
     """
     low, high = _extent(truth, reckoned, scene)
@@ -58,7 +58,8 @@ def run_figure(
         for landmark in scene.landmarks:
             _draw_landmark(axes, landmark)
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
-    axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
+    if reckoned is not None:
+        axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
     axes.plot(x, y, "-", color=TRUE, lw=2.2, label="true path")
     axes.plot(x[0], y[0], "o", color=TRUE, markersize=9, markerfacecolor="white", label="start")
     yaw = truth.yaw_rad
@@ -100,10 +101,12 @@ def _steps_by_position(truth: Trajectory, steps: list[int]) -> dict[tuple[float,
 
 
 def _extent(
-    truth: Trajectory, reckoned: NDArray[np.float64], scene: Scene | None
+    truth: Trajectory, reckoned: NDArray[np.float64] | None, scene: Scene | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Corners (2,) of the map: the path with a margin, and landmarks near it."""
-    positions = np.concatenate((truth.positions_m[:, :2], reckoned))
+    positions = truth.positions_m[:, :2]
+    if reckoned is not None:
+        positions = np.concatenate((positions, reckoned))
     low, high = positions.min(axis=0), positions.max(axis=0)
     room = max(1.5, 0.25 * float((high - low).max()))
     low, high = low - room, high + room

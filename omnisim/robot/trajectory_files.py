@@ -56,7 +56,7 @@ def parse_trajectory(
     table = read_text_table(path)
     name = _known(format_name) if format_name else _format_of(path, table)
     axes = _known_axes(axes, name)
-    parsed = FORMATS[name].read(table)
+    parsed = dataclasses.replace(FORMATS[name].read(table), format=name)
     if axes == "world":
         return parsed
     poses = _change_axes(parsed.world_from_base, _FROM_KITTI)

@@ -226,13 +226,19 @@ class OmniCamera:
         """The same sensor with another degradation."""
         return dataclasses.replace(self, degradation=degradation)
 
-    def base_pose(self, viewpoint_m: ArrayLike, yaw_deg: float = 0.0) -> NDArray[np.float64]:
-        """Pose (4, 4) world_from_base of a level vehicle at a heading, such that the effective
-        viewpoint is at `viewpoint_m` (3,), world.
+    def base_pose(
+        self,
+        viewpoint_m: ArrayLike,
+        yaw_deg: float = 0.0,
+        pitch_deg: float = 0.0,
+        roll_deg: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """Pose (4, 4) world_from_base of a vehicle at a heading, by default level, such that the
+        effective viewpoint is at `viewpoint_m` (3,), world.
 
         Raises:
             OmnisimError: a position or angle that is not finite.
         """
-        world_from_base = poses.pose(viewpoint_m, yaw_deg=yaw_deg)
+        world_from_base = poses.pose(viewpoint_m, roll_deg, pitch_deg, yaw_deg)
         world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
         return world_from_base

@@ -36,7 +36,13 @@ from omnisim.simulation.recorders import (
 )
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_channels import write_boxes, write_labels
-from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder, open_run
+from omnisim.simulation.run_folder import (
+    CAMERA_POSES,
+    GROUND_TRUTH,
+    ODOMETRY,
+    RunFolder,
+    open_run,
+)
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.version import __version__
@@ -81,15 +87,31 @@ class Drive:
             TrajectoryError: a path that cannot be driven.
             RunError: an impossible seed, or an exposure longer than a step.
         """
-        if not 0 <= self.seed <= LARGEST_SEED:
-            raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
+        self._check_seed()
         planned = plan_route(self.scene, self.vehicle, self.route, print_note)
         truth, box = planned.trajectory, BodyBox.of(self.vehicle)
-        for camera in self.vehicle.cameras:
-            check_exposure(camera, truth)
+        self._check_exposures(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = () if box is None else find_contacts(self.scene, planned.sweep, box)
         return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
+
+    def along(self, truth: Trajectory) -> PlannedDrive:
+        """Take the vehicle along poses as they are, without wheels: there is no odometry.
+
+        Raises:
+            RunError: an impossible seed, or an exposure longer than a step.
+        """
+        self._check_seed()
+        self._check_exposures(truth)
+        return PlannedDrive(self, truth)
+
+    def _check_seed(self) -> None:
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
+
+    def _check_exposures(self, truth: Trajectory) -> None:
+        for camera in self.vehicle.cameras:
+            check_exposure(camera, truth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +121,16 @@ class PlannedDrive:
     Attributes:
         drive: its settings.
         truth: poses of the base.
-        odometry: readings of the wheels.
+        odometry: readings of the wheels, or None: it has none.
         follows_floor: see `PlannedRoute`.
         contacts: of the body with the scene, in the order in which they begin.
     """
 
     drive: Drive
     truth: Trajectory
-    odometry: Odometry
-    follows_floor: bool
-    contacts: tuple[Contact, ...]
+    odometry: Odometry | None = None
+    follows_floor: bool = False
+    contacts: tuple[Contact, ...] = ()
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -207,6 +229,8 @@ class PlannedDrive:
             "channels": drive.channels,
             "cameras": [camera.name for camera in vehicle.cameras],
             "scanners": [scanner.name for scanner in vehicle.scanners],
+            # a robot's manifests stay as they were
+            **({"is_rig": True} if self.odometry is None else {}),
             "renderer": renderer,
             "libraries": {
                 "python": platform.python_version(),
@@ -222,7 +246,7 @@ class PlannedDrive:
         """Write the files that need no rendering."""
         if not run.has(GROUND_TRUTH):
             write_trajectory(run.path / GROUND_TRUTH, self.truth)
-        if not run.has(ODOMETRY):
+        if self.odometry is not None and not run.has(ODOMETRY):
             write_odometry(run.path / ODOMETRY, self.odometry)
         for camera in self.drive.vehicle.cameras:
             for name, text in (
@@ -231,6 +255,11 @@ class PlannedDrive:
             ):
                 if not run.has(f"{camera.name}/{name}"):
                     write_text(run.path / camera.name / name, text)
+            if self.odometry is None and not run.has(f"{camera.name}/{CAMERA_POSES}"):
+                poses = self.truth.world_from_base @ camera.sensor.base_from_optical
+                write_trajectory(
+                    run.path / camera.name / CAMERA_POSES, Trajectory(self.truth.times_s, poses)
+                )
 
 
 def scene_contents(scene: Scene) -> str:

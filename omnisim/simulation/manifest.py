@@ -48,6 +48,7 @@ class Manifest(_OpenTable):
     scanners: list[SensorName]
     channels: tuple[str, ...] = Field(default=(), strict=False)
     channel_format: ChannelFormat = Field(default=ChannelFormat.AUTO, strict=False)
+    is_rig: bool = False
 
     @property
     def sensors(self) -> list[str]:

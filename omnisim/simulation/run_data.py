@@ -117,6 +117,8 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     steps = run.steps_done()
     if steps == 0:
         raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
+    if run.manifest.is_rig:
+        raise RunError(f"{folder}: expected the run of a robot with wheels, got that of a rig")
     odometry = read_odometry(folder / ODOMETRY)
     run.check_steps(ODOMETRY, len(odometry.times_s))
     truth = read_trajectory(folder / GROUND_TRUTH) if run.has(GROUND_TRUTH) else None

@@ -8,6 +8,10 @@
     <camera>/000000.png ...     a picture a step, with camera and pose inside
     <scanner>/000000.csv ...    a scan a step
 
+Of a rig, which has no wheels, instead of the odometry:
+
+    <camera>/poses.tum          poses of the camera's optical frame
+
 With channels of ground truth also:
 
     labels.json                             numbers, names and colours of classes and instances
@@ -47,14 +51,15 @@ from omnisim.simulation.manifest import (
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
+CAMERA_POSES = "poses.tum"  # in the folder of each camera
 LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
 PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
 CHANNELS_SUFFIX, BOXES_SUFFIX = ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX = ".channels.json"
 _OWN_FILE = re.compile(
-    r"\d{6,}\.(png|csv|channels\.(exr|json)|[a-z_]+\.npy|coco\.json)|coco\.json|sensor\.toml|calibration\.json"
-    r"|\.omnisim-.*\.partial"
+    r"\d{6,}\.(png|csv|channels\.(exr|json)|[a-z_]+\.npy|coco\.json)|coco\.json|sensor\.toml"
+    r"|calibration\.json|poses\.tum|\.omnisim-.*\.partial"
 )
 
 

@@ -39,6 +39,7 @@ class ParsedTrajectory:
         world_from_base: (n, 4, 4).
         axes: that the file's poses are in; `world_from_base` is in the world's.
         has_heights: false for poses of a floor plan: x, y and heading.
+        format: name of the file's format.
     """
 
     source: str
@@ -47,6 +48,7 @@ class ParsedTrajectory:
     world_from_base: NDArray[np.float64]
     axes: Axes = "world"
     has_heights: bool = True
+    format: str = ""
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
         """Trajectory at the poses' times, or at `rate_hz` from 0 s on where they have none.

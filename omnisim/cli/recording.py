@@ -1,0 +1,62 @@
+"""Recording of a planned drive: progress bar, interruption, summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from omnisim.cli.console import err, out, pluralize
+from omnisim.simulation.drive import PlannedDrive
+
+
+class _RateColumn(ProgressColumn):
+    """Steps per second."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.1f} steps/s" if task.speed else "", style="cyan")
+
+
+def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
+    """Record a run, or resume an unfinished one, and print a summary."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=32),
+        MofNCompleteColumn(),
+        _RateColumn(),
+        TimeRemainingColumn(),
+    )
+    title = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}"
+    done, total = 0, len(plan.truth)
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        steps = plan.record(folder, force)
+        try:
+            before = done = next(steps)
+            task = progress.add_task(title, total=total)
+            progress.update(task, completed=before)
+            for done in steps:
+                progress.update(task, completed=done)
+        except KeyboardInterrupt:
+            how = "the same command without --force" if force else "the same command"
+            if done:
+                err.print(
+                    f"{folder}: {done} of {total} steps are there: {how} goes on", markup=False
+                )
+            raise
+    objects = len(plan.contacts)
+    touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
+    resumed = f", {before} of them there before" if before else ""
+    out.print(
+        f"{folder}: {pluralize(done, 'step')}{resumed}; "
+        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{touched}",
+        markup=False,
+    )

@@ -1,0 +1,135 @@
+"""`omnisim render --trajectory`: a camera or a rig along poses, recorded as a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omnisim.calibration import Calibration
+from omnisim.calibration.rig import Rig, RigCamera
+from omnisim.cli.calibration import read_calibration
+from omnisim.cli.console import print_note
+from omnisim.cli.inputs import (
+    check_calibration_path,
+    load_labelled_scene,
+    parse_channel_format,
+    parse_polygons,
+    read_camera,
+    read_preset,
+    refuse_options,
+)
+from omnisim.cli.picture_requests import RenderRequest
+from omnisim.cli.recording import record
+from omnisim.errors import OutputError, RunError
+from omnisim.ground_truth import parse_channels
+from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
+from omnisim.poses import pose
+from omnisim.robot.formats.parsed_trajectory import Axes
+from omnisim.simulation.drive import Drive
+from omnisim.simulation.rig_trajectory import RigRoute
+from omnisim.simulation.rig_vehicle import rig_vehicle
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
+
+ALL = "all"
+SINGLE_PICTURE = {
+    "--faces": "faces",
+    "--next": "next_at",
+    "--next-yaw": "next_yaw_deg",
+    "--previous": "previous_at",
+    "--previous-yaw": "previous_yaw_deg",
+    "--preview": "preview",
+    "--speed": "speed_mps",
+    "--turn-rate": "turn_rate_degps",
+    "--rays": "rays",
+    "--calibration": "calibration",
+}
+
+
+def run(request: RenderRequest, path: Path) -> None:
+    """Record a run of a rig, or resume an unfinished one, and print a summary.
+
+    Args:
+        request: of `omnisim render`.
+        path: of the trajectory.
+    """
+    refuse_options(request, SINGLE_PICTURE, "expected a single viewpoint, got --trajectory")
+    if request.output.suffix.lower() in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
+        raise OutputError(f"{request.output}: expected a folder with --trajectory, got a picture")
+    channels = () if request.also is None else parse_channels(request.also)
+    rig, vehicle = _rig(request, path)
+    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
+    vehicle = vehicle.with_cameras(
+        size_px=request.size_px,
+        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
+        degradation=read_preset(request.preset),
+        quality=request.quality,
+    )
+    world_from_file = pose(
+        request.at or (0.0, 0.0, 0.0), request.roll_deg, request.pitch_deg, request.yaw_deg or 0.0
+    )
+    axes: Axes | None = None if request.axes is None else request.axes.value
+    route = RigRoute(path, request.trajectory_frame, axes, request.rate_hz, world_from_file)
+    truth, is_timed = route.read(rig, print_note)
+    if not is_timed:
+        _refuse_time(vehicle, path)
+    drive = Drive(
+        scene,
+        vehicle,
+        Route(str(path)),
+        seed=request.seed,
+        unlit=request.unlit,
+        device=request.device,
+        up_axis=request.up_axis,
+        channels=channels,
+        channel_format=parse_channel_format(request.channel_format, channels),
+    )
+    record(drive.along(truth), request.output, request.force)
+
+
+def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
+    """Rig of the whole file, whose frames the poses may be of, and vehicle of the cameras taken."""
+    source = request.camera
+    if source is None and request.sensor is None and path.suffix.lower() == ".json":
+        source = path
+    if source is None:
+        sensor = read_camera(request.sensor, None, request.camera_name, request.mirrored)
+        rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
+        return rig, rig_vehicle(_name(request.sensor), rig, (sensor,))
+    check_calibration_path(source, request.sensor)
+    calibration = read_calibration(source, None, None, request.mirrored)
+    name = None if request.camera_name == ALL else request.camera_name
+    rig = Rig.of(_connected(calibration, name))
+    return rig, rig_vehicle(_name(source), rig if name is None else rig.only(name))
+
+
+def _connected(calibration: Calibration, name: str | None) -> Calibration:
+    """Calibration with all cameras, but of one alone where the file has no extrinsics of it."""
+    if name is None or calibration.camera(name).poses:
+        return calibration
+    frames = {
+        frame
+        for camera in calibration.cameras
+        for pose in camera.poses
+        for frame in (pose.target, pose.source)
+    }
+    return calibration if name in frames else calibration.only(name)
+
+
+def _name(source: Path | None) -> str:
+    return "camera" if source is None else source.stem
+
+
+def _refuse_time(vehicle: Vehicle, path: Path) -> None:
+    """Refuse cameras whose pictures depend on the time between two of them.
+
+    Raises:
+        RunError: naming the camera.
+    """
+    for camera in vehicle.cameras:
+        degradation = camera.sensor.degradation
+        shutter = degradation.shutter
+        if (shutter is not None and shutter.duration_s) or degradation.is_metered:
+            raise RunError(
+                f"{path}: has no times, and the exposure of {camera.name} depends on them: "
+                "pass --rate HZ"
+            )
