@@ -24,6 +24,7 @@ EXTRAS = {
     "plots": {"matplotlib": "matplotlib"},
     "reports": {"matplotlib": "matplotlib", "jinja2": "jinja2"},
     "collada": {"pycollada": "collada"},
+    "rays": {"embreex": "embreex"},
     "video": {"av": "av"},
     "oracles": {
         "embreex": "embreex",

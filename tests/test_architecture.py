@@ -19,7 +19,7 @@ LAYERS = (
     {"simulation"},
     {"localization"},
     {"sensors", "perception", "robot"},
-    {"gpu"},
+    {"gpu", "rays"},
     {"calibration"},
     {"scene", "cameras"},
     {"mirrors"},
@@ -56,6 +56,7 @@ HOMES = {
     "pyrender": {"validation"},
     "pycolmap": {"validation"},
     "yaml": {"calibration"},
+    "embreex": {"rays"},
 }
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path

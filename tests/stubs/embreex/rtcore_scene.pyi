@@ -8,6 +8,7 @@ class Hits(TypedDict):
     tfar: NDArray[np.float32]
     u: NDArray[np.float32]
     v: NDArray[np.float32]
+    Ng: NDArray[np.float32]
 
 class EmbreeScene:
     @overload
@@ -19,6 +20,7 @@ class EmbreeScene:
         self,
         vec_origins: NDArray[np.float32],
         vec_directions: NDArray[np.float32],
+        dists: NDArray[np.float32] | None = None,
         *,
         output: Literal[True],
     ) -> Hits: ...

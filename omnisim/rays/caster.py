@@ -1,0 +1,239 @@
+"""Casting rays at a scene and its dynamic objects, each at its own pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rays.embree import NO_TRIANGLE, EmbreeMesh
+from omnisim.rays.geometry import HiddenParts, Poses, build_geometry
+from omnisim.scene.model import Scene
+
+# Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
+# it goes on from: some roundings of a float32.
+_BEYOND = 1e-6
+_LEAST_STEP_M = 1e-7
+_KEPT_MESHES = 16  # hierarchies of a body without what a sensor does not see
+
+
+class Rays(NamedTuple):
+    """Rays in the world; each starts at an origin of its own."""
+
+    origins_m: NDArray[np.float64]  # (n, 3)
+    directions: NDArray[np.float64]  # (n, 3), unit
+    near_m: NDArray[np.float64]  # (n,): nothing nearer is hit
+    far_m: NDArray[np.float64]  # (n,): nothing farther, may be infinite
+
+    def take(self, indices: NDArray[np.intp]) -> Rays:
+        """Some of the rays."""
+        return Rays(*(values[indices] for values in self))
+
+
+class RayHits(NamedTuple):
+    """Nearest triangles along rays, on the side that shows."""
+
+    triangles: NDArray[np.int32]  # (n,) indices into the geometry; `NO_TRIANGLE`: none
+    ranges_m: NDArray[np.float64]  # (n,); +inf: none
+    weights: NDArray[np.float32]  # (n, 3) of the corners
+    planes: NDArray[np.float32]  # (n, 3) normals of the side seen, world, not of unit length
+
+    def take(self, indices: NDArray[np.intp]) -> RayHits:
+        """Some of the hits."""
+        return RayHits(
+            self.triangles[indices],
+            self.ranges_m[indices],
+            self.weights[indices],
+            self.planes[indices],
+        )
+
+    def put(self, indices: NDArray[np.intp], hits: RayHits) -> None:
+        """Overwrite some of the hits."""
+        self.triangles[indices] = hits.triangles
+        self.ranges_m[indices] = hits.ranges_m
+        self.weights[indices] = hits.weights
+        self.planes[indices] = hits.planes
+
+
+class _PartMesh(NamedTuple):
+    """Hierarchy of a part's triangles, about the middle of their bounds in its own frame."""
+
+    mesh: EmbreeMesh
+    triangles: NDArray[np.intp]  # of the geometry
+    centre_m: NDArray[np.float64]
+    radius_m: float
+
+
+class RayCaster:
+    """Casts rays at all that there is; hierarchies are built once, and poses move whole objects.
+
+    Embree, in float32, tells the triangle; about the middle of each object, so that coordinates are
+    small. `exact` has the rest in float64.
+
+    Args:
+        scene: the static part of the world.
+        dynamic_objects: each in a frame of its own.
+
+    Attributes:
+        geometry: tables of all triangles.
+
+    Raises:
+        OmnisimError: embreex is not installed.
+    """
+
+    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = ()):
+        self.geometry = build_geometry(scene, dynamic_objects)
+        self._part_mesh = lru_cache(_KEPT_MESHES)(self._build_part_mesh)
+        self._part_mesh(0, frozenset())
+
+    def cast(
+        self,
+        rays: Rays,
+        world_from_objects: Poses = (),
+        hidden: HiddenParts = frozenset(),
+        behind: NDArray[np.int32] | None = None,
+    ) -> RayHits:
+        """Find the nearest triangles that show the rays their front, or are double-sided.
+
+        Args:
+            rays: (n,).
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            hidden: instances that are not there.
+            behind: (n,) triangles that the rays have passed, which are not hit again.
+        """
+        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, np.eye(4), behind)
+        for part, pose in enumerate(world_from_objects, start=1):
+            mesh = self._part_mesh(part, hidden)
+            aimed = _near_sphere(rays, mesh, pose)
+            if len(aimed) == 0:
+                continue
+            some = rays.take(aimed)
+            some = some._replace(far_m=np.minimum(some.far_m, hits.ranges_m[aimed]))
+            found = self._cast_part(mesh, some, pose, None if behind is None else behind[aimed])
+            nearer = np.flatnonzero(found.triangles != NO_TRIANGLE)
+            hits.put(aimed[nearer], found.take(nearer))
+        return hits
+
+    def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
+        """The same hits (n,) with ranges, weights and planes from float64; all rays hit."""
+        corners_m = self.geometry.corners_m(hits.triangles, world_from_objects)
+        a, b, c = np.moveaxis(corners_m - rays.origins_m[:, None], 1, 0)
+        planes = np.cross(b - a, c - a)
+        along = _dot(planes, rays.directions)
+        ranges_m = _dot(planes, a) / along
+        # an edge and the origin span a plane; the ray's side of it is the opposite corner's weight
+        sides = np.stack(
+            [
+                _dot(rays.directions, np.cross(first, second - first))
+                for first, second in ((b, c), (c, a), (a, b))
+            ],
+            axis=1,
+        )
+        weights = sides / sides.sum(axis=1, keepdims=True)
+        planes *= np.where(along > 0.0, -1.0, 1.0)[:, None]
+        return RayHits(
+            hits.triangles, ranges_m, weights.astype(np.float32), planes.astype(np.float32)
+        )
+
+    def _cast_part(
+        self,
+        part: _PartMesh,
+        rays: Rays,
+        world_from_part: NDArray[np.float64],
+        behind: NDArray[np.int32] | None,
+    ) -> RayHits:
+        """Cast rays (n,) at one part, and on through what they do not hit."""
+        rotation = world_from_part[:3, :3]
+        origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.centre_m
+        directions = _rotated(rays.directions, rotation.T)
+        hits, near_m = _no_hits(len(origins_m)), rays.near_m
+        is_double_sided = self.geometry.is_double_sided
+        active = np.arange(len(origins_m))
+        while len(active):
+            starts_m = origins_m[active] + near_m[active, None] * directions[active]
+            aims = directions[active].astype(np.float32)
+            lengths_m = np.maximum(rays.far_m[active] - near_m[active], 0.0)
+            found = part.mesh.hits(
+                starts_m.astype(np.float32), aims, np.minimum(lengths_m, 1e37).astype(np.float32)
+            )
+            is_hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
+            triangles = part.triangles[found.triangles[is_hit]].astype(np.int32)
+            planes = found.normals[is_hit]
+            is_back = _dot(planes, aims[is_hit]) > 0.0
+            rays_hit = active[is_hit]
+            ranges_m = near_m[rays_hit] + found.ranges_m[is_hit]
+            shows = ~is_back
+            shows |= is_double_sided[self.geometry.surface_of_triangle[triangles]]
+            if behind is not None:
+                shows &= behind[rays_hit] != triangles
+            mine, kept = rays_hit[shows], is_hit[shows]
+            hits.triangles[mine] = triangles[shows]
+            hits.ranges_m[mine] = ranges_m[shows]
+            u, v = found.u[kept], found.v[kept]
+            hits.weights[mine] = np.stack((1.0 - u - v, u, v), axis=1)
+            facing = np.where(is_back[shows], np.float32(-1.0), np.float32(1.0))
+            hits.planes[mine] = _rotated(facing[:, None] * planes[shows], rotation)
+            passed = rays_hit[~shows]
+            if len(passed):
+                near_m = near_m.copy()
+                near_m[passed] = beyond_m(origins_m[passed], ranges_m[~shows])
+            active = passed
+        return hits
+
+    def _build_part_mesh(self, part: int, hidden: HiddenParts) -> _PartMesh:
+        geometry = self.geometry
+        triangles = geometry.triangles_of_part(part, hidden)
+        corners = geometry.corners[triangles]
+        used, renumbered = np.unique(corners, return_inverse=True)
+        positions_m = geometry.positions_m[used]
+        bounds = (
+            np.stack((positions_m.min(axis=0), positions_m.max(axis=0)))
+            if len(used)
+            else np.zeros((2, 3))
+        )
+        centre_m = bounds.mean(axis=0)
+        local_m = (positions_m - centre_m).astype(np.float32)
+        radius_m = float(np.linalg.norm(local_m, axis=1).max(initial=0.0)) * (1.0 + _BEYOND)
+        mesh = EmbreeMesh(local_m, renumbered.reshape(-1, 3).astype(np.int32))
+        return _PartMesh(mesh, triangles, centre_m, radius_m)
+
+
+def beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
+    size_m: NDArray[np.float64] = np.abs(origins_m).max(axis=1) + ranges_m
+    return ranges_m + _BEYOND * size_m + _LEAST_STEP_M
+
+
+def _no_hits(count: int) -> RayHits:
+    return RayHits(
+        np.full(count, NO_TRIANGLE, dtype=np.int32),
+        np.full(count, np.inf),
+        np.zeros((count, 3), dtype=np.float32),
+        np.zeros((count, 3), dtype=np.float32),
+    )
+
+
+def _near_sphere(
+    rays: Rays, part: _PartMesh, world_from_part: NDArray[np.float64]
+) -> NDArray[np.intp]:
+    """Indices of the rays that pass the bounding sphere of a part within its radius."""
+    centre_m = world_from_part[:3, :3] @ part.centre_m + world_from_part[:3, 3]
+    to_centre = centre_m - rays.origins_m
+    along = np.maximum(_dot(to_centre, rays.directions), 0.0)
+    away = to_centre - along[:, None] * rays.directions
+    return np.flatnonzero(_dot(away, away) <= part.radius_m**2)
+
+
+def _dot(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Dot products (n,) of vectors (n, 3) each."""
+    products: NDArray[np.float64] = np.einsum("nc,nc->n", one, other)
+    return products
+
+
+def _rotated(vectors: NDArray[np.floating], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would outlive it."""
+    rotated: NDArray[np.float64] = np.einsum("nj,ij->ni", vectors, rotation)
+    return rotated

@@ -1,0 +1,170 @@
+"""Geometry of scenes as flat tables: triangles with their corners, and their instances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.model import Instance, Material, Mesh, Scene
+
+HiddenParts = frozenset[tuple[int, str]]  # dynamic object's index, and name of its instance
+Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
+
+
+class Surface(NamedTuple):
+    """Instance of a mesh in one of the scenes.
+
+    Attributes:
+        name: of the instance.
+        object_index: of the dynamic object that it belongs to; None: it is static.
+        material: of the mesh.
+        is_textured: the mesh has texture coordinates.
+    """
+
+    name: str
+    object_index: int | None
+    material: Material
+    is_textured: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Triangles of a scene and its dynamic objects, each object's in its own frame.
+
+    Attributes:
+        surfaces: all instances, the scene's first, then each object's.
+        corners: (m, 3) int32 indices of vertices, counter-clockwise seen from the front.
+        surface_of_triangle: (m,) int32.
+        first_of_surface: (surfaces + 1,) first triangle of each.
+        positions_m: (n, 3) float64 of the vertices.
+        normals: (n, 3) float32, not of unit length; zero: flat.
+        texture_coordinates: (n, 2) float32.
+        colors: (n, 4) float32 linear RGBA, or None: all are white.
+        part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
+        is_double_sided: (surfaces,).
+    """
+
+    surfaces: tuple[Surface, ...]
+    corners: NDArray[np.int32]
+    surface_of_triangle: NDArray[np.int32]
+    first_of_surface: NDArray[np.intp]
+    positions_m: NDArray[np.float64]
+    normals: NDArray[np.float32]
+    texture_coordinates: NDArray[np.float32]
+    colors: NDArray[np.float32] | None
+    part_of_surface: NDArray[np.intp]
+    is_double_sided: NDArray[np.bool_]
+
+    def triangles_of_part(self, part: int, hidden: HiddenParts) -> NDArray[np.intp]:
+        """Indices of a part's triangles, without those of hidden instances."""
+        shown = np.array(
+            [
+                of_part == part and (part - 1, surface.name) not in hidden
+                for surface, of_part in zip(self.surfaces, self.part_of_surface, strict=True)
+            ],
+            dtype=np.bool_,
+        )
+        return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
+
+    def corners_m(
+        self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
+    ) -> NDArray[np.float64]:
+        """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
+        corners_m = self.positions_m[self.corners[triangles]]
+        for mine, pose in self.moved(triangles, world_from_objects):
+            rotated = np.einsum("nkj,ij->nki", corners_m[mine], pose[:3, :3])
+            corners_m[mine] = rotated + pose[:3, 3]
+        return corners_m
+
+    def moved(
+        self, triangles: NDArray[np.int32], world_from_objects: Poses
+    ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+        """Indices of those of triangles (n,) that are of a dynamic object, and its pose (4, 4)."""
+        if not world_from_objects:
+            return
+        parts = self.part_of_surface[self.surface_of_triangle[triangles]]
+        for number, pose in enumerate(world_from_objects, start=1):
+            mine = np.flatnonzero(parts == number)
+            if len(mine):
+                yield mine, pose
+
+
+def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geometry:
+    """Tables of a scene and its dynamic objects."""
+    placed = [
+        (number, part, instance, part.meshes[instance.mesh])
+        for number, part in enumerate((scene, *dynamic_objects))
+        for instance in part.instances
+    ]
+    materials = [part.materials[mesh.material] for _, part, _, mesh in placed]
+    tables = [_EMPTY, *(_vertices(instance, mesh) for *_, instance, mesh in placed)]
+    has_colors = any(mesh.colors is not None for *_, mesh in placed)
+    counts = np.array([len(mesh.triangles) for *_, mesh in placed], dtype=np.intp)
+    bases = np.cumsum([0, *(len(table.positions_m) for table in tables[:-1])])
+    return Geometry(
+        surfaces=tuple(
+            Surface(
+                instance.name,
+                number - 1 if number else None,
+                material,
+                mesh.texture_coordinates is not None,
+            )
+            for (number, _, instance, mesh), material in zip(placed, materials, strict=True)
+        ),
+        corners=np.concatenate(
+            [table.corners + np.int32(base) for table, base in zip(tables, bases, strict=True)]
+        ),
+        surface_of_triangle=np.repeat(np.arange(len(placed), dtype=np.int32), counts),
+        first_of_surface=np.concatenate(([0], np.cumsum(counts))),
+        positions_m=np.concatenate([table.positions_m for table in tables]),
+        normals=np.concatenate([table.normals for table in tables]),
+        texture_coordinates=np.concatenate([table.texture_coordinates for table in tables]),
+        colors=np.concatenate([table.colors for table in tables]) if has_colors else None,
+        part_of_surface=np.array([number for number, *_ in placed], dtype=np.intp),
+        is_double_sided=np.array([material.double_sided for material in materials], np.bool_),
+    )
+
+
+class _Vertices(NamedTuple):
+    """Triangles of one instance, and its vertices in its scene's frame."""
+
+    corners: NDArray[np.int32]
+    positions_m: NDArray[np.float64]
+    normals: NDArray[np.float32]
+    texture_coordinates: NDArray[np.float32]
+    colors: NDArray[np.float32]
+
+
+def _floats(rows: int, columns: int, value: float = 0.0) -> NDArray[np.float32]:
+    return np.full((rows, columns), value, dtype=np.float32)
+
+
+_EMPTY = _Vertices(
+    np.empty((0, 3), np.int32), np.empty((0, 3)), _floats(0, 3), _floats(0, 2), _floats(0, 4)
+)
+
+
+def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
+    count, matrix = len(mesh.positions), instance.world_from_mesh
+    linear = matrix[:3, :3]
+    is_mirrored = np.linalg.det(linear) < 0.0
+    corners = mesh.triangles.astype(np.int32)
+    # einsum, as BLAS would leave threads behind that keep the cores from whatever comes next
+    positions_m = np.einsum("nj,ij->ni", mesh.positions.astype(np.float64), linear)
+    normals = _floats(count, 3)
+    if mesh.normals is not None:
+        # cofactors turn normals under any scale, and keep them outside
+        cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+        normals[:] = np.einsum("nj,ij->ni", mesh.normals, -cofactors if is_mirrored else cofactors)
+    coordinates, colors = mesh.texture_coordinates, mesh.colors
+    return _Vertices(
+        corners[:, [0, 2, 1]] if is_mirrored else corners,  # wound the other way round
+        positions_m + matrix[:3, 3],
+        normals,
+        _floats(count, 2) if coordinates is None else coordinates,
+        _floats(count, 4, 1.0) if colors is None else colors,
+    )

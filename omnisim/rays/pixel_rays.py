@@ -1,0 +1,77 @@
+"""Rays of a camera's samples, band of rows by band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, HyperbolicCamera, pixel_grid
+from omnisim.cameras import Rays as CameraRays
+from omnisim.rays.mirror_mesh_rays import MirrorMeshRays
+
+# Samples at a time, more or less: intermediate arrays stay in the cache, and threads have enough
+# to do between Python's own steps.
+_SAMPLES_PER_BAND = 1 << 14
+_MAX_KEPT_SAMPLES = 1 << 22  # 200 MB; of larger pictures rays are computed anew for each
+
+
+class Band(NamedTuple):
+    """Rays of some rows of samples; those that are valid, row by row."""
+
+    rows: slice
+    valid: NDArray[np.bool_]  # (rows, width)
+    directions: NDArray[np.float64]  # (n, 3), unit, optical frame
+    footprints: NDArray[np.float32]  # (n, 2, 3): to the next sample's right, and below
+
+
+class PixelRays:
+    """Rays of a picture of samples; they start at the effective viewpoint.
+
+    Args:
+        camera: whose pixels are the samples.
+        polygons: of its mirror's mesh; None: exact, by the camera model.
+        rows_per_pixel: samples to a side of a pixel: bands end where pixels do.
+    """
+
+    def __init__(self, camera: CentralCamera, polygons: int | None, rows_per_pixel: int = 1):
+        self.camera = camera
+        self._ray_from_pixel: Callable[[NDArray[np.float64]], CameraRays] = camera.ray_from_pixel
+        if polygons is not None and isinstance(camera, HyperbolicCamera):
+            self._ray_from_pixel = MirrorMeshRays(camera, polygons).ray_from_pixel
+        pixels_per_band = max(1, _SAMPLES_PER_BAND // (camera.width_px * rows_per_pixel))
+        step = pixels_per_band * rows_per_pixel
+        self.bands = tuple(
+            slice(first, min(first + step, camera.height_px))
+            for first in range(0, camera.height_px, step)
+        )
+        fits = camera.width_px * camera.height_px <= _MAX_KEPT_SAMPLES
+        self.band = lru_cache(len(self.bands) if fits else 0)(self._compute)
+
+    def _compute(self, number: int) -> Band:
+        rows, camera = self.bands[number], self.camera
+        # one more row and column at either end, for the footprints
+        height = rows.stop - rows.start
+        pixels = pixel_grid(camera.width_px + 2, height + 2) + (-1.0, rows.start - 1.0)
+        rays = self._ray_from_pixel(pixels)
+        valid = rays.valid[1:-1, 1:-1]
+        directions = np.where(rays.valid[..., None], rays.directions, 0.0)
+        footprints = np.stack(
+            [_steps(directions, rays.valid, axis)[1:-1, 1:-1][valid] for axis in (1, 0)], axis=1
+        )
+        return Band(rows, valid, directions[1:-1, 1:-1][valid], footprints.astype(np.float32))
+
+
+def _steps(
+    directions: NDArray[np.float64], valid: NDArray[np.bool_], axis: int
+) -> NDArray[np.float64]:
+    """Steps (height, width, 3) to the next direction along an axis, or from the one before; 0
+    where neither is valid."""  # fmt: skip
+    ahead = np.roll(directions, -1, axis) - directions
+    has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
+    back = np.roll(ahead, 1, axis)
+    steps = np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
+    return steps

@@ -1,0 +1,160 @@
+"""Scene to cast rays at: radiance along them, and what they hit first."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rays.caster import RayCaster, RayHits, Rays, beyond_m
+from omnisim.rays.embree import NO_TRIANGLE
+from omnisim.rays.geometry import HiddenParts, Poses
+from omnisim.rays.shading import Shading
+from omnisim.scene.model import Scene
+
+# Surfaces that a ray goes on through; behind that it ends at the next one.
+MAX_LAYERS = 256
+_MIN_SHARE = 1e-4  # of light that still comes through: less than a step of 8 bits, in the dark too
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class ObjectState(NamedTuple):
+    """Dynamic objects at one time, to one sensor.
+
+    Attributes:
+        world_from_objects: (4, 4) each.
+        hidden: instances that are not there.
+    """
+
+    world_from_objects: Poses = ()
+    hidden: HiddenParts = frozenset()
+
+
+_NO_OBJECTS = ObjectState()
+
+
+class RayScene:
+    """Casts rays at a scene and its dynamic objects; everything is built once.
+
+    Surfaces are those of the virtual cameras: single-sided ones are not there from behind, masked
+    ones not in their holes, and light comes through blended ones in the order in which they stand.
+
+    Args:
+        scene: with its lights and background.
+        dynamic_objects: each in a frame of its own.
+        threads: to cast rays in; None: one for each core.
+
+    Attributes:
+        scene: as given.
+        caster, shading: its triangles, and their appearance.
+
+    Raises:
+        OmnisimError: embreex is not installed.
+    """
+
+    def __init__(
+        self, scene: Scene, dynamic_objects: Sequence[Scene] = (), threads: int | None = None
+    ):
+        self.scene = scene
+        self.caster = RayCaster(scene, dynamic_objects)
+        self.shading = Shading(self.caster.geometry, scene.lighting)
+        self._threads = threads or os.cpu_count() or 1
+        self._background = np.array(scene.background, dtype=np.float32)
+
+    def radiance(
+        self,
+        rays: Rays,
+        footprints: NDArray[np.float32] | None = None,
+        objects: ObjectState = _NO_OBJECTS,
+        unlit: bool = False,
+    ) -> NDArray[np.float32]:
+        """Linear RGB (n, 3) along rays (n,).
+
+        Args:
+            rays: (n,).
+            footprints: (n, 2, 3) changes of the direction to the next samples, world, which
+                textures are filtered over; None: a ray has no width.
+            objects: the dynamic objects.
+            unlit: show plain base colours.
+        """
+        poses, shading = objects.world_from_objects, self.shading
+        total = np.zeros((len(rays.near_m), 3), dtype=np.float32)
+        share = np.ones(len(total), dtype=np.float32)
+        active, behind = np.arange(len(total)), None
+        for layer in range(MAX_LAYERS):
+            hits = self.caster.cast(rays, poses, objects.hidden, behind)
+            is_hit = hits.triangles != NO_TRIANGLE
+            missed = active[~is_hit]
+            total[missed] += share[missed, None] * self._background
+            kept = np.flatnonzero(is_hit)
+            active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
+            if len(active) == 0:
+                break
+            widths = None if footprints is None else footprints[active]
+            colors = shading.base_colors(rays, hits, poses, widths)
+            opacity = self._opacity(hits, colors[:, 3], layer)
+            shown = np.flatnonzero(opacity > 0.0)
+            light = np.ones((len(shown), 3), dtype=np.float32)
+            if not unlit:
+                light = shading.lights(rays.take(shown), hits.take(shown), poses)
+            weights = share[active[shown]] * opacity[shown]
+            total[active[shown]] += weights[:, None] * colors[shown, :3] * light
+            share[active] *= 1.0 - opacity
+            on = np.flatnonzero(share[active] > _MIN_SHARE)
+            if len(on) == 0:
+                break
+            active, behind = active[on], hits.triangles[on]
+            rays = _behind(rays.take(on), hits.ranges_m[on])
+        return total
+
+    def first_hits(self, rays: Rays, objects: ObjectState = _NO_OBJECTS) -> RayHits:
+        """Nearest surfaces along rays (n,) that are no holes, and not clearer than half."""
+        geometry, shading = self.caster.geometry, self.shading
+        found = self.caster.cast(rays, objects.world_from_objects, objects.hidden)
+        active = np.flatnonzero(found.triangles != NO_TRIANGLE)
+        for _ in range(MAX_LAYERS):
+            cutoffs = shading.hit_cutoff[geometry.surface_of_triangle[found.triangles[active]]]
+            active = active[cutoffs > 0.0]
+            if len(active) == 0:
+                break
+            hits, some = found.take(active), rays.take(active)
+            alphas = shading.base_colors(some, hits, objects.world_from_objects)[:, 3]
+            clear = np.flatnonzero(alphas < shading.hit_cutoff[shading.surfaces(hits)])
+            active = active[clear]
+            some, hits = _behind(some.take(clear), hits.ranges_m[clear]), hits.take(clear)
+            further = self.caster.cast(
+                some, objects.world_from_objects, objects.hidden, hits.triangles
+            )
+            found.put(active, further)
+            active = active[further.triangles != NO_TRIANGLE]
+        return found
+
+    def in_threads(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """Results of a function of each item, in order; Embree and NumPy free the GIL."""
+        with ThreadPoolExecutor(self._threads) as pool:
+            return list(pool.map(function, items))
+
+    def _opacity(
+        self, hits: RayHits, alphas: NDArray[np.float32], layer: int
+    ) -> NDArray[np.float32]:
+        """Share (n,) of light that surfaces hide: 0 in holes, alpha where blended, else all."""
+        shading = self.shading
+        surfaces = shading.surfaces(hits)
+        is_blended = shading.is_blended[surfaces]
+        is_hole = ~is_blended & (alphas < shading.hit_cutoff[surfaces])
+        if layer == MAX_LAYERS - 1:
+            return np.ones(len(alphas), dtype=np.float32)
+        opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
+        opacity[is_hole] = 0.0
+        return opacity
+
+
+def _behind(rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
+    """Rays (n,) that go on behind surfaces at ranges (n,)."""
+    return rays._replace(near_m=beyond_m(rays.origins_m, ranges_m))

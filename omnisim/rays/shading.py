@@ -1,0 +1,147 @@
+"""Appearance of surfaces at the hits of rays: base colour, normal, light.
+
+The twin of shaders/scene/surface.frag. Textures are filtered over the footprint of a sample: the
+part of the surface between a ray and its neighbours.
+Source of the footprints: Igehy, "Tracing ray differentials", 1999.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rays.caster import RayHits, Rays
+from omnisim.rays.geometry import Geometry, Poses
+from omnisim.rays.lights import light_on_surfaces
+from omnisim.rays.textures import TextureTable
+from omnisim.scene.model import AlphaMode, Lighting
+
+# Of mip levels, as in `omnisim.sensors.tiles`: what is a little sharp is averaged in the pixel.
+LEVEL_BIAS = -0.5
+_DARKEST = 1e-20
+
+
+class Shading:
+    """Appearance of a scene's surfaces; tables are made once.
+
+    Args:
+        geometry: of the scene.
+        lighting: of the scene.
+
+    Attributes:
+        is_blended: (surfaces,).
+        hit_cutoff: (surfaces,) see `omnisim.scene.model.Material.hit_cutoff`.
+    """
+
+    def __init__(self, geometry: Geometry, lighting: Lighting):
+        self._geometry, self._lighting = geometry, lighting
+        materials = [surface.material for surface in geometry.surfaces]
+        self._textures = TextureTable(geometry.surfaces)
+        self._base_color = np.array(
+            [material.base_color for material in materials], dtype=np.float32
+        ).reshape(-1, 4)
+        self._is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
+        modes = [material.alpha_mode for material in materials]
+        self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
+        self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
+
+    def surfaces(self, hits: RayHits) -> NDArray[np.int32]:
+        """Surfaces (n,) that are hit."""
+        return self._geometry.surface_of_triangle[hits.triangles]
+
+    def base_colors(
+        self,
+        rays: Rays,
+        hits: RayHits,
+        world_from_objects: Poses = (),
+        footprints: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Linear RGBA (n, 4) without any light.
+
+        Args:
+            rays, hits: (n,), all of which hit.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            footprints: (n, 2, 3) changes of the direction to the next samples, world; None: a
+                ray has no width.
+        """
+        surfaces = self.surfaces(hits)
+        colors = self._base_color[surfaces]
+        if self._geometry.colors is not None:
+            colors *= self._interpolated(self._geometry.colors, hits)
+        textures = self._textures.texture_of_surface[surfaces]
+        textured = np.flatnonzero(textures >= 0)
+        if len(textured):
+            some, textures = hits.take(textured), textures[textured]
+            corners = self._geometry.texture_coordinates[self._geometry.corners[some.triangles]]
+            coordinates = np.einsum("nk,nkc->nc", some.weights, corners)
+            levels = np.zeros(len(textured), dtype=np.float32)
+            if footprints is not None:
+                levels = _mip_levels(
+                    self._geometry.corners_m(some.triangles, world_from_objects),
+                    corners * self._textures.sizes_px(textures)[:, None],
+                    rays.directions[textured],
+                    some.ranges_m[:, None, None] * footprints[textured],
+                )
+            colors[textured] *= self._textures.lookup(textures, coordinates, levels)
+        return colors
+
+    def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
+        """Unit normals (n, 3) of the side seen, world: interpolated, or the plane's."""
+        normals = self._interpolated(self._geometry.normals, hits)
+        for mine, pose in self._geometry.moved(hits.triangles, world_from_objects):
+            normals[mine] = np.einsum("nj,ij->ni", normals[mine], pose[:3, :3])
+        is_flat = ~normals.any(axis=1)
+        normals[is_flat] = hits.planes[is_flat]
+        is_behind = np.einsum("nc,nc->n", normals, hits.planes) < 0.0
+        normals[is_behind] *= np.float32(-1.0)
+        lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))
+        normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
+        return normals
+
+    def lights(
+        self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()
+    ) -> NDArray[np.float32]:
+        """Light on white surfaces (n, 3), linear RGB; 1 on those that are unlit."""
+        points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
+        light = light_on_surfaces(self._lighting, points_m, self.normals(hits, world_from_objects))
+        light[self._is_unlit[self.surfaces(hits)]] = 1.0
+        return light
+
+    def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
+        """Values (n, k) between those of the corners."""
+        values: NDArray[np.float32] = np.einsum(
+            "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
+        )
+        return values
+
+
+def _mip_levels(
+    corners_m: NDArray[np.float64],
+    corners_px: NDArray[np.float32],
+    directions: NDArray[np.float64],
+    steps_m: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Mip levels (n,) at which a texel is as wide as a footprint.
+
+    Args:
+        corners_m: (n, 3, 3) of the triangles, world.
+        corners_px: (n, 3, 2) of them, in texels of the finest level.
+        directions: (n, 3) of the rays.
+        steps_m: (n, 2, 3) from the hit to where the next samples' rays are, as far away.
+    """
+    edges_m, edges_px = corners_m[:, 1:] - corners_m[:, :1], corners_px[:, 1:] - corners_px[:, :1]
+    planes = np.cross(edges_m[:, 0], edges_m[:, 1])
+    along = np.einsum("nc,nc->n", planes, directions)
+    along = np.where(np.abs(along) > _DARKEST, along, _DARKEST)
+    # onto the plane, along the ray
+    slides = np.einsum("nsc,nc->ns", steps_m, planes) / along[:, None]
+    steps_m = steps_m - slides[..., None] * directions[:, None]
+    # weights of the second and third corner: solved in the plane
+    squared = np.maximum(np.einsum("nc,nc->n", planes, planes), _DARKEST)
+    second = np.einsum("nsc,nc->ns", steps_m, np.cross(edges_m[:, 1], planes))
+    third = np.einsum("nsc,nc->ns", steps_m, np.cross(planes, edges_m[:, 0]))
+    weights = np.stack((second, third), axis=-1) / squared[:, None, None]
+    steps_px = np.einsum("nse,nec->nsc", weights, edges_px)
+    longest = np.einsum("nsc,nsc->ns", steps_px, steps_px).max(axis=1)
+    levels: NDArray[np.float32] = (0.5 * np.log2(longest + _DARKEST)).astype(np.float32)
+    return levels + np.float32(LEVEL_BIAS)

@@ -1,0 +1,125 @@
+"""Textures of materials in NumPy, filtered between texels and mip levels as a GPU does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rays.geometry import Surface
+from omnisim.scene.masked_mipmaps import masked_mipmaps
+from omnisim.scene.mipmaps import mipmaps
+from omnisim.scene.model import AlphaMode, Texture, Wrap
+from omnisim.srgb import LINEAR_FROM_SRGB8
+
+_LINEAR = LINEAR_FROM_SRGB8.astype(np.float32)
+_ALPHA = (np.arange(256) / 255.0).astype(np.float32)
+_MAX_LEVELS = 32
+
+
+class TextureTable:
+    """Texels of all levels of all textures in one array, so that one lookup serves every hit.
+
+    Args:
+        surfaces: whose materials have the textures.
+
+    Attributes:
+        texture_of_surface: (n,) index of each surface's texture; −1: it has none.
+    """
+
+    def __init__(self, surfaces: Iterable[Surface]):
+        numbers: dict[tuple[int, float | None], int] = {}
+        textures: list[tuple[Texture, float | None]] = []
+        of_surface = []
+        for surface in surfaces:
+            texture = surface.material.texture if surface.is_textured else None
+            if texture is None:
+                of_surface.append(-1)
+                continue
+            is_masked = surface.material.alpha_mode is AlphaMode.MASK
+            cutoff = surface.material.alpha_cutoff if is_masked else None
+            key = (id(texture), cutoff)
+            if key not in numbers:
+                numbers[key] = len(textures)
+                textures.append((texture, cutoff))
+            of_surface.append(numbers[key])
+        self.texture_of_surface = np.array(of_surface, dtype=np.intp)
+        self._first = np.zeros((len(textures), _MAX_LEVELS), dtype=np.intp)
+        self._size = np.ones((len(textures), _MAX_LEVELS, 2), dtype=np.intp)  # width, height
+        self._last_level = np.zeros(len(textures), dtype=np.float32)
+        self._clamps = np.zeros((len(textures), 2), dtype=np.bool_)
+        texels: list[NDArray[np.uint8]] = [np.empty((0, 4), dtype=np.uint8)]
+        count = 0
+        for number, (texture, cutoff) in enumerate(textures):
+            finer = mipmaps(texture.pixels) if cutoff is None else None
+            levels = [
+                texture.pixels,
+                *(masked_mipmaps(texture.pixels, cutoff or 0.0) if finer is None else finer),
+            ]
+            for level, pixels in enumerate(levels):
+                height, width = pixels.shape[:2]
+                self._first[number, level], self._size[number, level] = count, (width, height)
+                texels.append(pixels.reshape(-1, 4))
+                count += width * height
+            self._last_level[number] = len(levels) - 1
+            self._clamps[number] = [
+                wrap is Wrap.CLAMP_TO_EDGE for wrap in (texture.wrap_u, texture.wrap_v)
+            ]
+        self._texels = np.concatenate(texels)
+
+    def sizes_px(self, textures: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Widths and heights (n, 2) of the finest levels."""
+        sizes: NDArray[np.float32] = self._size[textures, 0].astype(np.float32)
+        return sizes
+
+    def lookup(
+        self,
+        textures: NDArray[np.intp],
+        coordinates: NDArray[np.float32],
+        levels: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Linear RGBA (n, 4), between the four nearest texels of the two nearest levels.
+
+        Args:
+            textures: (n,).
+            coordinates: (n, 2), (0, 0) at the texture's top left.
+            levels: (n,) 0: the finest; any number.
+        """
+        levels = np.clip(levels, np.float32(0.0), self._last_level[textures])
+        finer = np.floor(levels).astype(np.intp)
+        share = (levels - finer).astype(np.float32)
+        total = self._bilinear(textures, coordinates, finer)
+        between = np.flatnonzero(share > 0.0)
+        if len(between):
+            coarse = self._bilinear(textures[between], coordinates[between], finer[between] + 1)
+            total[between] += share[between, None] * (coarse - total[between])
+        return total
+
+    def _bilinear(
+        self, textures: NDArray[np.intp], coordinates: NDArray[np.float32], levels: NDArray[np.intp]
+    ) -> NDArray[np.float32]:
+        first, clamps = self._first[textures, levels], self._clamps[textures]
+        size = self._size[textures, levels]
+        position = coordinates.astype(np.float64) * size - 0.5
+        low = np.floor(position)
+        weights = (position - low).astype(np.float32)
+        low_px = low.astype(np.intp)
+        total = np.zeros((len(textures), 4), dtype=np.float32)
+        for down in (0, 1):
+            row = _wrapped(low_px[:, 1] + down, size[:, 1], clamps[:, 1])
+            down_weight = weights[:, 1] if down else 1.0 - weights[:, 1]
+            start = first + row * size[:, 0]
+            for right in (0, 1):
+                column = _wrapped(low_px[:, 0] + right, size[:, 0], clamps[:, 0])
+                weight = down_weight * (weights[:, 0] if right else 1.0 - weights[:, 0])
+                texels = self._texels[start + column]
+                total[:, :3] += weight[:, None] * _LINEAR[texels[:, :3]]
+                total[:, 3] += weight * _ALPHA[texels[:, 3]]
+        return total
+
+
+def _wrapped(
+    texels: NDArray[np.intp], sizes: NDArray[np.intp], clamps: NDArray[np.bool_]
+) -> NDArray[np.intp]:
+    return np.where(clamps, np.clip(texels, 0, sizes - 1), texels % sizes)
