@@ -8,9 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+MAX_LINE = 600  # letters of a message's line; what a damaged file holds has no end
+
 
 class OmnisimError(Exception):
-    """Base of all errors with a message meant for the user."""
+    """Base of all errors with a message meant for the user.
+
+    Its lines are printable, whatever a file had in them, and of limited length.
+    """
+
+    def __init__(self, message: str = ""):
+        super().__init__("\n".join(map(printable, message.split("\n"))))
 
 
 class OpticsError(OmnisimError):
@@ -51,6 +59,17 @@ class LocalizationError(OmnisimError):
 
 class CalibrationError(OmnisimError):
     """A calibration file with a fault, or a model that has no such parameters."""
+
+
+def printable(line: str, max_length: int = MAX_LINE) -> str:
+    """Escape what cannot be printed in a line, and leave out the middle of a long one."""
+    if not line.isprintable():
+        escaped = (x if x.isprintable() else x.encode("unicode_escape").decode() for x in line)
+        line = "".join(escaped)
+    if len(line) > max_length:
+        end = (max_length - 3) // 2
+        line = f"{line[:end]} … {line[-end:]}"
+    return line
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one of") -> str:

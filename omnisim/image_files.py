@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import threading
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -31,6 +32,7 @@ _PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
+_QUIET = threading.RLock()  # held while standard error is discarded
 _KINDS = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
 
 Attributes = Mapping[str, str | int | float]
@@ -283,7 +285,7 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
         OutputError: the file is missing or not a picture.
     """
     _check_png(path)
-    with _utf8_header(path):
+    with _utf8_header(path), _quiet():
         source = oiio.ImageInput.open(str(path))
         if source is None:
             raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
@@ -306,8 +308,27 @@ def _utf8_header(path: Path) -> Iterator[None]:
         raise OutputError(f"{path}: cannot be read: expected a header in UTF-8") from None
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Discard standard error, of the process and for some milliseconds: libpng prints to it."""
+    with _QUIET:
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is none
+            yield
+            return
+        try:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 2)
+            os.close(nowhere)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
 def _check_png(path: Path) -> None:
-    """Refuse a damaged PNG file: libpng would print a line of its own on standard error."""
+    """Refuse a damaged PNG file: libpng reads it without the parts that are, such as metadata."""
     try:
         data = path.read_bytes() if path.suffix.lower() == ".png" else b""
     except OSError:

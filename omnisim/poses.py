@@ -35,7 +35,10 @@ def pose(
     position = np.asarray(position_m, dtype=np.float64)
     angles_deg = (roll_deg, pitch_deg, yaw_deg)
     if position.shape != (3,) or not np.all(np.abs(position) < LARGEST_M):  # false for NaN, too
-        raise OmnisimError(f"position {position.tolist()}: expected three finite numbers in metres")
+        raise OmnisimError(
+            f"position {position.tolist()}: expected three finite numbers in metres "
+            f"below {LARGEST_M:g}"
+        )
     if not all(math.isfinite(angle) for angle in angles_deg):
         raise OmnisimError(f"roll, pitch, yaw {angles_deg}: expected finite numbers in degrees")
     return pose_from_rotation(rotation_from_roll_pitch_yaw(*np.radians(angles_deg)), position)

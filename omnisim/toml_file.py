@@ -17,11 +17,14 @@ def read_toml(path: Path, model: type[Model], error: type[OmnisimError]) -> Mode
             fault.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as reason:
         raise error(f"{path}: cannot be read: {reason.strerror}") from None
     except UnicodeDecodeError:
         raise error(f"{path}: not a text file: expected TOML in UTF-8") from None
     except tomllib.TOMLDecodeError as reason:
         raise error(f"{path}: not TOML: {reason}") from None
+    except (ValueError, RecursionError):
+        fault = "a number of thousands of digits, or too deep a nesting"
+        raise error(f"{path}: not TOML: expected plain values, got {fault}") from None
     return parse_table(data, model, error, str(path))

@@ -113,6 +113,8 @@ def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
     Raises:
         OpticsError: naming the key, the expected value and its own.
     """
+    if not isinstance(parameters, Mapping):  # of a damaged file
+        raise OpticsError(f"camera: expected its parameters by name, got {parameters!r}")
     model = parameters.get("model")
     if not isinstance(model, str) or model not in CAMERA_MODELS:
         names = ", ".join(CAMERA_MODELS)

@@ -6,13 +6,15 @@ from collections.abc import Iterable, Iterator
 
 from rich.console import Console
 
+from omnisim.errors import printable
+
 out = Console(highlight=False, soft_wrap=True, emoji=False)
 err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 def print_note(text: str) -> None:
     """Print a note on standard error."""
-    err.print(f"note: {text}", markup=False)
+    err.print(f"note: {printable(text)}", markup=False)
 
 
 def track(steps: Iterable[int], description: str, total: int) -> Iterator[int]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import zipfile
-import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_write, check_suffix
 from omnisim.errors import LocalizationError
@@ -23,11 +23,8 @@ from omnisim.scene.scene_file import Level, LinearRgb, Name, Point, Positive
 
 FORMAT = 1
 SUFFIX = ".npz"
-# What NumPy and zipfile raise of a file that is none, or that is damaged.
-_NO_MODEL = (
-    KeyError, TypeError, ValueError, OverflowError, RuntimeError, EOFError, MemoryError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+_EXPECTED = "expected the .npz file of omnisim landmarks train"
+_NO_MODEL = (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError)
 
 
 class _StoredBand(Table):
@@ -74,32 +71,36 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
     Raises:
         LocalizationError: no such file, or it is no model.
     """
+    stored = _read_arrays(path)
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            if int(stored["format"]) != FORMAT:
-                raise LocalizationError(
-                    f"{path}: format = {int(stored['format'])}: expected {FORMAT}: train it again"
-                )
-            model = ColorModel(
-                tuple(str(name) for name in stored["colors"]),
-                stored["counts"].astype(np.float64),
-                tuple(float(theta) for theta in stored["thresholds"]),
-                float(stored["smoothing"]),
+        if int(stored["format"]) != FORMAT:
+            raise LocalizationError(
+                f"{path}: format = {int(stored['format'])}: expected {FORMAT}: train it again"
             )
-            landmarks = _landmarks(json.loads(str(stored["landmarks"])))
-    except OSError as reason:
-        raise LocalizationError(
-            f"{path}: cannot be read: {reason.strerror or 'not a model'}: expected the .npz "
-            "file of omnisim landmarks train"
-        ) from None
+        model = ColorModel(
+            tuple(str(name) for name in stored["colors"]),
+            stored["counts"].astype(np.float64),
+            tuple(float(theta) for theta in stored["thresholds"]),
+            float(stored["smoothing"]),
+        )
+        landmarks = _landmarks(json.loads(str(stored["landmarks"])))
     except _NO_MODEL:
-        raise LocalizationError(
-            f"{path}: is no model: expected the .npz file of omnisim landmarks train"
-        ) from None
+        raise LocalizationError(f"{path}: is no model: {_EXPECTED}") from None
     except LocalizationError as reason:
         message = str(reason)
         raise LocalizationError(message if str(path) in message else f"{path}: {message}") from None
     return model, landmarks
+
+
+def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return dict(stored.items())
+    except OSError as reason:
+        words = reason.strerror or "not a model"
+        raise LocalizationError(f"{path}: cannot be read: {words}: {_EXPECTED}") from None
+    except Exception:  # NumPy and zipfile raise all kinds of a damaged file
+        raise LocalizationError(f"{path}: is no model: {_EXPECTED}") from None
 
 
 def _landmarks(content: object) -> tuple[Landmark, ...]:

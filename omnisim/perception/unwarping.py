@@ -108,9 +108,10 @@ class Unwarping:
         width = self._shape[1]
         for rows, valid, lookups in self._make_blocks() if self._kept is None else self._kept:
             total = np.zeros((*valid.shape, picture.shape[2]), dtype=np.float32)
-            for corner, weights in lookups:
-                for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
-                    total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
+            with np.errstate(over="ignore"):  # brighter than a float holds is infinite
+                for corner, weights in lookups:
+                    for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
+                        total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
             seen = total[valid] / np.float32(len(lookups))
             result[rows][valid] = _encode(seen) if is_encoded else seen
         return result

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import SceneError
+from omnisim.errors import SceneError, printable
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf.reader import read_gltf
@@ -34,6 +34,7 @@ DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
 # Default height of the effective viewpoint above the floor: a small robot's.
 DEFAULT_HEIGHT_M = 1.0
 _GLTF = {".glb", ".gltf"}
+MAX_NOTICE = 300
 
 
 def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
@@ -97,7 +98,9 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         lighting=expose(read.lights, read.meshes, instances),
         background=settings.background or DEFAULT_BACKGROUND,
         start=_start(settings, bounds_m(read.meshes, instances)),
-        notices=tuple(_one_line(f"{path.name}: {notice}") for notice in dict.fromkeys(notices)),
+        notices=tuple(
+            printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in dict.fromkeys(notices)
+        ),
         starts=tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts),
         paths=tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths),
         landmarks=_landmarks(settings),
@@ -115,12 +118,6 @@ def _check_finite(read: ImportedScene, instances: tuple[Instance, ...]) -> None:
     for material in read.materials:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
             raise SceneError(f"material {material.name!r}: expected finite colours")
-
-
-def _one_line(text: str) -> str:
-    """Text from a file as one printable line of limited length."""
-    plain = "".join(letter if letter.isprintable() else " " for letter in text)
-    return plain if len(plain) <= 300 else plain[:297] + "..."
 
 
 def _start(settings: SceneFile, bounds: NDArray[np.float64]) -> StartPose:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import logging
 import math
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -23,6 +24,7 @@ from omnisim.errors import SceneError
 from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
+from omnisim.scene.mesh_faults import mesh_fault
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
@@ -53,10 +55,11 @@ def read_other(
     path: Path, data: bytes, textures: TextureStore, assets: AssetResolver
 ) -> ImportedScene:
     """Read a file of any format but glTF."""
+    plain = None
     if path.suffix.lower() == ".obj":
-        data, names = plain_obj(data)
+        plain, names = plain_obj(data)
         assets.given[MATERIAL_FILES] = _material_files(names, assets)
-    loaded = _load_with_trimesh(path, data, assets)
+    loaded = _load_with_trimesh(path, data, plain, assets)
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
@@ -78,16 +81,24 @@ def read_other(
     return ImportedScene(tuple(meshes), tuple(materials), tuple(instances), notices)
 
 
-def _load_with_trimesh(path: Path, data: bytes, assets: AssetResolver) -> trimesh.Scene:
+def _load_with_trimesh(
+    path: Path, data: bytes, plain: bytes | None, assets: AssetResolver
+) -> trimesh.Scene:
+    """Load a file, or the plain form that is read in its place."""
     kind = path.suffix[1:].lower()
     try:
-        return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=assets, process=False)
+        # without NumPy's warnings of a damaged file, and Pillow's of a large picture
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            file = io.BytesIO(data if plain is None else plain)
+            return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False)
+    except MemoryError:
+        raise
     except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
-        message = f"{' '.join(str(reason).split())[:200]} ({type(reason).__name__})"
-        if isinstance(reason, ImportError):
+        if isinstance(reason, ImportError) and reason.name != "charset_normalizer":
             message = f"it needs {reason.name}: pip install {reason.name}"
-            if reason.name == "charset_normalizer":  # trimesh guesses encodings with it
-                message = "it is not text, and not its binary form either"
+        else:  # trimesh guesses encodings with charset_normalizer
+            message = mesh_fault(kind, data)
         missing = f"{assets.missing[-1]} is not there; " if assets.missing else ""
         raise SceneError(f"cannot be read as {kind}: {missing}{message}") from None
 
@@ -204,7 +215,7 @@ def _hole_map(extra: dict[str, Any], assets: AssetResolver) -> NDArray[np.uint8]
         return None
     try:
         pixels = rgba8(Image.open(io.BytesIO(assets[" ".join(extra["map_d"])])))
-    except (OSError, ValueError, SyntaxError):  # missing: the resolver has noted its name
+    except Exception:  # missing: the resolver has noted its name; Pillow's readers raise all kinds
         return None
     holes = pixels[..., 3]
     return holes if (holes < 255).any() else pixels[..., 0]

@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from omnisim.errors import did_you_mean
-from omnisim.parameters import Number, Table
+from omnisim.parameters import Number, Signed, Table
 
 Level = Annotated[Number, Field(ge=0.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Name = Annotated[str, Field(min_length=1, strict=True)]
-Point = tuple[Number, Number, Number]
+Point = tuple[Signed, Signed, Signed]
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
 LARGEST_CLASS = 60_000  # files have 16 bits; some are left for the unlabelled
 LinearRgb = tuple[Level, Level, Level]
@@ -84,7 +84,7 @@ class ScenePathTable(Table):
 
     name: Name
     """Name of the path, distinct."""
-    waypoints_m: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2)]
+    waypoints_m: Annotated[tuple[tuple[Signed, Signed], ...], Field(min_length=2)]
     """Corners [x, y] on the ground in order, metres in the world."""
     start_yaw_deg: Number | None = None
     """Heading at the first corner in degrees; left out: towards the second."""

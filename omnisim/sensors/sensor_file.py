@@ -43,6 +43,7 @@ MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allo
 
 
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 PolygonCount = Annotated[
     Literal["exact"] | pydantic.StrictInt, described("a whole number or 'exact'")
@@ -57,7 +58,7 @@ PrincipalPoint = Annotated[
 class MountingTable(Table):
     """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
 
-    position_m: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     """Metres in the base frame: x forward, y left, z up."""
     roll_deg: Number = 0.0
     """Degrees about x."""

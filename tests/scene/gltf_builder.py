@@ -75,3 +75,36 @@ class GltfBuilder:
         self.tree["buffers"] = [{"byteLength": len(self.blob), "uri": uri}]
         path.write_text(json.dumps(self.tree))
         return path
+
+
+def skinned_and_textured():
+    """JSON and buffer of a file with most of what glTF has."""
+    gltf = GltfBuilder()
+    texture = gltf.texture(np.full((2, 2, 3), 9), wrapS=33648)
+    gltf.tree["materials"] = [
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": texture, "texCoord": 0}}}
+    ]
+    mesh = gltf.triangle(
+        material=0,
+        JOINTS_0=gltf.accessor(np.zeros((3, 4), "u1"), "VEC4"),
+        WEIGHTS_0=gltf.accessor(np.ones((3, 4), "<f4"), "VEC4"),
+        TEXCOORD_0=gltf.accessor(np.zeros((3, 2), "<u2"), "VEC2", normalized=True),
+        COLOR_0=gltf.accessor(np.ones((3, 4), "<f4"), "VEC4"),
+    )
+    primitive = gltf.tree["meshes"][mesh]["primitives"][0]
+    primitive["indices"] = gltf.accessor(np.arange(3, dtype="<u2"), "SCALAR")
+    indices = gltf.tree["accessors"][primitive["indices"]]["bufferView"]
+    position = gltf.tree["accessors"][primitive["attributes"]["POSITION"]]
+    position["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": indices, "componentType": 5123},
+        "values": {"bufferView": position["bufferView"]},
+    }
+    binds = gltf.accessor(np.eye(4, dtype="<f4").reshape(1, 16), "MAT4")
+    gltf.tree["skins"] = [{"joints": [1], "inverseBindMatrices": binds}]
+    gltf.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "spot", "range": 5.0}]}}
+    gltf.node(mesh=mesh, skin=0)
+    gltf.node(rotation=[0.0, 0.6, 0.0, 0.8], scale=[1.0, 2.0, -1.0], translation=[1.0, 2.0, 3.0])
+    gltf.node(mesh=mesh, extensions={"KHR_lights_punctual": {"light": 0}})
+    gltf.tree["buffers"] = [{"byteLength": len(gltf.blob)}]
+    return gltf.tree, gltf.blob

@@ -280,7 +280,7 @@ def test_unknown_name_suggests_the_nearest():
 @pytest.mark.parametrize(
     ("package", "message"),
     [
-        ("charset_normalizer", "cannot be read as obj: it is not text, and not its binary form"),
+        ("charset_normalizer", "cannot be read as obj: is damaged, or of another format"),
         ("networkx", "cannot be read as obj: it needs networkx: pip install networkx"),
     ],
 )

@@ -10,6 +10,7 @@ from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import Primitive
 
 
+@np.errstate(all="ignore")  # what is not finite is refused with the mesh
 def skin_vertices(
     primitive: Primitive, matrices: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:

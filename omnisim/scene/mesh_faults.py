@@ -1,0 +1,155 @@
+"""Faults of OBJ, PLY, STL, OFF and COLLADA files that trimesh cannot read.
+
+trimesh's readers fail somewhere in NumPy; here a file is searched for the line or number that is
+wrong, which only a damaged one pays for.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from xml.etree import ElementTree
+
+from omnisim.scene.obj_text import decode_text
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|[-+]?inf", re.IGNORECASE)
+_CORNER = re.compile(r"(-?\d{1,18})(/-?\d*){0,2}", re.ASCII)
+_PLY_BYTES = {
+    "char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2,
+    "int": 4, "uint": 4, "int32": 4, "uint32": 4, "float": 4, "float32": 4, "double": 8,
+    "float64": 8,
+}  # fmt: skip
+_COUNT = re.compile(r"\d{1,18}", re.ASCII)
+_STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes
+
+
+def mesh_fault(kind: str, data: bytes) -> str:
+    """First fault of a file that cannot be read.
+
+    Args:
+        kind: suffix without its point.
+        data: of the file.
+    """
+    find = _FINDERS.get(kind)
+    return (find(data) if find else "") or "is damaged, or of another format than its name says"
+
+
+def _numbered(data: bytes) -> Iterator[tuple[int, list[str]]]:
+    """Words of the lines, with their numbers from 1; comments are left out."""
+    for number, line in enumerate(decode_text(data).split("\n"), start=1):
+        words = line.partition("#")[0].split()
+        if words:
+            yield number, words
+
+
+def _bad_number(words: list[str]) -> str:
+    """The first word that is not a number; empty: all are."""
+    return next((word for word in words if not _NUMBER.fullmatch(word)), "")
+
+
+def _obj(data: bytes) -> str:
+    lines = list(_numbered(data))
+    vertices = sum(words[0] == "v" for _, words in lines)
+    for number, (key, *values) in lines:
+        if key in ("v", "vt", "vn") and (bad := _bad_number(values)):
+            return f"line {number}: {key}: expected numbers, got {bad!r}"
+        if key == "v" and len(values) < 3:
+            return f"line {number}: v: expected 3 numbers, got {len(values)}"
+        if key != "f":
+            continue
+        for word in values:
+            corner = _CORNER.fullmatch(word)
+            if corner is None:
+                return f"line {number}: f: expected corners such as 1/1/1, got {word!r}"
+            if not 1 <= abs(int(corner[1])) <= vertices:
+                return f"line {number}: f: expected vertices from 1 to {vertices}, got {corner[1]}"
+    return ""
+
+
+def _ply(data: bytes) -> str:
+    head, end, body = data.partition(b"end_header")
+    if not data.startswith(b"ply"):
+        return "expected 'ply' in its first line"
+    if not end:
+        return "its header has no end: expected end_header"
+    body = body.partition(b"\n")[2]
+    lines = [words for _, words in _numbered(head)]
+    elements: list[tuple[int, int]] = []  # count, and bytes of one at least
+    for key, *values in lines:
+        if key == "element":
+            if len(values) != 2 or not _COUNT.fullmatch(values[1]):
+                return f"element: expected a name and a count, got {' '.join(values)!r}"
+            elements.append((int(values[1]), 0))
+        elif key == "property":
+            kind = (values[1:] if values[:1] == ["list"] else values)[:1]  # a list's is its count's
+            if not kind or kind[0] not in _PLY_BYTES or not elements:
+                return f"property: expected a type and a name, got {' '.join(values)!r}"
+            count, size = elements[-1]
+            elements[-1] = (count, size + _PLY_BYTES[kind[0]])
+    is_text = ["format", "ascii", "1.0"] in lines
+    wanted = sum(count if is_text else count * size for count, size in elements)
+    got = len([line for line in body.split(b"\n") if line.strip()]) if is_text else len(body)
+    if got < wanted:
+        unit = "lines" if is_text else "bytes"
+        return f"is cut short: expected {wanted} {unit} or more after its header, got {got}"
+    if is_text and (bad := _bad_number(decode_text(body).split())):
+        return f"expected numbers after its header, got {bad!r}"
+    return ""
+
+
+def _stl(data: bytes) -> str:
+    if data.lstrip().startswith(b"solid"):
+        for number, (key, *values) in _numbered(data):
+            if key == "vertex" and (len(values) != 3 or _bad_number(values)):
+                return f"line {number}: vertex: expected 3 numbers, got {' '.join(values)!r}"
+        corners = sum(words[0] == "vertex" for _, words in _numbered(data))
+        return f"expected 3 vertices to a triangle, got {corners} in all" if corners % 3 else ""
+    if len(data) < _STL_HEADER:
+        return f"is cut short: expected a header of {_STL_HEADER} bytes, got {len(data)}"
+    (count,) = struct.unpack_from("<I", data, 80)
+    wanted = _STL_HEADER + count * _STL_TRIANGLE
+    if wanted != len(data):
+        return f"expected {wanted} bytes for {count} triangles, got {len(data)}"
+    return ""
+
+
+def _off(data: bytes) -> str:
+    lines = list(_numbered(data))
+    if not lines or not lines[0][1][0].upper().endswith("OFF"):
+        return "expected 'OFF' in its first line"
+    for number, words in lines[1:]:
+        if bad := _bad_number(words):
+            return f"line {number}: expected numbers, got {bad!r}"
+    counts = (lines[0][1][1:] or (lines[1][1] if lines[1:] else []))[:2]
+    if len(counts) < 2 or not all(map(_COUNT.fullmatch, counts)):
+        return f"expected the counts of vertices and faces first, got {' '.join(counts)!r}"
+    wanted = sum(map(int, counts))
+    got = len(lines) - (1 if lines[0][1][1:] else 2)
+    if got < wanted:
+        return f"is cut short: expected {wanted} lines of vertices and faces, got {got}"
+    vertices = int(counts[0])
+    for number, (count, *corners) in lines[len(lines) - got + vertices :][: int(counts[1])]:
+        for word in corners[: int(count) if _COUNT.fullmatch(count) else None]:
+            if not (_COUNT.fullmatch(word) and int(word) < vertices):
+                return f"line {number}: expected vertices below {vertices}, got {word}"
+    return ""
+
+
+def _dae(data: bytes) -> str:
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as reason:
+        return f"not XML: {reason}"
+    tags = {element.tag.rpartition("}")[2] for element in root.iter()}
+    if root.tag.rpartition("}")[2] != "COLLADA":
+        return f"expected a <COLLADA> element, got <{root.tag}>"
+    for tag in ("asset", "library_geometries", "library_visual_scenes", "scene"):
+        if tag not in tags:
+            return f"has no <{tag}>"
+    return ""
+
+
+_FINDERS: dict[str, Callable[[bytes], str]] = {
+    "obj": _obj, "ply": _ply, "stl": _stl, "off": _off, "dae": _dae,
+}  # fmt: skip

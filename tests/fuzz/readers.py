@@ -1,0 +1,349 @@
+"""Readers of files, each with a sample: what the fuzzer damages and reads."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from omnisim import OmniCamera
+from omnisim.calibration import load_calibration
+from omnisim.calibration.ray_table import read_ray_table, write_ray_table
+from omnisim.errors import OpticsError
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.exr import write_exr
+from omnisim.image_files import read_channels, write_image
+from omnisim.localization.parameters import DEFAULT as FILTER_FILE
+from omnisim.localization.parameters import read_parameters
+from omnisim.perception.color_model import BINS, ColorModel
+from omnisim.perception.color_model_file import load_model, save_model
+from omnisim.perception.unwarping import Unwarping
+from omnisim.perception.views import cylinder_view
+from omnisim.poses import pose
+from omnisim.resources import SCENES
+from omnisim.robot import read_odometry, simulate_odometry, write_odometry, write_trajectory
+from omnisim.robot.trajectory_files import FORMATS
+from omnisim.robot.usarsim import import_robot
+from omnisim.scene import load_scene
+from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.sensors.degradations import preset
+from omnisim.sensors.degradations.degradation_file import PRESETS
+from omnisim.sensors.picture_file import read_picture
+from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.simulation.drive import Drive
+from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.run_data import read_run
+from omnisim.simulation.run_folder import open_run
+from omnisim.simulation.run_labels import RunLabels, landmark_colors
+from omnisim.simulation.vehicle import Vehicle
+from tests.calibration.sample_files import EXACT_SAMPLES
+from tests.fuzz.mutations import glb
+from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
+from tests.scene.gltf_builder import png, skinned_and_textured
+
+SIZE_PX = 24
+LINES = re.compile(r"(?m)^\[\[labels\]\]\n(?:.+\n)*")
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reader of one file, or of a folder of files.
+
+    Attributes:
+        name: its own.
+        build: writes a valid sample into an empty folder.
+        read: reads the sample in a folder.
+        damaged: names of the files that are damaged; empty: all of the sample.
+    """
+
+    name: str
+    build: Callable[[Path], object]
+    read: Callable[[Path], object]
+    damaged: tuple[str, ...] = ()
+
+
+def _box_obj(folder: Path) -> None:
+    box = trimesh.creation.box(extents=(20.0, 3.0, 20.0))
+    corners = "".join(f"v {x:g} {y:g} {z:g}\n" for x, y, z in box.vertices)
+    faces = "".join(f"f {a}/1/1 {b}/2/1 {c}/3/1\n" for a, b, c in box.faces + 1)
+    text = f"mtllib box.mtl\no box\n{corners}vt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nusemtl wood\n{faces}"
+    (folder / "box.obj").write_text(text)
+    (folder / "box.mtl").write_text(
+        "newmtl wood\nKd 0.8 0.4 0.2\nd 0.5\nmap_Kd -s 2 2 1 wood.png\nmap_d wood.png\n"
+    )
+    (folder / "wood.png").write_bytes(png(np.arange(48).reshape(4, 4, 3)))
+
+
+def _gltf_json(folder: Path) -> None:
+    tree, blob = skinned_and_textured()
+    tree["buffers"][0]["uri"] = "box.bin"
+    (folder / "box.bin").write_bytes(blob)
+    (folder / "box.gltf").write_text(json.dumps(tree))
+
+
+def _mesh(name: str, folder: Path, **options: object) -> None:
+    """Box by trimesh, with the colours that the format has."""
+    box = trimesh.creation.box(extents=(1.0, 2.0, 3.0))
+    if name.endswith("ply"):
+        box.visual.vertex_colors = np.tile([[200, 100, 50, 255]], (8, 1))
+    data = box.export(**{"file_type": Path(name).suffix[1:], **options})
+    if name.endswith("dae"):  # without the time of writing, and names that chance gives
+        data = re.sub(rb"(?s)<(created|modified)>.*?</\1>", b"", data)
+        for number, found in enumerate(dict.fromkeys(re.findall(rb"[0-9a-f]{32}", data))):
+            data = data.replace(found, b"id%d" % number)
+    (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+
+
+def _scene_file(folder: Path) -> None:
+    """Tables of the soccer scene, a mesh of ours."""
+    _box_obj(folder)
+    text = (SCENES / "soccer" / "scene.toml").read_text()
+    text = re.sub(
+        r"(?m)^file = .*$", 'file = "box.obj"\nmeters_per_unit = 1.0\nup_axis = "y"', text
+    )
+    labels = LINES.findall(text)
+    (folder / "scene.toml").write_text(LINES.sub("", text) + "".join(labels[:4]))
+
+
+def _robot(folder: Path) -> None:
+    _box_obj(folder)
+    text = (SCENES / "p2at" / "robot.toml").read_text()
+    text = re.sub(r"(?m)^hides = .*$", 'hides = ["box"]', text.replace("p2at.glb", "box.obj"))
+    (folder / "robot.toml").write_text(text)
+    shutil.copy(SCENES / "p2at" / "omnicam.toml", folder)
+
+
+def _copy(source: Path, name: str, folder: Path) -> None:
+    shutil.copyfile(source, folder / name)
+
+
+def _write(name: str, text: str, folder: Path) -> None:
+    (folder / name).write_text(text)
+
+
+@cache
+def _vehicle() -> Vehicle:
+    return Vehicle.load("superscout").with_cameras(size_px=SIZE_PX)
+
+
+@cache
+def _soccer():
+    return load_scene("soccer")
+
+
+WAYPOINTS = "x_m,y_m\n-1.0,0.5\n0.2,0.5\n0.2,1.5\n"
+
+
+@cache
+def _trajectory():
+    path = Path("corner.csv")
+    path.write_text(WAYPOINTS)
+    truth = plan_route(_soccer(), _vehicle(), Route(str(path), step_m=0.3, step_deg=30.0))
+    path.unlink()
+    return truth
+
+
+def _odometry(folder: Path) -> None:
+    write_odometry(folder / "a.csv", simulate_odometry(_trajectory(), _vehicle().odometry, 7))
+
+
+def _metadata(camera: OmniCamera) -> dict[str, object]:
+    base = pose((0.0, 0.0, 0.5))
+    return {
+        "camera": camera.model.parameters(),
+        "polygons": camera.polygons,
+        "world_from_base": base.tolist(),
+        "world_from_optical": (base @ camera.base_from_optical).tolist(),
+    }
+
+
+def _picture(name: str, folder: Path) -> None:
+    rng, size = np.random.default_rng(3), (SIZE_PX, SIZE_PX, 3)
+    is_float = name.endswith("exr")
+    pixels = rng.random(size).astype("f4") if is_float else rng.integers(0, 256, size, np.uint8)
+    write_image(folder / name, pixels, _metadata(OmniCamera().resized(SIZE_PX)))
+
+
+def _channels(path: Path) -> None:
+    layers = {
+        name: np.ones((SIZE_PX, SIZE_PX, len(channel.layers)), channel.dtype)
+        for name, channel in CHANNELS.items()
+    }
+    write_exr(path, layers, None, _metadata(OmniCamera().resized(SIZE_PX)))
+
+
+def _colors(folder: Path) -> None:
+    counts = np.zeros((3, BINS**3))
+    counts[:, :9] = 5.0
+    model = ColorModel(("yellow", "blue"), counts, (4.9, 4.9), smoothing=1.0)
+    save_model(folder / "a.npz", model, _soccer().landmarks)
+
+
+def _run(folder: Path) -> None:
+    """Run of two steps as a drive leaves it, its pictures by us: without OpenGL."""
+    (folder / "path.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    _scene_file(folder)
+    scene = load_scene(folder / "scene.toml")
+    route = Route(str(folder / "path.csv"), step_m=1.0)
+    plan = Drive(scene, _vehicle(), route, channels=("instance",)).plan()
+    with open_run(folder / "run", _manifest(plan)) as run:
+        plan._write_records(run)
+        for step in range(len(plan.truth)):
+            _picture(f"run/omnicam/{step:06d}.png", folder)
+            _channels(folder / f"run/omnicam/{step:06d}.channels.exr")
+            _write(f"run/omnicam/{step:06d}.coco.json", "{}", folder)
+        labels = find_labels(scene).to_json()
+        (run.path / "labels.json").write_text(json.dumps(labels))
+
+
+def _manifest(plan) -> dict[str, object]:
+    content = plan._manifest("none")
+    content["scene"]["file"] = "soccer"
+    content["libraries"] = {}
+    return content
+
+
+def _read_run(folder: Path) -> None:
+    run = read_run(folder / "run", str(folder / "scene.toml"))
+    run.unfinished  # noqa: B018
+    for picture in run.pictures():
+        picture.sum()
+    if run.truth is not None:
+        run.true_poses  # noqa: B018
+    RunLabels(run, landmark_colors(run.landmarks))(0)
+    with open_run(run.folder.path, run.folder.manifest.model_dump(mode="json")):
+        pass
+
+
+def _read_scene(name: str, folder: Path) -> None:
+    scene = load_scene(folder / name)
+    find_labels(scene).notices()
+    scene.bounds_m()
+    repr(scene)
+
+
+def _read_calibration(name: str, folder: Path) -> None:
+    for camera in load_calibration(folder / name).cameras:
+        camera.camera.ray_from_pixel([[0.0, 0.0], [9.0, 5.0]])
+
+
+def _read_picture(name: str, folder: Path) -> None:
+    taken = read_picture(folder / name)
+    view = cylinder_view(16, -0.5, 0.3)
+    rotation = taken.base_from_optical.T @ view.base_from_view
+    with suppress(OpticsError):  # the picture shows nothing of this view
+        Unwarping(taken.camera, view.camera, rotation, taken.covered)(taken.pixels)
+
+
+def _read_route(name: str, folder: Path) -> None:
+    plan_route(_soccer(), _vehicle(), Route(str(folder / name), rate_hz=None))
+
+
+def _import_robots(folder: Path) -> None:
+    import_robot(folder / "a.ini", "OmniP2AT")
+
+
+def _readers() -> list[Reader]:
+    scene = [
+        Reader("glb", lambda f: (f / "a.glb").write_bytes(glb(*skinned_and_textured())),
+               partial(_read_scene, "a.glb")),
+        Reader("gltf", _gltf_json, partial(_read_scene, "box.gltf")),
+        Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
+        Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
+    ]  # fmt: skip
+    meshes = [
+        ("ply-text", "a.ply", {"encoding": "ascii"}), ("ply", "a.ply", {}), ("stl", "a.stl", {}),
+        ("stl-text", "a.stl", {"file_type": "stl_ascii"}), ("off", "a.off", {}),
+        ("dae", "a.dae", {}),
+    ]  # fmt: skip
+    for name, file, options in meshes:
+        scene.append(Reader(name, partial(_mesh, file, **options), partial(_read_scene, file)))
+    tables = [
+        Reader("sensor", partial(_copy, DEFAULT_SENSOR_FILE, "a.toml"),
+               lambda f: OmniCamera.from_file(f / "a.toml")),
+        Reader("sensor-lens", partial(_write, "a.toml", SENSOR),
+               lambda f: OmniCamera.from_file(f / "a.toml")),
+        Reader("preset", partial(_copy, PRESETS / "bad-day.toml", "a.toml"),
+               lambda f: preset("a.toml", f)),
+        Reader("labels", partial(_write, "a.toml", LABELS),
+               lambda f: read_label_file(f / "a.toml")),
+        Reader("filter", partial(_copy, FILTER_FILE, "a.toml"),
+               lambda f: read_parameters(f / "a.toml")),
+        Reader("robot", _robot, lambda f: Vehicle.load(f / "robot.toml"),
+               ("robot.toml", "omnicam.toml")),
+        Reader("usarsim", partial(_copy, ROBOTS_INI, "a.ini"), _import_robots),
+    ]  # fmt: skip
+    calibrations = [
+        Reader(path.name, partial(_copy, path, path.name), partial(_read_calibration, path.name))
+        for path in EXACT_SAMPLES
+    ]
+    routes = [
+        Reader(
+            f"{name}-poses",
+            lambda folder, name=name: write_trajectory(folder / "a.txt", _trajectory(), name),
+            partial(_read_route, "a.txt"),
+        )
+        for name in FORMATS
+    ]
+    routes += [
+        Reader("waypoints", partial(_write, "a.csv", WAYPOINTS), partial(_read_route, "a.csv")),
+        Reader("odometry", _odometry, lambda f: read_odometry(f / "a.csv")),
+    ]
+    pictures = [
+        Reader(
+            f"picture-{name}", partial(_picture, f"a.{name}"), partial(_read_picture, f"a.{name}")
+        )
+        for name in ("png", "jpg", "exr", "tif")
+    ]
+    pictures += [
+        Reader("channels", lambda f: _channels(f / "a.exr"), lambda f: read_channels(f / "a.exr")),
+        Reader("rays", lambda f: write_ray_table(f / "a.exr", OmniCamera().resized(SIZE_PX).model),
+               lambda f: read_ray_table(f / "a.exr")),
+        Reader("colors", _colors, lambda f: load_model(f / "a.npz")),
+    ]  # fmt: skip
+    run = Reader("run", _run, _read_run, RUN_FILES)
+    return [*scene, *tables, *calibrations, *routes, *pictures, run]
+
+
+RUN_FILES = (
+    "run/manifest.json", "run/ground_truth.tum", "run/odometry.csv", "run/labels.json",
+    "run/omnicam/calibration.json", "run/omnicam/000000.png", "run/omnicam/000001.channels.exr",
+    "run/omnicam/000000.channels.exr",
+)  # fmt: skip
+SENSOR = """
+[virtual_cameras]
+near_m = 0.05
+far_m = 80.0
+[camera]
+supersampling = 2
+[lens]
+model = "unified"
+width_px = 64
+height_px = 48
+focal_lengths_px = [20.0, 20.0]
+principal_point_px = [31.5, 23.5]
+xi = 0.9
+skew_px = 0.0
+distortion = [-0.1, 0.01, 0.0, 0.0]
+[degradation]
+preset = "webcam"
+[degradation.vignetting]
+enabled = true
+"""
+LABELS = """
+[[labels]]
+name = "goal"
+color = [250, 210, 0]
+nodes = ["goal_*", "post"]
+id = 3
+[[labels]]
+name = "wall"
+nodes = ["*"]
+"""
+READERS = {reader.name: reader for reader in _readers()}

@@ -1,0 +1,102 @@
+"""Every reader takes its sample, and answers damaged ones with one of omnisim's errors or none.
+
+`python -m tests.fuzz` reads as many as one has time for.
+"""
+
+import multiprocessing
+import os
+import warnings
+from functools import partial
+
+import pytest
+
+from omnisim.errors import MAX_LINE, OmnisimError, printable
+from tests.fuzz import cases, workers
+from tests.fuzz.__main__ import cases_of
+from tests.fuzz.cases import Case, Finding, Samples, message_fault
+from tests.fuzz.readers import READERS, Reader
+from tests.fuzz.workers import run_cases
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory):
+    return Samples(tmp_path_factory.mktemp("fuzz") / "samples", tuple(READERS))
+
+
+def test_samples_are_valid(samples, monkeypatch):
+    monkeypatch.chdir(samples.folder)
+    for name, reader in READERS.items():
+        reader.read(samples.folder / name)
+
+
+def test_damaged_samples_are_one_line(samples):
+    findings = map(samples.check, cases_of(tuple(READERS), 10 * len(READERS), seed=0))
+    assert [finding for finding in findings if finding] == []
+
+
+@pytest.mark.slow
+def test_many_damaged_samples(samples, tmp_path):
+    inputs = cases_of(tuple(READERS), 4000, seed=1)
+    events = list(run_cases(samples, inputs, 2, tmp_path))
+    assert [event for event in events if isinstance(event, Finding)] == []
+    assert sum(event.total() for event in events if not isinstance(event, Finding)) == 4000
+
+
+def test_a_case_is_the_same_damage_every_time(samples, tmp_path):
+    again = Samples(tmp_path / "again", tuple(READERS))
+    for case in cases_of(tuple(READERS), 3 * len(READERS), seed=5):
+        assert samples.damaged(case) == again.damaged(case)
+
+
+def _write(name, text, folder):
+    (folder / name).write_text(text)
+
+
+def _hang():
+    while True:
+        pass
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.parametrize(
+    ("fault", "kind"),
+    [
+        (lambda: 1 // 0, "ZeroDivisionError test_readers.py"),
+        (lambda: os._exit(3), "ends the process: exit status 3"),
+        (_hang, "hangs: more than 0.5 s"),
+        (lambda: os.write(2, b"noise"), "prints to the console"),
+        (lambda: b"1" * (60 << 20), "memory: "),
+        (lambda: b"1" * (60 << 30), "MemoryError test_readers.py"),
+        (lambda: warnings.warn("w", RuntimeWarning, stacklevel=1), "warning: RuntimeWarning"),
+    ],
+)
+def test_faults_of_a_reader_are_findings(tmp_path, monkeypatch, fault, kind):
+    """A reader of the test's own, which a forked process has; the cases that follow go on."""
+    monkeypatch.setattr(workers, "_SPAWN", multiprocessing.get_context("fork"))
+    monkeypatch.setattr(workers, "LIMIT_CPU_S", 0.5)
+    monkeypatch.setattr(cases, "LARGEST_BYTES", 50 << 20)
+
+    def read(folder):
+        if (folder / "a.txt").read_bytes() != b"1":
+            fault()
+
+    monkeypatch.setitem(READERS, "faulty", Reader("faulty", partial(_write, "a.txt", "1"), read))
+    damaged = [Case("faulty", number, 0) for number in range(3)]
+    events = list(run_cases(Samples(tmp_path / "s", ("faulty",)), iter(damaged), 1, tmp_path))
+    findings = [event for event in events if isinstance(event, Finding)]
+    assert [finding.case for finding in findings] == damaged
+    assert all(finding.kind.startswith(kind) for finding in findings), findings
+    assert sum(event["faulty"] for event in events if not isinstance(event, Finding)) == 3
+
+
+def test_messages_have_lines_that_can_be_printed():
+    message = str(OmnisimError("a\x1b[31m\udce9\n" + 2000 * "b"))
+    first, second = message.split("\n")
+    assert first == "a\\x1b[31m\\udce9"
+    assert len(second) <= MAX_LINE
+    assert printable("0123456789", 9) == "012 … 789"
+    assert message_fault(f"x: {message}", "") == ""
+    assert message_fault("x: a (IndexError)", "x") == "speaks of Python"
+    assert message_fault("x: a\x07", "x") == "has a letter that cannot be printed"
+    assert message_fault("y", "x") == "names no file"
