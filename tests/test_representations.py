@@ -49,13 +49,12 @@ def _objects():
     drive = Drive(scene, vehicle, Route("lap"))
     manifest = Manifest.model_validate(
         {
-            "format": 1,
+            "format": 2,
             "scene": {"name": "soccer", "file": "soccer", "up_axis": None, "contents": ""},
             "robot": {"name": "p2at"},
             "path": {"name": "lap"},
             "steps": 300,
-            "cameras": [f"camera {index}" for index in range(40)],
-            "scanners": [],
+            "sensors": {f"camera {index}": {"type": "omnicamera"} for index in range(40)},
         }
     )
     many = tuple(omnisim.calibration_of(LENS, f"cam{at}").camera() for at in range(50))
@@ -66,7 +65,7 @@ def _objects():
     yield from (sensor, sensor.degradation, omnisim.OmniCamera.of(LENS), omnisim.Degradation())
     yield from (omnisim.calibration_of(sensor), many[0], omnisim.Calibration(many))
     yield from (frame, frame.channels, LABELS, trajectory, drive, load_robot("p2at"))
-    yield from (vehicle, *vehicle.cameras, *vehicle.scanners, omnisim.LaserScanner())
+    yield from (vehicle, *vehicle.sensors, omnisim.LaserScanner())
     yield omnisim.Twist()
     yield simulate_odometry(trajectory, OdometryErrors(), 0)
     yield RunFolder(SCENES, manifest)

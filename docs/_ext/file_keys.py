@@ -174,7 +174,7 @@ def key_pages() -> dict[str, str]:
 
 
 def _mounts() -> Iterator[str]:
-    from omnisim.robot.sensor_mounts import MOUNT_TYPES
+    from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
     for name, mount in MOUNT_TYPES.items():
         yield f'## `[[sensors]]`, `type = "{name}"`\n\n{_summary(mount)}'

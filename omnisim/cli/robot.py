@@ -20,7 +20,7 @@ from omnisim.robot import (
     usarsim,
 )
 from omnisim.simulation import Vehicle
-from omnisim.simulation.vehicle import MountedCamera, MountedScanner
+from omnisim.simulation.sensors import MountedSensor
 
 
 def list_robots() -> None:
@@ -32,7 +32,7 @@ def list_robots() -> None:
     robots = [load_robot(name) for name in builtin_robots()]
     width = max((len(robot.name) for robot in robots), default=0)
     for robot in robots:
-        sensors = ", ".join(mount.name for mount in robot.mounts) or "no sensors"
+        sensors = ", ".join(robot.sensor_names) or "no sensors"
         drive = _format_drive(robot.kinematics)
         out.print(f"{robot.name:<{width}}  {robot.title}: {drive}; {sensors}", markup=False)
 
@@ -64,11 +64,11 @@ def import_robot(request: ImportRequest) -> None:
     if output.exists() and output.samefile(request.configuration):
         raise OutputError(f"--output: expected another name than the configuration's, got {output}")
     robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
-    Vehicle.from_robot(robot)  # raises for a robot that could not be used
+    vehicle = Vehicle.from_robot(robot)
     write_text(output, imported.text)
     for notice in imported.notices:
         print_note(notice)
-    sensors = ", ".join(f"{mount.name} ({mount.type})" for mount in robot.mounts)
+    sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
     out.print(
         f"{output}: {robot.name} of [{imported.section}], {sensors or 'no sensors'}", markup=False
     )
@@ -95,26 +95,13 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
     if vehicle.footprint is not None:
         size = vehicle.footprint
         lines.append(f"size     {size.length_m:g} × {size.width_m:g} × {size.height_m:g} m")
-    return [*lines, *map(_camera_line, vehicle.cameras), *map(_scanner_line, vehicle.scanners)]
+    return [*lines, *map(_sensor_line, vehicle.sensors)]
 
 
-def _camera_line(mounted: MountedCamera) -> str:
-    camera = mounted.sensor.model
-    return (
-        f"camera   {mounted.name}, {camera.width_px} × {camera.height_px} px, "
-        f"effective viewpoint {_format_origin(mounted)}"
-    )
-
-
-def _scanner_line(mounted: MountedScanner) -> str:
-    scanner = mounted.scanner
-    return (
-        f"scanner  {mounted.name}, {scanner.beams} beams at {scanner.resolution_deg:.4g}° "
-        f"to {scanner.range_max_m:g} m, origin {_format_origin(mounted)}"
-    )
-
-
-def _format_origin(mounted: MountedCamera | MountedScanner) -> str:
+def _sensor_line(mounted: MountedSensor) -> str:
     x, y, z = mounted.origin_m.tolist()
     hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
-    return f"({x:g}, {y:g}, {z:g}) m{hidden}"
+    return (
+        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, "
+        f"{mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
+    )

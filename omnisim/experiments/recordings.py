@@ -80,8 +80,8 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
 
 
 def _with_camera_only(vehicle: Vehicle) -> Vehicle:
-    """Vehicle without its laser scanners."""
-    return dataclasses.replace(vehicle, scanners=())
+    """Vehicle without its other sensors."""
+    return dataclasses.replace(vehicle, sensors=vehicle.cameras)
 
 
 def _record(

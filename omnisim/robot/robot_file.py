@@ -17,7 +17,7 @@ from omnisim.parameters import Number, Table, parse_table
 from omnisim.robot.kinematics import DriveType, Kinematics
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_lookup import find_robot
-from omnisim.robot.sensor_mounts import Name, SensorMount, parse_mounts
+from omnisim.robot.sensor_names import Name
 from omnisim.short_repr import short_repr
 from omnisim.toml_file import read_toml
 
@@ -145,7 +145,7 @@ class Robot:
         kinematics: its limits, or None: unknown.
         odometry: the errors of its wheels.
         footprint: about its base, or None: unknown.
-        mounts: its sensors and where they are.
+        sensors: tables of its sensors; what they describe is built in `omnisim.simulation`.
     """
 
     source: str
@@ -156,10 +156,15 @@ class Robot:
     kinematics: Kinematics | None
     odometry: OdometryErrors
     footprint: Footprint | None
-    mounts: tuple[SensorMount, ...]
+    sensors: tuple[dict[str, Any], ...]
 
     def __repr__(self) -> str:
-        return short_repr(self, repr(self.name), *(mount.name for mount in self.mounts))
+        return short_repr(self, repr(self.name), *self.sensor_names)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Names of its sensors."""
+        return tuple(str(table.get("name")) for table in self.sensors)
 
 
 def load_robot(source: str | Path) -> Robot:
@@ -189,6 +194,22 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
 
 
+def file_beside(folder: Path, name: str, key: str) -> Path:
+    """Find a file that a robot file names; `key` names file and key in messages.
+
+    Raises:
+        RobotFileError: it is not there, or cannot be read.
+    """
+    path = folder / name
+    try:
+        is_there = path.is_file()
+    except OSError as reason:  # a name too long, a folder without permission
+        raise RobotFileError(f"{key} = {name!r}: cannot be read: {reason.strerror}") from None
+    if not is_there:
+        raise RobotFileError(f"{key} = {name!r}: no such file beside it")
+    return path
+
+
 def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
     try:
         kinematics = None if table.kinematics is None else _kinematics(table.kinematics)
@@ -205,7 +226,7 @@ def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
         kinematics=kinematics,
         odometry=odometry,
         footprint=footprint,
-        mounts=parse_mounts(table.sensors, source),
+        sensors=table.sensors,
     )
 
 

@@ -1,5 +1,6 @@
 """Simulation: vehicles with sensors, driven along paths through scenes."""
 
-from omnisim.simulation.vehicle import MountedCamera, MountedScanner, Vehicle
+from omnisim.simulation.sensors import MountedCamera, MountedScanner
+from omnisim.simulation.vehicle import Vehicle
 
 __all__ = ["MountedCamera", "MountedScanner", "Vehicle"]

@@ -19,33 +19,26 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
-from omnisim.scene.labels import find_labels
-from omnisim.sensors import LaserRenderer, Renderer
+from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.stage import Stage
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_box import BodyBox
-from omnisim.simulation.calibration_file import CALIBRATION, calibration_json
 from omnisim.simulation.contacts import Contact, find_contacts
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
-from omnisim.simulation.recorders import (
-    CameraRecorder,
-    ScannerRecorder,
-    check_exposure,
-    noise_seed,
-)
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_channels import write_boxes, write_labels
 from omnisim.simulation.run_folder import (
-    CAMERA_POSES,
     GROUND_TRUTH,
     ODOMETRY,
     RunFolder,
     open_run,
 )
-from omnisim.simulation.sensor_toml import sensor_toml
+from omnisim.simulation.sensors import DriveSettings, Moment
+from omnisim.simulation.sensors.omnicamera import CAMERA_POSES
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.version import __version__
+from omnisim.world import WorldState
 
 LARGEST_SEED = 2**63 - 1
 
@@ -90,7 +83,7 @@ class Drive:
         self._check_seed()
         planned = plan_route(self.scene, self.vehicle, self.route, print_note)
         truth, box = planned.trajectory, BodyBox.of(self.vehicle)
-        self._check_exposures(truth)
+        self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = () if box is None else find_contacts(self.scene, planned.sweep, box)
         return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
@@ -102,16 +95,16 @@ class Drive:
             RunError: an impossible seed, or an exposure longer than a step.
         """
         self._check_seed()
-        self._check_exposures(truth)
+        self._check_sensors(truth)
         return PlannedDrive(self, truth)
 
     def _check_seed(self) -> None:
         if not 0 <= self.seed <= LARGEST_SEED:
             raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
 
-    def _check_exposures(self, truth: Trajectory) -> None:
-        for camera in self.vehicle.cameras:
-            check_exposure(camera, truth)
+    def _check_sensors(self, truth: Trajectory) -> None:
+        for sensor in self.vehicle.sensors:
+            sensor.check_trajectory(truth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,26 +147,11 @@ class PlannedDrive:
         with ExitStack() as stack:
             scene = _with_short_name(drive.scene)
             stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
-            recorders: list[CameraRecorder | ScannerRecorder] = []
-            for camera in vehicle.cameras:
-                renderer = Renderer(
-                    stage,
-                    camera.sensor,
-                    hidden=camera.hides,
-                    unlit=drive.unlit,
-                    seed=noise_seed(drive.seed, camera.name),
-                )
-                stack.enter_context(renderer)
-                recorders.append(CameraRecorder(camera, renderer, self.truth))
-            for scanner in vehicle.scanners:
-                scans = LaserRenderer(
-                    stage,
-                    scanner.scanner,
-                    base_from_scanner=scanner.base_from_scanner,
-                    hidden=scanner.hides,
-                )
-                stack.enter_context(scans)
-                recorders.append(ScannerRecorder(scanner, scans, self.truth))
+            settings = DriveSettings(BODY, drive.seed, drive.unlit, drive.channel_format)
+            instruments = {
+                sensor.name: stack.enter_context(sensor.open(stage, settings))
+                for sensor in vehicle.sensors
+            }
             content = self._manifest(graphics_info(stage.context).renderer)
             run = stack.enter_context(open_run(folder, content, force))
             self._write_records(run)
@@ -183,10 +161,28 @@ class PlannedDrive:
             there = len(self.truth) - len(missing)
             yield there
             for done, step in enumerate(missing, start=there + 1):
-                for recorder in recorders:
-                    recorder.record(run, step)
+                for name, instrument in instruments.items():
+                    if run.missing_of(name, step):
+                        moment = self._moment(run, name, step)
+                        instrument.measure(moment).save(run.stem(name, step))
                 yield done
             write_boxes(run, labels)
+
+    def _moment(self, run: RunFolder, sensor: str, step: int) -> Moment:
+        """Moment of a step, of which all steps before are in the folder."""
+        times_s = self.truth.times_s.tolist()
+        return Moment(
+            self._state_at,
+            step,
+            times_s[step],
+            times_s[step - 1] if step > 0 else None,
+            times_s[step + 1] if step + 1 < len(times_s) else None,
+            run.channels_at(step),
+            run.stem(sensor, step - 1) if step > 0 else None,
+        )
+
+    def _state_at(self, time_s: float) -> WorldState:
+        return WorldState({BODY: self.truth.pose_at(time_s)}, time_s)
 
     def _manifest(self, renderer: str) -> dict[str, Any]:
         """Manifest of the run, of JSON's types.
@@ -204,15 +200,9 @@ class PlannedDrive:
                 "up_axis": drive.up_axis,
                 "contents": scene_contents(drive.scene),
             },
-            "degradation": {
-                camera.name: camera.sensor.degradation.tables() for camera in vehicle.cameras
-            },
-            "quality": {
-                camera.name: {
-                    "supersampling": camera.sensor.supersampling,
-                    "texels_per_pixel": camera.sensor.texels_per_pixel,
-                }
-                for camera in vehicle.cameras
+            "sensors": {
+                sensor.name: {"type": sensor.type, **sensor.settings()}
+                for sensor in vehicle.sensors
             },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
             "path": {
@@ -227,9 +217,6 @@ class PlannedDrive:
             "seed": drive.seed,
             "unlit": drive.unlit,
             "channels": drive.channels,
-            "cameras": [camera.name for camera in vehicle.cameras],
-            "scanners": [scanner.name for scanner in vehicle.scanners],
-            # a robot's manifests stay as they were
             **({"is_rig": True} if self.odometry is None else {}),
             "renderer": renderer,
             "libraries": {
@@ -248,13 +235,11 @@ class PlannedDrive:
             write_trajectory(run.path / GROUND_TRUTH, self.truth)
         if self.odometry is not None and not run.has(ODOMETRY):
             write_odometry(run.path / ODOMETRY, self.odometry)
+        for sensor in self.drive.vehicle.sensors:
+            for name, text in sensor.documents().items():
+                if not run.has(f"{sensor.name}/{name}"):
+                    write_text(run.path / sensor.name / name, text)
         for camera in self.drive.vehicle.cameras:
-            for name, text in (
-                ("sensor.toml", sensor_toml(camera.sensor)),
-                (CALIBRATION, calibration_json(camera.sensor)),
-            ):
-                if not run.has(f"{camera.name}/{name}"):
-                    write_text(run.path / camera.name / name, text)
             if self.odometry is None and not run.has(f"{camera.name}/{CAMERA_POSES}"):
                 poses = self.truth.world_from_base @ camera.sensor.base_from_optical
                 write_trajectory(

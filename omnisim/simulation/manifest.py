@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
-from omnisim.errors import RunError
+from omnisim.errors import RunError, did_you_mean
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.parameters import Table, parse_table
-from omnisim.robot.sensor_mounts import SensorName
+from omnisim.robot.sensor_names import SensorName
+from omnisim.simulation.sensors import MountedSensor
+from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
-MANIFEST_FORMAT = 1
+MANIFEST_FORMAT = 2
 # For the record: other versions of these, or from elsewhere, may go on with a run; and what follows
 # from its poses.
 FOR_THE_RECORD = ("libraries", "scene.file", "path.name", "path.follows_floor", "path.contacts")
@@ -36,24 +38,37 @@ class _Named(_OpenTable):
     name: str
 
 
+def _check_type(kind: str) -> str:
+    if kind not in MOUNT_TYPES:
+        raise ValueError(f"unknown sensor type; {did_you_mean(kind, MOUNT_TYPES)}")
+    return kind
+
+
+class _Sensor(_OpenTable):
+    type: Annotated[str, AfterValidator(_check_type)]
+
+
 class Manifest(_OpenTable):
     """Keys of a manifest that readers rely on."""
 
-    format: Literal[1]
+    format: Literal[2]
     scene: _Scene
     robot: _Named
     path: _Named
     steps: int = Field(ge=1)
-    cameras: list[SensorName]
-    scanners: list[SensorName]
+    sensors: dict[SensorName, _Sensor]
     channels: tuple[str, ...] = Field(default=(), strict=False)
     channel_format: ChannelFormat = Field(default=ChannelFormat.AUTO, strict=False)
     is_rig: bool = False
 
     @property
-    def sensors(self) -> list[str]:
-        """Names of all sensors."""
-        return [*self.cameras, *self.scanners]
+    def cameras(self) -> list[str]:
+        """Names of the cameras, which have ground truth."""
+        return [name for name in self.sensors if self.sensor_class(name).has_ground_truth]
+
+    def sensor_class(self, name: str) -> type[MountedSensor]:
+        """Class of a sensor."""
+        return MOUNT_TYPES[self.sensors[name].type].sensor_class
 
     @property
     def title(self) -> str:

@@ -9,9 +9,10 @@ from omnisim.calibration.rig import Rig
 from omnisim.errors import CalibrationError
 from omnisim.poses import inverse, pose_from_rotation
 from omnisim.robot.odometry import OdometryErrors
-from omnisim.robot.sensor_mounts import folder_name
+from omnisim.robot.sensor_names import folder_name
 from omnisim.sensors import OmniCamera
-from omnisim.simulation.vehicle import MountedCamera, Vehicle
+from omnisim.simulation.sensors import MountedCamera
+from omnisim.simulation.vehicle import Vehicle
 
 
 def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
@@ -32,7 +33,7 @@ def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None
         rig_from_optical = pose_from_rotation(camera.model.rig_from_optical, (0.0, 0.0, 0.0))
         base_from_rig = camera.body_from_camera @ inverse(rig_from_optical)
         mounted = dataclasses.replace(sensor, base_from_rig=base_from_rig)
-        cameras.append(MountedCamera(folder_name(camera.name), mounted))
+        cameras.append(MountedCamera("omnicamera", folder_name(camera.name), (), mounted))
     names = [camera.name for camera in cameras]
     for camera, folder in zip(rig.cameras, names, strict=True):
         if names.count(folder) > 1:
@@ -46,6 +47,5 @@ def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None
         kinematics=None,
         odometry=OdometryErrors(),
         footprint=None,
-        cameras=tuple(cameras),
-        scanners=(),
+        sensors=tuple(cameras),
     )

@@ -3,6 +3,7 @@
     manifest.json               what made the run: versions, contents, settings, seeds
     ground_truth.tum            poses of the base (TUM: s, metres, quaternion xyzw)
     odometry.csv                what the wheels report, and dead reckoning by it
+    <sensor>/000000.<suffix>    its files of a step, see `omnisim.simulation.sensors`
     <camera>/sensor.toml        the camera as it was used
     <camera>/calibration.json   its parameters and its mount on the base
     <camera>/000000.png ...     a picture a step, with camera and pose inside
@@ -30,37 +31,31 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import re
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, did_you_mean
 from omnisim.ground_truth import CHANNELS
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.short_repr import counted, short_repr
+from omnisim.simulation.is_written import is_written
 from omnisim.simulation.manifest import (
     Manifest,
     first_difference,
     parse_manifest,
     read_manifest,
 )
+from omnisim.simulation.sensors import MountedSensor
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
-CAMERA_POSES = "poses.tum"  # in the folder of each camera
 LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
 PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
-CHANNELS_SUFFIX, BOXES_SUFFIX = ".channels.exr", ".coco.json"
-DESCRIPTION_SUFFIX = ".channels.json"
-_OWN_FILE = re.compile(
-    r"\d{6,}\.(png|csv|channels\.(exr|json)|[a-z_]+\.npy|coco\.json)|coco\.json|sensor\.toml"
-    r"|calibration\.json|poses\.tum|\.omnisim-.*\.partial"
-)
 
 
 @dataclass(frozen=True)
@@ -95,9 +90,13 @@ class RunFolder:
             raise RunError(f"{path}: has no {MANIFEST}: {expected}")
         return cls(path, parse_manifest(content, f"{path / MANIFEST}: is damaged"))
 
+    def stem(self, sensor: str, step: int) -> Path:
+        """Path of a sensor's files of a step, without their suffixes."""
+        return self.path / sensor / f"{step:06d}"
+
     def file(self, sensor: str, step: int, suffix: str) -> Path:
         """Path of a sensor's file of a step, present or not."""
-        return self.path / sensor / f"{step:06d}{suffix}"
+        return self.stem(sensor, step).with_suffix(suffix)
 
     def has(self, name: str) -> bool:
         """A file of the run is there, such as `GROUND_TRUTH`."""
@@ -154,9 +153,16 @@ class RunFolder:
 
     def missing_file(self, step: int) -> Path | None:
         """Find the first of a step's files that is missing or empty; None: all are there."""
-        files = [self.file(name, step, ".csv") for name in self.manifest.scanners]
-        for name in self.manifest.cameras:
-            files += self.camera_files(name, step)
+        sensors = self.manifest.sensors
+        return next((file for name in sensors if (file := self.missing_of(name, step))), None)
+
+    def missing_of(self, sensor: str, step: int) -> Path | None:
+        """Find the first of a sensor's files of a step that is missing; None: all are there."""
+        manifest = self.manifest
+        suffixes = manifest.sensor_class(sensor).suffixes_of(
+            self.channels_at(step), manifest.channel_format
+        )
+        files = (self.file(sensor, step, suffix) for suffix in suffixes)
         return next((file for file in files if not is_written(file)), None)
 
     def channels_at(self, step: int) -> tuple[str, ...]:
@@ -166,17 +172,6 @@ class RunFolder:
         there |= {"next"} if step < self.manifest.steps - 1 else set()
         names = self.manifest.channels
         return tuple(name for name in names if name in CHANNELS and CHANNELS[name].other in there)
-
-    def camera_files(self, camera: str, step: int) -> list[Path]:
-        """All files of a camera at a step."""
-        channels = self.channels_at(step)
-        suffixes = [".png"]
-        if channels and self.manifest.channel_format is not ChannelFormat.NPY:
-            suffixes.append(CHANNELS_SUFFIX)
-        if channels and self.manifest.channel_format is not ChannelFormat.AUTO:
-            suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
-        suffixes += [BOXES_SUFFIX] if "instance" in channels else []
-        return [self.file(camera, step, suffix) for suffix in suffixes]
 
 
 @contextmanager
@@ -261,13 +256,13 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
 
 def _clear(run: RunFolder) -> None:
     """Remove a run's own files, and nothing else; its manifest stays until another's."""
-    folders = [run.path / name for name in run.manifest.sensors]
+    folders = {run.path / name: run.manifest.sensor_class(name) for name in run.manifest.sensors}
     for folder in folders:
         if folder.is_symlink():
             raise RunError(f"{folder}: is a link: --force removes no files elsewhere")
     for folder in filter(Path.is_dir, folders):
         for file in folder.iterdir():
-            if _OWN_FILE.fullmatch(file.name):
+            if _is_own(file.name, folders[folder]):
                 file.unlink()
         if not any(folder.iterdir()):
             folder.rmdir()
@@ -275,9 +270,10 @@ def _clear(run: RunFolder) -> None:
         (run.path / name).unlink(missing_ok=True)
 
 
-def is_written(path: Path) -> bool:
-    """A file is there and not empty."""
-    try:
-        return path.stat().st_size > 0
-    except FileNotFoundError:
-        return False
+def _is_own(name: str, sensor: type[MountedSensor]) -> bool:
+    """A file of this name in a sensor's folder is the run's."""
+    if name in (*sensor.document_names, BOXES) or fnmatch(name, PARTIAL):
+        return True
+    step, dot, suffix = name.partition(".")
+    is_of_sensor = any(fnmatch(dot + suffix, pattern) for pattern in sensor.suffixes)
+    return len(step) >= 6 and step.isdecimal() and is_of_sensor

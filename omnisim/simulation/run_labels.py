@@ -24,7 +24,8 @@ from omnisim.perception.color_training import (
 )
 from omnisim.scene.model import Landmark
 from omnisim.simulation.run_data import RunData
-from omnisim.simulation.run_folder import CHANNELS_SUFFIX, LABELS
+from omnisim.simulation.run_folder import LABELS
+from omnisim.simulation.sensors.omnicamera import CHANNELS_SUFFIX
 
 # Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's colour:
 # white lines, walls and paper are everywhere.

@@ -44,11 +44,13 @@ def test_unknown_quality_is_one_line(omnisim, tmp_path, command):
 def test_a_run_keeps_its_quality(omnisim, tmp_path):
     assert omnisim(*DRIVE, "--quality", "fast")[0] == 0
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
-    assert manifest["quality"] == {"omnicam": QUALITIES["fast"]._asdict()}
+    assert manifest["sensors"]["omnicam"]["quality"] == QUALITIES["fast"]._asdict()
     used = OmniCamera.from_file(tmp_path / "run" / "omnicam" / "sensor.toml")
     assert (used.supersampling, used.texels_per_pixel) == QUALITIES["fast"]
     (tmp_path / "run" / "omnicam" / "000001.png").unlink()
     status, _, error = omnisim(*DRIVE)
     assert status == 1
-    assert "manifest.json: quality.omnicam.supersampling was 2, is 3: another run is in" in error
+    assert (
+        "manifest.json: sensors.omnicam.quality.supersampling was 2, is 3: another run is" in error
+    )
     assert not (tmp_path / "run" / "omnicam" / "000001.png").exists()

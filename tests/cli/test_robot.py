@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from omnisim.robot import load_robot
+from omnisim.simulation.sensors.registry import parse_mounts
 
 SAMPLE = Path(__file__).resolve().parents[1] / "robot" / "usarsim" / "sample.ini"
 SCANNER = "(ItemClass=class'USARBot.SICKLMS',ItemName=\"a\",Position=(X=0.1,Y=0,Z=-0.2))"
@@ -35,7 +36,7 @@ def test_check_summarizes_a_robot(omnisim):
         "  drive    skid steering, 1.2 m/s, 300 °/s",
         "  wheels   report with errors",
         "  size     0.626 × 0.505 × 0.67 m",
-        "  camera   omnicam, 360 × 360 px, effective viewpoint (-0.08, 0, 0.65) m",
+        "  camera   omnicam, hyperbolic 360 × 360 px, effective viewpoint (-0.08, 0, 0.65) m",
         "  scanner  lms200, 361 beams at 0.5° to 8.19 m, origin (0.16, 0, 0.361) m, "
         "does not see lms200",
     ]
@@ -84,7 +85,7 @@ def test_import_writes_a_robot_and_lists_omissions(omnisim, tmp_path):
     assert len(lines) == 10
     assert all(line.startswith("note: USARBot.ini:") for line in lines)
     assert "note: USARBot.ini:24: Sensors 'F1' (USARBot.SonarSensor): left out" in lines
-    assert [mount.name for mount in load_robot(tmp_path).mounts] == ["Omni", "Scanner1"]
+    assert [mount.name for mount in parse_mounts(load_robot(tmp_path))] == ["Omni", "Scanner1"]
     status, out, error = omnisim("robot", "check", ".")
     assert (status, error) == (0, "")
     assert "181 beams at 0.9998° to 20 m, origin (0.16, 0, 0.361) m" in out
@@ -99,7 +100,7 @@ def test_import_in_unreal_units(omnisim, tmp_path):
         "a.ini:2: Position X = 40 m: expected at most 10 m; 250 to a metre are read with" in error
     )
     assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
-    assert load_robot(tmp_path / "a.toml").mounts[0].position_m == (0.16, 0.0, 0.2)
+    assert parse_mounts(load_robot(tmp_path / "a.toml"))[0].position_m == (0.16, 0.0, 0.2)
 
 
 @pytest.mark.usefixtures("sample")

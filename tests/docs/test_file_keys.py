@@ -8,10 +8,10 @@ import pytest
 from omnisim.localization.parameters import FilterParameters
 from omnisim.parameters import Table, table_of
 from omnisim.robot.robot_file import RobotFile
-from omnisim.robot.sensor_mounts import MOUNT_TYPES
 from omnisim.scene.scene_file import LabelFile, SceneFile
 from omnisim.sensors.degradations.degradation_file import EFFECTS
 from omnisim.sensors.sensor_file import SensorFile
+from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
 EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 FILES = (FilterParameters, LabelFile, RobotFile, SceneFile, SensorFile, *MOUNT_TYPES.values())

@@ -16,6 +16,7 @@ from omnisim.robot import (
     parse_robot,
     read_robot,
 )
+from omnisim.simulation.sensors.registry import parse_mounts
 
 DRIVE = """
 [kinematics]
@@ -38,7 +39,7 @@ def read(tmp_path, text):
 
 def test_the_least_robot():
     robot = parse_robot({"name": "cart"}, "a")
-    assert (robot.name, robot.title, robot.body, robot.mounts) == ("cart", "cart", None, ())
+    assert (robot.name, robot.title, robot.body, robot.sensors) == ("cart", "cart", None, ())
     assert robot.kinematics is robot.footprint is None
     assert robot.odometry == OdometryErrors()
 
@@ -71,11 +72,12 @@ def test_every_error_of_the_wheels_has_a_key():
 
 
 def test_sensors_and_where_they_are(tmp_path):
-    mounts = read(
+    robot = read(
         tmp_path,
         'name = "a"\n' + CAMERA + "yaw_deg = 90\n" + SCANNER + "resolution_deg = 1\n"
         'hides = ["case"]\n' + USARSIM + "noise_share = 0\n",
-    ).mounts
+    )
+    mounts = parse_mounts(robot)
     assert [mount.name for mount in mounts] == ["omni", "scan", "a"]
     assert mounts[0].file is None
     assert mounts[0].base_from_mount[:2, 0] == pytest.approx((0, 1))
@@ -203,10 +205,10 @@ def test_not_found(name, words, tmp_path, monkeypatch):
 def test_bad_files(tmp_path, text, words):
     text = text if "name" in text.partition("[")[0] or not text else 'name = "a"\n' + text
     if words is None:
-        read(tmp_path, text)
+        parse_mounts(read(tmp_path, text))
         return
     with pytest.raises(RobotFileError, match=words) as caught:
-        read(tmp_path, text)
+        parse_mounts(read(tmp_path, text))
     assert str(caught.value).startswith(f"{tmp_path / 'robot.toml'}: ")
     assert "\n" not in str(caught.value)
 

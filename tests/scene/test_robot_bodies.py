@@ -170,7 +170,7 @@ def test_robot_file_names_its_sensors(name):
     robot = load_robot(name)
     assert robot.name == name
     wanted = {"p2at": ["omnicam", "lms200"], "superscout": ["omnicam"]}
-    assert [mount.name for mount in robot.mounts] == wanted[name]
+    assert list(robot.sensor_names) == wanted[name]
 
 
 def test_laser_scanner_is_around_its_scan_and_sees_past_the_robot():

@@ -166,7 +166,7 @@ def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path
         "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
         r"path\.poses was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
         r"robot\.contents was": Drive(scene, vehicle.with_cameras(size_px=64), ROUTE, seed=7),
-        r"quality\.omnicam\.supersampling was 3, is 2": Drive(
+        r"sensors\.omnicam\.quality\.supersampling was 3, is 2": Drive(
             scene, vehicle.with_cameras(quality="fast"), ROUTE, seed=7
         ),
         "unlit was False, is True": Drive(scene, vehicle, ROUTE, seed=7, unlit=True),
@@ -215,8 +215,9 @@ def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, wo
         (["scene", "file"], None, "scene.file: expected a valid string, got None"),
         (["steps"], -1, "steps: expected a number ≥ 1, got -1"),
         (["steps"], True, "steps: expected a valid integer, got True"),
-        (["cameras"], [".."], r"cameras.0: expected letters.*, got '..'"),
-        (["format"], 2, "format: expected 1, got 2"),
+        (["sensors"], {"..": {"type": "lms200"}}, r"sensors\..*: expected letters.*, got '..'"),
+        (["sensors", "omnicam", "type"], "sonar", "sensors.omnicam.type: unknown sensor type;"),
+        (["format"], 1, "format: expected 2, got 1"),
     ],
 )
 def test_a_manifest_that_somebody_has_edited(whole, tmp_path, keys, value, words):

@@ -29,8 +29,8 @@ def vehicle():
     # slow enough to lag from step to step
     exposure = dataclasses.replace(degradation.exposure, time_constant_s=3.0)
     degradation = dataclasses.replace(degradation, exposure=exposure)
-    loaded = Vehicle.load("p2at").with_cameras(degradation=degradation)
-    return dataclasses.replace(loaded.with_cameras(size_px=48), scanners=())
+    loaded = Vehicle.load("p2at").with_cameras(degradation=degradation).with_cameras(size_px=48)
+    return dataclasses.replace(loaded, sensors=loaded.cameras)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,9 @@ def test_another_preset_is_another_run(whole, scene, vehicle):
     with pytest.raises(RunError, match=r"another run is in this folder") as info:
         next(Drive(scene, other, ROUTE, seed=7).plan().record(whole))
     # by the key that differs, not by a fingerprint
-    assert "manifest.json: degradation.omnicam.defocus.centre_defocus_px was" in str(info.value)
+    assert "manifest.json: sensors.omnicam.degradation.defocus.centre_defocus_px was" in str(
+        info.value
+    )
 
 
 def test_a_picture_without_exposure_is_named(whole, scene, vehicle, tmp_path):

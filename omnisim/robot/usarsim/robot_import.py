@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.errors import RobotFileError, did_you_mean
-from omnisim.robot.sensor_mounts import folder_name
+from omnisim.robot.sensor_names import folder_name
 from omnisim.robot.usarsim.camera_parts import find_cameras
 from omnisim.robot.usarsim.ini import Entry, Notice, Section, parse_struct, printable, read_ini
 from omnisim.robot.usarsim.parts import SI_UNITS, UNREAL_UNITS, Part, Units, read_part

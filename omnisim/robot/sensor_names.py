@@ -1,0 +1,26 @@
+"""Names of sensors, which are those of their folders in a run."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+# No dots: the run's own files have some.
+FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
+
+
+def folder_name(name: str) -> str:
+    """Nearest valid name of a sensor: `_` replaces invalid characters."""
+    return re.sub(r"[^\w -]", "_", name)[:60].strip(" -") or "_"
+
+
+def _check_folder_name(name: str) -> str:
+    if not FOLDER_NAME.fullmatch(name):
+        raise ValueError("expected letters, digits, _, and - or blanks between them, at most 60")
+    return name
+
+
+Name = Annotated[str, Field(min_length=1, strict=True)]
+SensorName = Annotated[Name, AfterValidator(_check_folder_name)]

@@ -1,0 +1,251 @@
+"""Omnidirectional cameras on vehicles: pictures, with channels of ground truth.
+
+A camera moves while its picture is exposed, has noise of its own, and its auto-exposure follows
+from the picture before. The two numbers that it takes are in the metadata of that picture's file,
+so that a drive that was killed goes on with the same bytes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import summary
+from omnisim.errors import OmnisimError, RunError
+from omnisim.frame import Frame
+from omnisim.ground_truth.coco import coco_image, write_json
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.files import write_sidecars
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.image_files import read_image
+from omnisim.robot import Trajectory
+from omnisim.robot.robot_file import file_beside
+from omnisim.robot.sensor_names import Name
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors.stage import Stage
+from omnisim.simulation.calibration_file import CALIBRATION, calibration_json
+from omnisim.simulation.is_written import is_written
+from omnisim.simulation.sensor_toml import sensor_toml
+from omnisim.simulation.sensors.mount import SensorMount
+from omnisim.simulation.sensors.sensor import (
+    DriveSettings,
+    Instrument,
+    Measurement,
+    Moment,
+    MountedSensor,
+)
+
+PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
+DESCRIPTION_SUFFIX = ".channels.json"
+CAMERA_POSES = "poses.tum"  # of a rig's camera
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MountedCamera(MountedSensor):
+    """Camera on its vehicle.
+
+    Attributes:
+        sensor: whose `base_from_rig` is the robot file's mount and the sensor file's, composed.
+    """
+
+    sensor: OmniCamera
+    noun: ClassVar[str] = "camera"
+    origin_noun: ClassVar[str] = "effective viewpoint"
+    suffixes: ClassVar[tuple[str, ...]] = (
+        PICTURE_SUFFIX,
+        CHANNELS_SUFFIX,
+        DESCRIPTION_SUFFIX,
+        ".*.npy",
+        BOXES_SUFFIX,
+    )
+    document_names: ClassVar[tuple[str, ...]] = ("sensor.toml", CALIBRATION, CAMERA_POSES)
+    has_ground_truth: ClassVar[bool] = True
+
+    @property
+    def origin_m(self) -> NDArray[np.float64]:
+        """Effective viewpoint (3,), base."""
+        return self.sensor.base_from_rig[:3, 3]
+
+    @property
+    def near_m(self) -> float:
+        """Distance below which nothing is seen."""
+        return self.sensor.near_m
+
+    def summary(self) -> str:
+        """Camera model and size."""
+        return summary(self.sensor.model)
+
+    @classmethod
+    def suffixes_of(
+        cls, channels: Collection[str], channel_format: ChannelFormat
+    ) -> tuple[str, ...]:
+        """Suffixes of a picture, its channels, and the boxes of its instances."""
+        suffixes = [PICTURE_SUFFIX]
+        if channels and channel_format is not ChannelFormat.NPY:
+            suffixes.append(CHANNELS_SUFFIX)
+        if channels and channel_format is not ChannelFormat.AUTO:
+            suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
+        if "instance" in channels:
+            suffixes.append(BOXES_SUFFIX)
+        return tuple(suffixes)
+
+    def settings(self) -> dict[str, Any]:
+        """Degradation and quality."""
+        return {
+            "degradation": self.sensor.degradation.tables(),
+            "quality": {
+                "supersampling": self.sensor.supersampling,
+                "texels_per_pixel": self.sensor.texels_per_pixel,
+            },
+        }
+
+    def documents(self) -> dict[str, str]:
+        """Sensor file and calibration."""
+        return {
+            "sensor.toml": sensor_toml(self.sensor),
+            CALIBRATION: calibration_json(self.sensor),
+        }
+
+    def check_trajectory(self, truth: Trajectory) -> None:
+        """Refuse an exposure that has not ended when the next picture begins.
+
+        Raises:
+            RunError: naming camera, step, and what is expected.
+        """
+        exposure_s = self.sensor.degradation.exposure_s
+        periods_s = np.diff(truth.times_s)
+        if np.any(periods_s < exposure_s):
+            step = int(np.argmin(periods_s))
+            raise RunError(
+                f"camera {self.name!r}: degradation.shutter.exposure_s: expected at most "
+                f"{periods_s[step]:g} s, the time from step {step} to {step + 1}, got "
+                f"{exposure_s:g}"
+            )
+
+    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
+        """Open a renderer; no two cameras of a vehicle share the seed of their noise."""
+        renderer = Renderer(
+            stage,
+            self.sensor,
+            hidden=self.hides,
+            unlit=settings.unlit,
+            seed=f"{settings.seed} {self.name}",
+            vehicle=settings.vehicle,
+        )
+        return CameraInstrument(renderer, settings.channel_format)
+
+
+class OmniCameraMount(SensorMount):
+    """Camera of a sensor file."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedCamera
+
+    type: Literal["omnicamera"]
+    file: Name | None = None
+    """Sensor file, relative to this file; left out: the paper's camera."""
+
+    def sensor(self, folder: Path, source: str) -> MountedSensor:
+        """Read the sensor file, and mount its camera."""
+        camera = OmniCamera()
+        if self.file is not None:
+            camera = OmniCamera.from_file(file_beside(folder, self.file, f"{source}: file"))
+        base_from_rig = self.base_from_mount @ camera.base_from_rig
+        mounted = dataclasses.replace(camera, base_from_rig=base_from_rig)
+        return MountedCamera(self.type, self.name, self.hides, mounted)
+
+
+class CameraInstrument(Instrument):
+    """Takes a camera's pictures.
+
+    Args:
+        renderer: closed with the instrument.
+        channel_format: of files with ground truth.
+    """
+
+    def __init__(self, renderer: Renderer, channel_format: ChannelFormat):
+        self._renderer, self._channel_format = renderer, channel_format
+
+    def close(self) -> None:
+        """Close the renderer."""
+        self._renderer.close()
+
+    def measure(self, moment: Moment) -> CameraMeasurement:
+        """Take the picture of a moment, of the file of the picture before if it is metered."""
+        motion, is_ideal = moment.motion, self._renderer.camera.degradation.is_ideal
+        frame = self._renderer.render(
+            motion(moment.time_s),
+            also=moment.channels,
+            next_state=None if moment.next_s is None else motion(moment.next_s),
+            previous_state=None if moment.previous_s is None else motion(moment.previous_s),
+            motion=None if is_ideal else motion,
+            frame_number=moment.number,
+            exposure_ev=self._exposure_ev(moment),
+        )
+        return CameraMeasurement(frame, moment.number, self._channel_format)
+
+    def _exposure_ev(self, moment: Moment) -> float | None:
+        """Exposure that auto-exposure has reached; None: settled on the picture itself."""
+        degradation = self._renderer.camera.degradation
+        if degradation.exposure is None or not degradation.is_metered:
+            return None
+        if moment.previous_stem is None or moment.previous_s is None:
+            return None
+        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(PICTURE_SUFFIX))
+        return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMeasurement(Measurement):
+    """Picture of a camera with channels of ground truth.
+
+    Attributes:
+        frame: the picture.
+        number: of the step.
+        channel_format: of files with ground truth.
+    """
+
+    frame: Frame
+    number: int
+    channel_format: ChannelFormat
+
+    def save(self, stem: Path) -> None:
+        """Write the picture's channels, boxes, and last the picture, those that are missing.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        frame, files = self.frame, self.channel_format
+        picture = stem.with_suffix(PICTURE_SUFFIX)
+        target = stem.with_suffix(CHANNELS_SUFFIX)
+        if frame.channels and files is not ChannelFormat.NPY and not is_written(target):
+            write_exr(target, frame.channels, None, frame.metadata)
+        if frame.channels and files is not ChannelFormat.AUTO:
+            has_ray = frame.valid if frame.has_ray is None else frame.has_ray
+            write_sidecars(
+                picture, frame.channels, None, frame.metadata, has_ray, ChannelFormat.NPY
+            )
+        target = stem.with_suffix(BOXES_SUFFIX)
+        instances, labels = frame.channels.get("instance"), frame.labels
+        if instances is not None and labels is not None and not is_written(target):
+            write_json(target, coco_image(instances, labels, picture.name, self.number))
+        if not is_written(picture):
+            dataclasses.replace(frame, channels={}).save(picture)
+
+
+def _read_exposure(path: Path) -> tuple[float, float]:
+    """Exposure and metered exposure in the metadata of a picture, EV."""
+    try:
+        _, metadata = read_image(path)
+        exposure = (metadata or {})["degradation"]["exposure"]
+        return float(exposure["ev"]), float(exposure["metered_ev"])
+    except (OmnisimError, KeyError, TypeError, ValueError):
+        raise RunError(
+            f"{path}: has no exposure, which the next picture's follows from: remove it, and it "
+            "is taken again"
+        ) from None

@@ -1,0 +1,46 @@
+"""Registry of sensors, by the word `type` of their tables in a robot file."""
+
+from __future__ import annotations
+
+from omnisim.errors import RobotFileError, did_you_mean
+from omnisim.parameters import parse_table
+from omnisim.robot import Robot
+from omnisim.simulation.sensors.mount import SensorMount
+from omnisim.simulation.sensors.omnicamera import OmniCameraMount
+from omnisim.simulation.sensors.range_scanner import Lms200Mount, RangeScannerMount
+
+MOUNT_TYPES: dict[str, type[SensorMount]] = {
+    "omnicamera": OmniCameraMount,
+    "lms200": Lms200Mount,
+    "usarsim_range_scanner": RangeScannerMount,
+}
+
+
+def parse_mounts(robot: Robot) -> tuple[SensorMount, ...]:
+    """Check the tables of a robot's sensors.
+
+    Raises:
+        RobotFileError: an unknown type or key, a value that makes no sense, or a name again.
+    """
+    mounts: list[SensorMount] = []
+    for index, table in enumerate(robot.sensors):
+        name, kind = table.get("name"), table.get("type")
+        where = sensor_source(robot, name if isinstance(name, str) else index)
+        if "type" not in table:
+            raise RobotFileError(
+                f"{where}: type: missing; expected one of {', '.join(MOUNT_TYPES)}"
+            )
+        if not isinstance(kind, str) or kind not in MOUNT_TYPES:
+            hint = did_you_mean(str(kind), MOUNT_TYPES)
+            raise RobotFileError(f"{where}: type = {kind!r}: unknown sensor type; {hint}")
+        mount = parse_table(table, MOUNT_TYPES[kind], RobotFileError, where)
+        if any(mount.name == other.name for other in mounts):
+            raise RobotFileError(f"{where}: a second sensor of this name: expected each name once")
+        mounts.append(mount)
+    return tuple(mounts)
+
+
+def sensor_source(robot: Robot, sensor: str | int) -> str:
+    """Words for a sensor of a robot, by its name or index, in messages."""
+    where = f"sensor {sensor!r}" if isinstance(sensor, str) else f"sensors.{sensor}"
+    return f"{robot.source}: {where}"

@@ -1,0 +1,167 @@
+"""Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the world's motion.
+
+sensor = MountedCamera(...)                    # by its table in the robot file
+with sensor.open(stage, settings) as instrument:
+    measurement = instrument.measure(moment)   # of the world's motion
+measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.robot import Trajectory
+from omnisim.sensors.stage import Closing, Stage
+from omnisim.short_repr import short_repr
+from omnisim.world import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """Step of a drive, at which all sensors measure.
+
+    Attributes:
+        motion: states of the world by seconds.
+        number: of the step, from 0.
+        time_s: of the step.
+        previous_s, next_s: times of the steps around it; None: there is none.
+        channels: of ground truth at this step.
+        previous_stem: path, without suffix, of the sensor's files of the step before; None: there
+            is no step before.
+    """
+
+    motion: Motion
+    number: int
+    time_s: float
+    previous_s: float | None = None
+    next_s: float | None = None
+    channels: tuple[str, ...] = ()
+    previous_stem: Path | None = None
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"step {self.number}", f"{self.time_s:g} s")
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """Settings of a drive that sensors obey.
+
+    Attributes:
+        vehicle: name of the sensor's vehicle in the world.
+        seed: of the drive.
+        unlit: show plain base colours.
+        channel_format: of files with ground truth.
+    """
+
+    vehicle: str
+    seed: int = 0
+    unlit: bool = False
+    channel_format: ChannelFormat = ChannelFormat.AUTO
+
+
+class Measurement(ABC):
+    """Measurement of one sensor at one moment."""
+
+    @abstractmethod
+    def save(self, stem: Path) -> None:
+        """Write those of its files that are missing.
+
+        Args:
+            stem: path without suffix.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+
+
+class Instrument(Closing):
+    """Sensor opened on a stage, until it is closed."""
+
+    @abstractmethod
+    def measure(self, moment: Moment) -> Measurement:
+        """Measure the world's motion at a moment.
+
+        Raises:
+            RunError: the files of the step before are damaged.
+            OmnisimError: the instrument is closed.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class MountedSensor(ABC):
+    """Sensor on its vehicle.
+
+    Attributes:
+        type: word of the robot file.
+        name: no two sensors of a vehicle have the same.
+        hides: nodes of the body that it does not see.
+        noun: kind of sensor, for people.
+        origin_noun: point that lies at the mount's position, for people.
+        suffixes: of all its files of a step, written or not; `*` stands for any letters.
+        document_names: of its files of a run.
+        has_ground_truth: its files include channels of ground truth.
+    """
+
+    type: str
+    name: str
+    hides: tuple[str, ...]
+    noun: ClassVar[str] = "sensor"
+    origin_noun: ClassVar[str] = "origin"
+    suffixes: ClassVar[tuple[str, ...]]
+    document_names: ClassVar[tuple[str, ...]] = ()
+    has_ground_truth: ClassVar[bool] = False
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), self.summary())
+
+    @property
+    @abstractmethod
+    def origin_m(self) -> NDArray[np.float64]:
+        """Origin of its rays (3,), base."""
+
+    @property
+    def near_m(self) -> float:
+        """Distance from the origin below which nothing is seen."""
+        return 0.0
+
+    @abstractmethod
+    def summary(self) -> str:
+        """Sensor in a few words."""
+
+    @abstractmethod
+    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
+        """Open the sensor on a stage, which is closed after it.
+
+        Raises:
+            GraphicsError: sizes past the GPU's limits.
+        """
+
+    @classmethod
+    def suffixes_of(
+        cls, channels: Collection[str], channel_format: ChannelFormat
+    ) -> tuple[str, ...]:
+        """Suffixes of its files of a step with these channels of ground truth."""
+        return cls.suffixes
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that the run's manifest names one by one, of JSON's types."""
+        return {}
+
+    def documents(self) -> dict[str, str]:
+        """Texts of its files of a run, by name."""
+        return {}
+
+    def check_trajectory(self, truth: Trajectory) -> None:  # noqa: B027  # most measure any
+        """Refuse a trajectory that the sensor cannot measure.
+
+        Raises:
+            RunError: naming sensor, step, and what is expected.
+        """
