@@ -40,6 +40,7 @@ from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
+LARGEST_COEFFICIENT = 1e9  # far beyond any lens, and its products stay finite
 LEAST_SLOPE = 1e-3  # of the slope at the axis
 
 
@@ -78,6 +79,11 @@ class OcamcalibCamera(RadialCamera):
             raise OpticsError(
                 f"camera: polynomial: expected 1 to {MAX_COEFFICIENTS} coefficients with a0 < 0, "
                 f"got {self.polynomial}"
+            )
+        if not max(map(abs, self.polynomial)) <= LARGEST_COEFFICIENT:
+            raise OpticsError(
+                f"camera: polynomial: expected numbers up to {LARGEST_COEFFICIENT:g}, got "
+                f"{self.polynomial}"
             )
         if len(self.affine) != 3 or self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
             raise OpticsError(f"camera: affine: expected c, d, e with c > d e, got {self.affine}")

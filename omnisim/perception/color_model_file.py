@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,8 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        quiet = warnings.catch_warnings(action="ignore")
+        with quiet, np.load(path, allow_pickle=False) as stored:
             return dict(stored.items())
     except OSError as reason:
         words = reason.strerror or "not a model"

@@ -175,13 +175,16 @@ class CameraTable(Table):
     supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
     """Samples to a side of a pixel, averaged in linear light; left out: as quality says."""
 
-    def make_camera(self, mirror: HyperbolicMirror) -> HyperbolicCamera:
-        """The camera below a mirror."""
+    def make_camera(self, mirror: HyperbolicMirror, source: str) -> HyperbolicCamera:
+        """The camera below a mirror; `source` names the file in messages."""
         camera = HyperbolicCamera.framed_on_rim(mirror, self.width_px, self.height_px)
-        if self.focal_length_px != "fit":
-            camera = replace(camera, focal_length_px=self.focal_length_px)
-        if self.principal_point_px != "centre":
-            camera = replace(camera, principal_point_px=self.principal_point_px)
+        try:
+            if self.focal_length_px != "fit":
+                camera = replace(camera, focal_length_px=self.focal_length_px)
+            if self.principal_point_px != "centre":
+                camera = replace(camera, principal_point_px=self.principal_point_px)
+        except OpticsError as reason:
+            raise _fault(f"{source}: camera.", reason, "camera: ") from None
         return camera
 
 
@@ -324,7 +327,7 @@ def _settings(file: SensorFile, source: str) -> SensorSettings:
         model, polygons, mounting = file.lens.make_camera(source), None, file.lens.mounting
     else:
         polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
-        model = file.camera.make_camera(file.mirror.make_mirror(source))
+        model = file.camera.make_camera(file.mirror.make_mirror(source), source)
     named = quality_named(file.camera.quality)
     quality = CaptureQuality(
         file.camera.supersampling or named.supersampling,

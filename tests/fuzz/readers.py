@@ -37,12 +37,15 @@ from omnisim.sensors.degradations.degradation_file import PRESETS
 from omnisim.sensors.picture_file import read_picture
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.simulation.drive import Drive
+from omnisim.simulation.manifest import read_manifest
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_data import read_run
 from omnisim.simulation.run_folder import open_run
 from omnisim.simulation.run_labels import RunLabels, landmark_colors
+from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
 from tests.calibration.sample_files import EXACT_SAMPLES
+from tests.camera_examples import CAMERA_EXAMPLES
 from tests.fuzz.mutations import glb
 from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
 from tests.scene.gltf_builder import png, skinned_and_textured
@@ -119,6 +122,20 @@ def _robot(folder: Path) -> None:
     shutil.copy(SCENES / "p2at" / "omnicam.toml", folder)
 
 
+def _sensors(folder: Path) -> None:
+    """Sensor file of each camera model."""
+    for name, camera in CAMERA_EXAMPLES.items():
+        if type(camera).__name__ != "MirroredCamera":
+            sensor = OmniCamera(camera, polygons=None)
+            (folder / f"{name.replace(' ', '-')}.toml").write_text(sensor_toml(sensor))
+
+
+def _read_sensors(folder: Path) -> None:
+    """Read the one that is damaged: the last that was written."""
+    path = max(folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    OmniCamera.from_file(path).model.ray_from_pixel([[0.0, 0.0], [9.0, 5.0]])
+
+
 def _copy(source: Path, name: str, folder: Path) -> None:
     shutil.copyfile(source, folder / name)
 
@@ -144,7 +161,8 @@ WAYPOINTS = "x_m,y_m\n-1.0,0.5\n0.2,0.5\n0.2,1.5\n"
 def _trajectory():
     path = Path("corner.csv")
     path.write_text(WAYPOINTS)
-    truth = plan_route(_soccer(), _vehicle(), Route(str(path), step_m=0.3, step_deg=30.0))
+    route = Route(str(path), step_m=0.3, step_deg=30.0)
+    truth = plan_route(_soccer(), _vehicle(), route).trajectory
     path.unlink()
     return truth
 
@@ -217,7 +235,8 @@ def _read_run(folder: Path) -> None:
     if run.truth is not None:
         run.true_poses  # noqa: B018
     RunLabels(run, landmark_colors(run.landmarks))(0)
-    with open_run(run.folder.path, run.folder.manifest.model_dump(mode="json")):
+    content = read_manifest(run.folder.path / "manifest.json")
+    with open_run(run.folder.path, content):
         pass
 
 
@@ -269,6 +288,7 @@ def _readers() -> list[Reader]:
                lambda f: OmniCamera.from_file(f / "a.toml")),
         Reader("sensor-lens", partial(_write, "a.toml", SENSOR),
                lambda f: OmniCamera.from_file(f / "a.toml")),
+        Reader("sensor-models", _sensors, _read_sensors),
         Reader("preset", partial(_copy, PRESETS / "bad-day.toml", "a.toml"),
                lambda f: preset("a.toml", f)),
         Reader("labels", partial(_write, "a.toml", LABELS),
