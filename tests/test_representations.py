@@ -19,13 +19,13 @@ from omnisim.mirrors.tessellation import tessellate
 from omnisim.resources import SCENES
 from omnisim.robot import load_robot
 from omnisim.robot.odometry import OdometryErrors, simulate_odometry
-from omnisim.robot.trajectory import Trajectory
 from omnisim.scene.model import LabelRule
 from omnisim.sensors.degradations.degradation_file import preset
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.manifest import Manifest
 from omnisim.simulation.route import Route
 from omnisim.simulation.run_folder import RunFolder
+from omnisim.trajectories.trajectory import Trajectory
 from tests.camera_examples import CAMERA_EXAMPLES
 
 LENS = EquidistantCamera(64, 64, 20.0, (31.5, 31.5), 1.6)

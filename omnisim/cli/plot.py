@@ -11,10 +11,11 @@ from omnisim.errors import SceneError
 from omnisim.image_files import read_image
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.run_plot import run_figure, steps_to_show
-from omnisim.robot import Trajectory, read_odometry, read_trajectory
+from omnisim.robot import read_odometry
 from omnisim.scene import Scene, load_scene
 from omnisim.simulation.drive import scene_contents
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, PLOT, RunFolder
+from omnisim.trajectories import Trajectory, read_trajectory
 
 
 def run(request: PlotRequest) -> None:

@@ -23,12 +23,12 @@ from omnisim.errors import OutputError, RunError
 from omnisim.ground_truth import parse_channels
 from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
 from omnisim.poses import pose
-from omnisim.robot.formats.parsed_trajectory import Axes
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.rig_trajectory import RigRoute
 from omnisim.simulation.rig_vehicle import rig_vehicle
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories.formats.parsed_trajectory import Axes
 
 ALL = "all"
 SINGLE_PICTURE = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from omnisim.atomic_file import write_text
 from omnisim.localization.track import Track
-from omnisim.robot import Trajectory, write_trajectory
+from omnisim.trajectories import Trajectory, write_trajectory
 
 ESTIMATE_TUM, ESTIMATE_CSV = "estimate.tum", "estimate.csv"
 MEASUREMENTS = "measurements.csv"

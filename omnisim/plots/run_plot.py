@@ -11,10 +11,10 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from omnisim.plots.scene_map import draw_scene_map
-from omnisim.robot import Trajectory
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
 from omnisim.srgb import srgb_from_linear
+from omnisim.trajectories import Trajectory
 
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
 STRIP = 6  # pictures

@@ -1,4 +1,4 @@
-"""Robots: robot files, trajectories, motion planning and wheel odometry.
+"""Robots: robot files, motion planning and wheel odometry.
 
 Poses are world_from_base (`omnisim.frames`); turns and headings count counter-clockwise, seen from
 above. Nothing here knows of pictures or of the GPU.
@@ -11,8 +11,6 @@ from omnisim.robot.odometry_files import read_odometry, write_odometry
 from omnisim.robot.robot_file import Footprint, Robot, load_robot, parse_robot, read_robot
 from omnisim.robot.robot_lookup import builtin_robots, find_robot
 from omnisim.robot.timing import time_poses
-from omnisim.robot.trajectory import Trajectory, check_continuous
-from omnisim.robot.trajectory_files import parse_trajectory, read_trajectory, write_trajectory
 
 __all__ = [
     "Footprint",
@@ -20,9 +18,7 @@ __all__ = [
     "Odometry",
     "OdometryErrors",
     "Robot",
-    "Trajectory",
     "builtin_robots",
-    "check_continuous",
     "check_drivable",
     "drive_in_steps",
     "drive_with_period",
@@ -30,12 +26,9 @@ __all__ = [
     "find_violation",
     "load_robot",
     "parse_robot",
-    "parse_trajectory",
     "read_odometry",
     "read_robot",
-    "read_trajectory",
     "simulate_odometry",
     "time_poses",
     "write_odometry",
-    "write_trajectory",
 ]

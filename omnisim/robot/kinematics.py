@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import rotation_angles
-from omnisim.robot.trajectory import Trajectory, step_lengths_m
+from omnisim.trajectories.trajectory import Trajectory, step_lengths_m
 
 DriveType = Literal["differential", "skid_steer"]
 # Relative to the limits: a trajectory at its limits exceeds them by rounding.

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import TrajectoryError
 from omnisim.poses import wrap_angle
 from omnisim.robot.kinematics import Kinematics
-from omnisim.robot.trajectory import Trajectory
 from omnisim.robot.waypoints import check_waypoints
+from omnisim.trajectories.trajectory import Trajectory
 
 MOST_POSES = 1_000_000
 # Turns below are rounding of the waypoints; half turns this close to one go left, too.

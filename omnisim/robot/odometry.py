@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import LARGEST_M, wrap_angles
-from omnisim.robot.trajectory import Trajectory
 from omnisim.short_repr import counted, short_repr
+from omnisim.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

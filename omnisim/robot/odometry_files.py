@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.poses import LARGEST_M, wrap_angle
-from omnisim.robot.formats.parsed_trajectory import read_times
-from omnisim.robot.formats.text_table import check_printed_times, read_text_table
 from omnisim.robot.odometry import Odometry
-from omnisim.robot.trajectory_files import write_lines
+from omnisim.trajectories.files import write_lines
+from omnisim.trajectories.formats.parsed_trajectory import read_times
+from omnisim.trajectories.formats.text_table import check_printed_times, read_text_table
 
 COLUMNS = ["t_s", "distance_m", "turn_rad", "x_m", "y_m", "yaw_rad"]
 # A line's pose must follow from the one before by its reading, but for what printing rounds.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.robot.kinematics import Kinematics, steps_between
-from omnisim.robot.trajectory import Trajectory, check_poses
+from omnisim.trajectories.trajectory import Trajectory, check_poses
 
 # Durations are lengthened until nothing asks for more than this beyond the limits (relative).
 CONVERGED = 1e-9

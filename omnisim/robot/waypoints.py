@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import LARGEST_M
-from omnisim.robot.formats.text_table import read_text_table
+from omnisim.trajectories.formats.text_table import read_text_table
 
 
 def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
 from omnisim.gpu.context import graphics_info
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.robot import Trajectory, simulate_odometry, write_odometry, write_trajectory
+from omnisim.robot import simulate_odometry, write_odometry
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
@@ -37,6 +37,7 @@ from omnisim.simulation.run_folder import (
 from omnisim.simulation.sensors import DriveSettings, Moment
 from omnisim.simulation.sensors.omnicamera import CAMERA_POSES
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory, write_trajectory
 from omnisim.version import __version__
 from omnisim.world import WorldState
 

@@ -25,9 +25,9 @@ from omnisim.calibration.rig import WORLD, Rig
 from omnisim.errors import TrajectoryError, did_you_mean
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.poses import inverse, pose_from_rotation
-from omnisim.robot import Trajectory, parse_trajectory
-from omnisim.robot.formats.parsed_trajectory import Axes
-from omnisim.robot.formats.text_table import check_printed_times
+from omnisim.trajectories import Trajectory, parse_trajectory
+from omnisim.trajectories.formats.parsed_trajectory import Axes
+from omnisim.trajectories.formats.text_table import check_printed_times
 
 BODY, CAMERA = "body", "camera"
 NERFSTUDIO = "nerfstudio"

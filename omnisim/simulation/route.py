@@ -11,19 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError, did_you_mean
-from omnisim.robot import (
-    Kinematics,
-    Trajectory,
-    check_continuous,
-    check_drivable,
-    drive_in_steps,
-    drive_with_period,
-    parse_trajectory,
-    time_poses,
-)
-from omnisim.robot.formats.parsed_trajectory import Axes, ParsedTrajectory
-from omnisim.robot.formats.text_table import check_printed_times
-from omnisim.robot.trajectory import step_lengths_m
+from omnisim.robot import Kinematics, check_drivable, drive_in_steps, drive_with_period, time_poses
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
 from omnisim.short_repr import short_repr
@@ -31,6 +19,10 @@ from omnisim.simulation.body_box import BodyBox
 from omnisim.simulation.floor_following import follow_floor
 from omnisim.simulation.sweep import Sweep
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory, check_continuous, parse_trajectory
+from omnisim.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
+from omnisim.trajectories.formats.text_table import check_printed_times
+from omnisim.trajectories.trajectory import step_lengths_m
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
 LARGEST_STEP_DEG = 90.0

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from omnisim.errors import RunError
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
-from omnisim.robot import Trajectory, read_odometry, read_trajectory
+from omnisim.robot import read_odometry
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Landmark
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.calibration_file import CALIBRATION, read_mount
 from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.trajectories import Trajectory, read_trajectory
 
 
 @dataclass(frozen=True, eq=False)

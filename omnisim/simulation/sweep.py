@@ -9,9 +9,9 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.poses import pose_from_rotation
-from omnisim.robot import Trajectory
 from omnisim.robot.kinematics import steps_between
 from omnisim.short_repr import counted, short_repr
+from omnisim.trajectories import Trajectory
 
 SPACING_M = 0.05  # of the outermost corner, between poses
 MOST_PER_STEP = 200  # poses: a longer step is a jump, and no way that is driven

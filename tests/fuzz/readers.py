@@ -27,8 +27,7 @@ from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import cylinder_view
 from omnisim.poses import pose
 from omnisim.resources import SCENES
-from omnisim.robot import read_odometry, simulate_odometry, write_odometry, write_trajectory
-from omnisim.robot.trajectory_files import FORMATS
+from omnisim.robot import read_odometry, simulate_odometry, write_odometry
 from omnisim.robot.usarsim import import_robot
 from omnisim.scene import load_scene
 from omnisim.scene.labels import find_labels, read_label_file
@@ -44,6 +43,8 @@ from omnisim.simulation.run_folder import open_run
 from omnisim.simulation.run_labels import RunLabels, landmark_colors
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import write_trajectory
+from omnisim.trajectories.files import FORMATS
 from tests.calibration.sample_files import EXACT_SAMPLES
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.fuzz.mutations import glb

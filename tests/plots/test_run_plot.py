@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim.plots.run_plot import run_figure, steps_to_show
-from omnisim.robot import Trajectory
 from omnisim.scene import load_scene
+from omnisim.trajectories import Trajectory
 
 
 def _figure(places_m, steps, scene=None, title="a run"):

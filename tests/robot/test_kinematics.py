@@ -11,7 +11,7 @@ from omnisim.robot.kinematics import (
     find_violation,
     steps_between,
 )
-from omnisim.robot.trajectory import Trajectory
+from omnisim.trajectories.trajectory import Trajectory
 
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 

@@ -8,7 +8,7 @@ from omnisim.errors import TrajectoryError
 from omnisim.robot.motion_profile import drive_in_steps, drive_with_period
 from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry, wheel_readings
 from omnisim.robot.odometry_files import read_odometry, write_odometry
-from omnisim.robot.trajectory import Trajectory
+from omnisim.trajectories.trajectory import Trajectory
 from tests.robot.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap
 
 PERFECT = OdometryErrors()

@@ -8,7 +8,7 @@ from omnisim.poses import pose, rotation_from_quaternion
 from omnisim.robot.kinematics import Kinematics, find_violation
 from omnisim.robot.motion_profile import drive_in_steps
 from omnisim.robot.timing import time_poses
-from omnisim.robot.trajectory import poses_on_ground
+from omnisim.trajectories.trajectory import poses_on_ground
 
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 

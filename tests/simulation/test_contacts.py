@@ -8,7 +8,6 @@ from scipy.optimize import linprog
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import pose
-from omnisim.robot import Trajectory, write_trajectory
 from omnisim.scene import load_scene
 from omnisim.scene.model import Instance, ScenePath
 from omnisim.simulation.contacts import check_no_contact, meet_box
@@ -16,6 +15,7 @@ from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.sweep import SPACING_M, Sweep
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory, write_trajectory
 from tests.scenes import WAREHOUSE, needs_warehouse, scene_of, square
 from tests.vehicles import box
 

@@ -16,7 +16,7 @@ import pytest
 
 from omnisim.errors import GraphicsError, OutputError, RunError
 from omnisim.image_files import read_image
-from omnisim.robot import read_odometry, read_trajectory
+from omnisim.robot import read_odometry
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera
 from omnisim.simulation.drive import Drive
@@ -24,6 +24,7 @@ from omnisim.simulation.route import Route
 from omnisim.simulation.run_folder import RunFolder
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import read_trajectory
 from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")

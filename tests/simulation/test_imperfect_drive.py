@@ -8,12 +8,12 @@ import pytest
 
 from omnisim.errors import RunError
 from omnisim.image_files import read_image
-from omnisim.robot import Trajectory
 from omnisim.scene import load_scene
 from omnisim.sensors.degradations import Shutter, preset
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory
 
 ROUTE = Route("lap", step_m=2.5, step_deg=60.0)
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from omnisim.errors import TrajectoryError
-from omnisim.robot import Trajectory, write_trajectory
 from omnisim.robot.kinematics import find_drift
 from omnisim.scene import load_scene
 from omnisim.scene.model import ScenePath
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory, write_trajectory
 from tests.scenes import room, scene_of
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Union
 
 from omnisim.errors import RobotFileError
-from omnisim.robot.formats.text_table import quote
+from omnisim.trajectories.formats.text_table import quote
 
 COMMENTS = (";", "#", "//")
 DEEPEST = 8

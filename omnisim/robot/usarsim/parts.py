@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import poses
-from omnisim.robot.formats.text_table import quote
 from omnisim.robot.usarsim.ini import Entry, Struct, Value, parse_struct, printable
+from omnisim.trajectories.formats.text_table import quote
 
 # Farther from its robot no sensor is: such numbers are in another unit.
 FARTHEST_M = 10.0

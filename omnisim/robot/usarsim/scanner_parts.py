@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 
-from omnisim.robot.formats.text_table import quote
 from omnisim.robot.usarsim.ini import Entry, Notice, Section
 from omnisim.robot.usarsim.parts import Part, Units, angle_rad, length_m, number
 from omnisim.robot.usarsim.robot_text import Sensor
+from omnisim.trajectories.formats.text_table import quote
 
 _SICK = re.compile(r"sick|lms\d|lms$")
 _SCANNER = re.compile(r"rangescanner|hokuyo|urg")

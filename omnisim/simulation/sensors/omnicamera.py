@@ -24,7 +24,6 @@ from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.files import write_sidecars
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import read_image
-from omnisim.robot import Trajectory
 from omnisim.robot.robot_file import file_beside
 from omnisim.robot.sensor_names import Name
 from omnisim.sensors import OmniCamera, Renderer
@@ -40,6 +39,7 @@ from omnisim.simulation.sensors.sensor import (
     Moment,
     MountedSensor,
 )
+from omnisim.trajectories import Trajectory
 
 PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX = ".channels.json"

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.robot import Trajectory
 from omnisim.sensors.stage import Closing, Stage
 from omnisim.short_repr import short_repr
+from omnisim.trajectories import Trajectory
 from omnisim.world import Motion
 
 

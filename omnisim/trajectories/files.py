@@ -15,10 +15,10 @@ from omnisim.atomic_file import check_target, write_text
 from omnisim.errors import TrajectoryError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.poses import inverse, pose_from_rotation
-from omnisim.robot.formats import euroc, kitti, pose_csv, tum
-from omnisim.robot.formats.parsed_trajectory import Axes, ParsedTrajectory
-from omnisim.robot.formats.text_table import TextTable, is_number, quote, read_text_table
-from omnisim.robot.trajectory import Trajectory, check_continuous
+from omnisim.trajectories.formats import euroc, kitti, pose_csv, tum
+from omnisim.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
+from omnisim.trajectories.formats.text_table import TextTable, is_number, quote, read_text_table
+from omnisim.trajectories.trajectory import Trajectory, check_continuous
 
 
 class TrajectoryFormat(Protocol):

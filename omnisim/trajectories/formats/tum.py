@@ -10,14 +10,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from omnisim.poses import quaternion_from_rotation
-from omnisim.robot.formats.parsed_trajectory import (
+from omnisim.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     parsed_trajectory,
     read_quaternions,
     read_times,
 )
-from omnisim.robot.formats.text_table import TextTable, check_printed_times
-from omnisim.robot.trajectory import Trajectory
+from omnisim.trajectories.formats.text_table import TextTable, check_printed_times
+from omnisim.trajectories.trajectory import Trajectory
 
 COLUMNS = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
 

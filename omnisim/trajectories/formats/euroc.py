@@ -13,13 +13,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from omnisim.poses import quaternion_from_rotation
-from omnisim.robot.formats.parsed_trajectory import (
+from omnisim.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     parsed_trajectory,
     read_quaternions,
 )
-from omnisim.robot.formats.text_table import Line, TextTable, check_printed_times, is_number, quote
-from omnisim.robot.trajectory import Trajectory
+from omnisim.trajectories.formats.text_table import (
+    Line,
+    TextTable,
+    check_printed_times,
+    is_number,
+    quote,
+)
+from omnisim.trajectories.trajectory import Trajectory
 
 STAMP = re.compile(r"\d{1,19}", re.ASCII)
 COLUMNS = (

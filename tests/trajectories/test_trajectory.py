@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import pose
-from omnisim.robot.trajectory import Trajectory, check_continuous
+from omnisim.trajectories.trajectory import Trajectory, check_continuous
 
 
 def _square():

@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 
 from omnisim.errors import did_you_mean
 from omnisim.poses import roll_pitch_yaw_from_rotation, rotation_from_roll_pitch_yaw
-from omnisim.robot.formats.parsed_trajectory import ParsedTrajectory, parsed_trajectory, read_times
-from omnisim.robot.formats.text_table import TextTable, check_printed_times, quote
-from omnisim.robot.trajectory import Trajectory
+from omnisim.trajectories.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_times,
+)
+from omnisim.trajectories.formats.text_table import TextTable, check_printed_times, quote
+from omnisim.trajectories.trajectory import Trajectory
 
 COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]
 

@@ -18,8 +18,8 @@ from omnisim.poses import (
     pose_from_rotation,
     rotation_from_quaternion,
 )
-from omnisim.robot.formats.text_table import TextTable
-from omnisim.robot.trajectory import LARGEST_S, Trajectory
+from omnisim.trajectories.formats.text_table import TextTable
+from omnisim.trajectories.trajectory import LARGEST_S, Trajectory
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3

@@ -5,14 +5,14 @@ import pytest
 
 from omnisim.errors import OutputError, TrajectoryError
 from omnisim.poses import pose, rotation_from_quaternion
-from omnisim.robot.formats.pose_csv import heading_along
-from omnisim.robot.trajectory import Trajectory
-from omnisim.robot.trajectory_files import (
+from omnisim.trajectories.files import (
     FORMATS,
     parse_trajectory,
     read_trajectory,
     write_trajectory,
 )
+from omnisim.trajectories.formats.pose_csv import heading_along
+from omnisim.trajectories.trajectory import Trajectory
 
 # Half a unit of the ninth digit; rotations are brought back to length 1, radians are from degrees.
 PRINTED = 0.5e-9 + 1e-15

@@ -1,7 +1,7 @@
 """KITTI: the upper three rows of a pose, 12 numbers a line, between blanks; no time.
 
 The numbers are read as they are. The benchmark's are a camera's: x right, y down, z ahead; its
-convention is `omnisim.robot.trajectory_files`'s to apply.
+convention is `omnisim.trajectories.files`'s to apply.
 Source: KITTI odometry benchmark, development kit.
 """
 
@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from omnisim.robot.formats.parsed_trajectory import (
+from omnisim.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     parsed_trajectory,
     read_rotations,
 )
-from omnisim.robot.formats.text_table import TextTable
-from omnisim.robot.trajectory import Trajectory
+from omnisim.trajectories.formats.text_table import TextTable
+from omnisim.trajectories.trajectory import Trajectory
 
 COLUMNS = [f"{name}{row}" for row in "012" for name in ("x", "y", "z", "t")]
 
