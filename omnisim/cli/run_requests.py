@@ -75,7 +75,8 @@ class DriveRequest:
         typer.Option(
             "--ground",
             metavar="M",
-            help="Height of waypoints. [dim]the scene's floor under the wheels[/]",
+            help="Height of waypoints.",
+            show_default="the scene's floor under the wheels",
         ),
     ] = None
     no_contact: Annotated[
