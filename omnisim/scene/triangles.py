@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from omnisim.scene.model import Instance, Scene
 from omnisim.short_repr import counted, short_repr
 
-LEAF_SIZE = 4
 MORTON_BITS = 16  # of each axis
 
 
@@ -43,8 +42,8 @@ def triangles_within(
     corners, above, counts = [np.zeros((0, 3, 3))], [np.zeros(0, dtype=bool)], []
     for instance in scene.instances:
         triangles, up = _of_instance(scene, instance)
-        near = np.all(triangles[..., :axes].min(axis=1) <= high_m, axis=1)
-        near &= np.all(triangles[..., :axes].max(axis=1) >= low_m, axis=1)
+        low, high = bounds_of(triangles[..., :axes])
+        near = np.all((low <= high_m) & (high >= low_m), axis=1)
         corners.append(triangles[near])
         above.append(up[near])
         counts.append(int(near.sum()))
@@ -79,22 +78,18 @@ class TriangleBvh:
     """
 
     def __init__(self, corners_m: NDArray[np.float64]):
-        low, high = corners_m.min(axis=1), corners_m.max(axis=1)
+        low, high = bounds_of(corners_m)
         self._order = np.argsort(_morton_codes(0.5 * (low + high)[:, :2]), kind="stable")
-        leaves = 1
-        while leaves * LEAF_SIZE < len(corners_m):
-            leaves *= 2
+        leaves = 1 << max(0, len(corners_m) - 1).bit_length()
         # empty bounds beyond the last triangle meet no others
-        rows = np.full((2, leaves * LEAF_SIZE, 3), -np.inf)
+        rows = np.full((2, leaves, 3), -np.inf)
         rows[0] = np.inf
         rows[0, : len(low)], rows[1, : len(high)] = low[self._order], high[self._order]
         self._levels = [rows]
-        size = LEAF_SIZE
         while rows.shape[1] > 1:
-            groups = rows.reshape(2, -1, size, 3)
-            rows = np.stack((groups[0].min(axis=1), groups[1].max(axis=1)))
+            first, second = rows[:, 0::2], rows[:, 1::2]
+            rows = np.stack((np.minimum(first[0], second[0]), np.maximum(first[1], second[1])))
             self._levels.append(rows)
-            size = 2
 
     def overlaps(
         self, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
@@ -111,15 +106,22 @@ class TriangleBvh:
         nodes = np.zeros(len(low_m), dtype=np.intp)
         for depth, (low, high) in enumerate(reversed(self._levels)):
             if depth > 0:
-                size = low.shape[0] // self._levels[-depth].shape[1]
-                boxes = np.repeat(boxes, size)
-                nodes = (nodes[:, None] * size + np.arange(size)).ravel()
+                boxes = np.repeat(boxes, 2)
+                nodes = (nodes[:, None] * 2 + (0, 1)).ravel()
             meets = np.all(low[nodes] <= high_m[boxes], axis=1)
             meets &= np.all(high[nodes] >= low_m[boxes], axis=1)
             boxes, nodes = boxes[meets], nodes[meets]
         found = self._order[nodes] if len(self._order) else nodes
         order = np.lexsort((found, boxes))
         return boxes[order], found[order]
+
+
+def bounds_of(
+    corners_m: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest coordinates (n, axes) of triangles (n, 3, axes)."""
+    a, b, c = corners_m[:, 0], corners_m[:, 1], corners_m[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _morton_codes(points_m: NDArray[np.float64]) -> NDArray[np.int64]:
