@@ -12,7 +12,7 @@ from omnisim.cli.inputs import (
 from omnisim.cli.recording import record
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.ground_truth import parse_channels
-from omnisim.simulation.contacts import check_no_contact
+from omnisim.simulation.contacts import NO_SIZE, check_no_contact
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
@@ -53,6 +53,8 @@ def run(request: DriveRequest) -> None:
     plan = drive.plan(print_note)
     if request.no_contact:
         check_no_contact(plan.contacts, request.path)
-    for contact in plan.contacts[:MOST_CONTACTS]:
+    if plan.contacts is None:
+        print_note(NO_SIZE)
+    for contact in (plan.contacts or ())[:MOST_CONTACTS]:
         print_note(str(contact))
     record(plan, request.output, request.force)

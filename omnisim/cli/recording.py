@@ -52,7 +52,7 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
                     f"{folder}: {done} of {total} steps are there: {how} goes on", markup=False
                 )
             raise
-    objects = len(plan.contacts)
+    objects = len(plan.contacts or ())
     touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
     resumed = f", {before} of them there before" if before else ""
     out.print(

@@ -20,6 +20,7 @@ from omnisim.robot import (
     usarsim,
 )
 from omnisim.simulation import Vehicle
+from omnisim.simulation.body_box import BodyBox
 from omnisim.simulation.sensors import MountedSensor
 
 
@@ -92,10 +93,16 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
     lines.append(f"drive    {_format_drive(vehicle.kinematics)}")
     is_perfect = vehicle.odometry == OdometryErrors()
     lines.append(f"wheels   {'report the truth' if is_perfect else 'report with errors'}")
-    if vehicle.footprint is not None:
-        size = vehicle.footprint
-        lines.append(f"size     {size.length_m:g} × {size.width_m:g} × {size.height_m:g} m")
+    lines.append(f"size     {_format_size(BodyBox.of(vehicle))}")
     return [*lines, *map(_sensor_line, vehicle.sensors)]
+
+
+def _format_size(box: BodyBox | None) -> str:
+    if box is None:
+        return "unknown: contacts with a scene are not looked for"
+    length_m, width_m, height_m = (box.high_m - box.low_m).tolist()
+    clearance = f"{box.clearance_m:g} m clear of the ground"
+    return f"{length_m:g} × {width_m:g} × {height_m:g} m, {clearance}"
 
 
 def _sensor_line(mounted: MountedSensor) -> str:

@@ -14,6 +14,7 @@ from omnisim.scene.triangles import TriangleBvh, triangles_within
 from omnisim.simulation.body_box import BodyBox
 from omnisim.simulation.sweep import Sweep
 
+NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
 POSES_AT_ONCE = 2000  # bounds the memory
 
 
@@ -67,12 +68,14 @@ def find_contacts(scene: Scene, sweep: Sweep, box: BodyBox) -> tuple[Contact, ..
     return _contacts(scene, sweep, np.unique(np.concatenate(touched), axis=0))
 
 
-def check_no_contact(contacts: Sequence[Contact], where: str) -> None:
-    """Refuse contacts.
+def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
+    """Refuse contacts, and robots of unknown size.
 
     Raises:
         TrajectoryError: naming the first.
     """
+    if contacts is None:
+        raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of them with --no-contact")
     if contacts:
         others = f", and with {len(contacts) - 1} more" if len(contacts) > 1 else ""
         raise TrajectoryError(f"{where}: {contacts[0]}{others}: expected none with --no-contact")

@@ -86,7 +86,7 @@ class Drive:
         truth, box = planned.trajectory, BodyBox.of(self.vehicle)
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
-        contacts = () if box is None else find_contacts(self.scene, planned.sweep, box)
+        contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
         return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
 
     def along(self, truth: Trajectory) -> PlannedDrive:
@@ -117,14 +117,15 @@ class PlannedDrive:
         truth: poses of the base.
         odometry: readings of the wheels, or None: it has none.
         follows_floor: see `PlannedRoute`.
-        contacts: of the body with the scene, in the order in which they begin.
+        contacts: of the body with the scene, in the order in which they begin, or None: not
+            looked for.
     """
 
     drive: Drive
     truth: Trajectory
     odometry: Odometry | None = None
     follows_floor: bool = False
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[Contact, ...] | None = None
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -212,7 +213,7 @@ class PlannedDrive:
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
                 "follows_floor": self.follows_floor,
-                "contacts": [dataclasses.asdict(contact) for contact in self.contacts],
+                "contacts": self.contacts and [dataclasses.asdict(one) for one in self.contacts],
             },
             "steps": len(self.truth),
             "seed": drive.seed,

@@ -35,7 +35,7 @@ def test_check_summarizes_a_robot(omnisim):
         "  body     p2at.glb, 9956 triangles, 18 nodes",
         "  drive    skid steering, 1.2 m/s, 300 °/s",
         "  wheels   report with errors",
-        "  size     0.626 × 0.505 × 0.67 m",
+        "  size     0.626 × 0.505 × 0.67 m, 0.05 m clear of the ground",
         "  camera   omnicam, hyperbolic 360 × 360 px, effective viewpoint (-0.08, 0, 0.65) m",
         "  scanner  lms200, 361 beams at 0.5° to 8.19 m, origin (0.16, 0, 0.361) m, "
         "does not see lms200",
@@ -47,7 +47,8 @@ def test_check_of_a_minimal_robot(omnisim, tmp_path):
     assert omnisim("robot", "check", "a.toml") == (
         0,
         "a.toml: good\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
-        "  wheels   report the truth\n",
+        "  wheels   report the truth\n"
+        "  size     unknown: contacts with a scene are not looked for\n",
         "",
     )
 

@@ -138,11 +138,14 @@ def test_the_paper_s_laps_touch_nothing(name, robot):
     assert Drive(load_scene("soccer"), Vehicle.load(robot), Route(name)).plan().contacts == ()
 
 
-def test_robots_of_unknown_size_touch_nothing(vehicle):
+def test_robots_of_unknown_size_have_unknown_contacts(vehicle):
     scene = _scene(((0.5, 0.0, 0.5), (0.1, 0.1, 0.5)))
     body = dataclasses.replace(vehicle, footprint=None)
     assert _contacts(scene, body)
-    assert _contacts(scene, dataclasses.replace(body, body=None)) == ()
+    unknown = _contacts(scene, dataclasses.replace(body, body=None))
+    assert unknown is None
+    with pytest.raises(TrajectoryError, match=r"^way: the robot has neither a \[footprint\] nor a"):
+        check_no_contact(unknown, "way")
 
 
 def test_sweeps_hold_the_poses_and_fill_the_turns():
