@@ -114,7 +114,7 @@ def test_renderers_take_names_files_and_lenses(tmp_path):
     _check(renderer)
     scene = omnisim.load_scene("rings")
     with omnisim.Stage(scene) as stage, omnisim.Renderer(stage, LENS) as renderer:
-        assert renderer.camera.polygons is None
+        assert renderer.camera.mesh_polygons is None
         assert renderer.camera.model is LENS
         with omnisim.LaserRenderer(stage) as scanner:
             for shown in (stage, renderer, scanner, scanner.scan(np.eye(4))):

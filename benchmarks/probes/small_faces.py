@@ -8,13 +8,16 @@ from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.probes.probe import Probe
 from benchmarks.settings import at_setting
 from omnisim.sensors import OmniCamera, Stage
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 FACE_PX = 16
 
 
 def small_faces_probe(scene: str, stage: Stage) -> Probe:
     """Probe of a scene's faces with 16 texels along each side."""
-    camera = dataclasses.replace(at_setting(OmniCamera(), "fast"), face_size_px=FACE_PX)
+    camera = dataclasses.replace(
+        at_setting(OmniCamera(polygons=PAPER_POLYGONS), "fast"), face_size_px=FACE_PX
+    )
     frame = RepeatedFrame.at_start(stage, camera)
     return Probe(small_faces_name(scene), "frames", 1.0, frame.render_faces)
 

@@ -18,6 +18,7 @@ from benchmarks.settings import at_setting
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Material, Mesh, Texture
 from omnisim.sensors import OmniCamera, Stage
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 HALF_M = 3.0
 _REPEATS = 4.0  # of the texture along a wall: finer than the texels, so that two levels are read
@@ -51,7 +52,7 @@ def room_probe(scene: str, room: Stage) -> Probe:
     """
     side_px = _SIDE_PX
     while True:
-        camera = at_setting(OmniCamera(), "fast").resized(side_px)
+        camera = at_setting(OmniCamera(polygons=PAPER_POLYGONS), "fast").resized(side_px)
         frame = RepeatedFrame.at_start(room, camera)
         if quickest(frame.render_faces) >= _LEAST_SECONDS or 2 * side_px > _LARGEST_SIDE_PX:
             break

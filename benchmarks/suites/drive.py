@@ -31,6 +31,7 @@ from omnisim.gpu.context import open_context
 from omnisim.reports.measure import Measure
 from omnisim.scene import Scene
 from omnisim.sensors import Renderer, Stage
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -140,7 +141,7 @@ def _of_kind(rows: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
 
 
 def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven:
-    vehicle = Vehicle.load(ROBOT)
+    vehicle = Vehicle.load(ROBOT).with_cameras(polygons=PAPER_POLYGONS)
     mounted = vehicle.camera()
     poses = plan_route(
         scene, vehicle, Route(scene.paths[0].name, rate_hz=RATE_HZ)

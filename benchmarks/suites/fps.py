@@ -23,7 +23,6 @@ from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_figure import fps_figure
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.mirrors import tessellate
 from omnisim.mirrors.mesh_error import mesh_error
 from omnisim.reports.measure import Measure
 from omnisim.sensors import LaserRenderer, Renderer
@@ -180,7 +179,7 @@ def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
     """Mean geometric error of each mesh, as a share of the picture's width."""
     mirror = mirror_camera(vehicle.camera().sensor).mirror
     errors = {
-        str(polygons): mesh_error(mirror, tessellate(mirror, polygons), rim_radius_px=0.5).mean_px
+        str(polygons): mesh_error(mirror, polygons, rim_radius_px=0.5).mean_px
         for polygons in POLYGONS
     }
     return {**errors, EXACT: 0.0}

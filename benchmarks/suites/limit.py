@@ -39,6 +39,7 @@ from benchmarks.timer import Timings, time_interleaved
 from omnisim.gpu.context import open_context
 from omnisim.reports.measure import Measure
 from omnisim.sensors import OmniCamera, Stage
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 HELD = "fast"  # the setting whose bounds count
 MOST_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
@@ -58,7 +59,9 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
         OmnisimError: no OpenGL, or a scene that cannot be loaded.
     """
     options = options.fewer(2)
-    paper = OmniCamera() if size_px is None else OmniCamera().resized(size_px)
+    paper = OmniCamera(polygons=PAPER_POLYGONS)
+    if size_px is not None:
+        paper = paper.resized(size_px)
     context = open_context(options.device)
     with ExitStack() as stack:
         stack.callback(context.release)

@@ -73,9 +73,9 @@ PolygonsOption = Annotated[
     typer.Option(
         "-n",
         "--polygons",
-        metavar="POLYGONS|exact",
-        help="Polygons of the mirror's mesh, or exact.",
-        show_default="1024, or the sensor file's",
+        metavar="N|auto|exact",
+        help="Polygons of the mirror's mesh; auto: as many as 0.1 px need.",
+        show_default="auto, or the sensor file's",
     ),
 ]
 SizeOption = Annotated[

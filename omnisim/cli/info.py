@@ -10,12 +10,14 @@ from pathlib import Path
 
 from rich.table import Table
 
+from omnisim.cameras import summary
 from omnisim.cli.console import out
 from omnisim.errors import GraphicsError
 from omnisim.extras import EXTRAS, REQUIRED, install_hint, is_installed, missing_packages
 from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
 from omnisim.robot import builtin_robots
 from omnisim.scene import builtin_scenes
+from omnisim.sensors import OmniCamera
 from omnisim.version import __version__
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -48,8 +50,16 @@ def _installation() -> list[tuple[str, str]]:
     lines += [
         ("scenes", ", ".join(builtin_scenes()) or "none"),
         ("robots", ", ".join(builtin_robots()) or "none"),
+        ("camera", _default_camera()),
     ]
     return lines
+
+
+def _default_camera() -> str:
+    """Camera where none is asked for, and how far its mirror's mesh is off."""
+    camera = OmniCamera()
+    error = f"off by {camera.mesh_error_px:.3g} px at most"
+    return f"{summary(camera.model)}, {camera.mesh_summary}, {error}"
 
 
 def _system() -> str:

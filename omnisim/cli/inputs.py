@@ -19,6 +19,7 @@ from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import Degradation, preset
+from omnisim.sensors.omnicamera import Polygons
 
 LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
 
@@ -172,15 +173,19 @@ def read_preset(name: str | None) -> Degradation | None:
     return None if name is None else preset(name)
 
 
-def parse_polygons(text: str) -> int | None:
-    """Parse a polygon count; None is "exact".
+def parse_polygons(text: str) -> Polygons:
+    """Parse a polygon count, or "auto"; None is "exact".
 
     Raises:
-        OpticsError: neither a whole number nor "exact".
+        OpticsError: none of these.
     """
     if text.lower() == "exact":
         return None
+    if text.lower() == "auto":
+        return "auto"
     try:
         return int(text)
     except ValueError:
-        raise OpticsError(f"-n: expected a number of polygons or 'exact', got {text!r}") from None
+        raise OpticsError(
+            f"-n: expected a number of polygons, 'auto' or 'exact', got {text!r}"
+        ) from None

@@ -21,11 +21,13 @@ def run(request: MirrorRequest) -> None:
     model = camera.model
     if not isinstance(model, HyperbolicCamera):
         raise OpticsError(f"{request.sensor}: expected a mirror, got model {model.model_name!r}")
-    polygons = camera.polygons or PAPER_POLYGONS if request.polygons is None else request.polygons
+    polygons = request.polygons
+    if polygons is None:
+        polygons = camera.mesh_polygons or PAPER_POLYGONS
     mesh = tessellate(model.mirror, polygons)
     unfolded = unfold(model.mirror, mesh)
     write_mirror(request.output, unfolded, "hyperbolic_mirror")
-    error = mesh_error(model.mirror, mesh, model.rim_radius_px)
+    error = mesh_error(model.mirror, polygons, model.rim_radius_px)
     out.print(
         f"{request.output}: {mesh.polygons} polygons "
         f"({mesh.sectors} sectors × {mesh.rings} rings), "

@@ -320,7 +320,7 @@ class MirrorRequest:
             "--polygons",
             metavar="POLYGONS",
             help="Polygons of the mesh.",
-            show_default="1024, or the sensor file's",
+            show_default="as many as 0.1 px need, or the sensor file's",
         ),
     ] = None
     sensor: Annotated[

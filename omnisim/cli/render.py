@@ -81,9 +81,8 @@ def run(request: RenderRequest) -> None:
         )
         faces = {} if request.faces is None else renderer.faces()
     frame.save(request.output, request.preview, channel_format)
-    polygons = f"{camera.polygons} polygons" if camera.polygons else "exact"
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
-    out.print(f"{request.output}: {size}, {polygons}, from {viewpoint}", markup=False)
+    out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}", markup=False)
     if request.rays is not None:
         from omnisim.calibration.ray_table import write_ray_table
 

@@ -8,6 +8,7 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.cli.console import out
 from omnisim.cli.inputs import read_sensor
 from omnisim.cli.picture_requests import SensorRequest
+from omnisim.sensors import OmniCamera
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 
 
@@ -23,7 +24,7 @@ def run(request: SensorRequest) -> None:
     sensor = read_sensor(request.check)
     out.print(f"{request.check}: good", markup=False)
     lines = (
-        _mirror_lines(sensor.model, sensor.polygons)
+        _mirror_lines(sensor, sensor.model)
         if isinstance(sensor.model, HyperbolicCamera)
         else [f"  {key:22} {value}" for key, value in sensor.model.parameters().items()]
     )
@@ -34,14 +35,16 @@ def run(request: SensorRequest) -> None:
         out.print(line, markup=False)
 
 
-def _mirror_lines(camera: HyperbolicCamera, polygons: int | None) -> list[str]:
+def _mirror_lines(sensor: OmniCamera, camera: HyperbolicCamera) -> list[str]:
     mirror = camera.mirror
+    exact = sensor.mesh_polygons is None
+    error = "none" if exact else f"off by {sensor.mesh_error_px:.3g} px at most"
     return [
         f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
         f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
         f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
         f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
-        f"  mesh     {polygons or 'exact, none'}",
+        f"  mesh     {sensor.mesh_summary}, {error}",
         f"  picture  {camera.width_px} × {camera.height_px} px, "
         f"focal length {camera.focal_length_px:.6g} px, "
         f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",

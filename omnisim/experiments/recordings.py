@@ -12,6 +12,7 @@ from omnisim.experiments.seeds import Progress
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
 from omnisim.sensors.degradations import Degradation, preset
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 from omnisim.simulation import Vehicle
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
@@ -70,8 +71,8 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
     with_path = dataclasses.replace(
         scene, paths=(*scene.paths, ScenePath("learning", TRAINING_WAYPOINTS))
     )
-    p2at = _with_camera_only(Vehicle.load("p2at"))
-    scout = _with_camera_only(Vehicle.load("superscout")).with_cameras(degradation=real_camera())
+    p2at = _paper_vehicle("p2at")
+    scout = _paper_vehicle("superscout").with_cameras(degradation=real_camera())
     return Recordings(
         _record(folder / "learning", with_path, p2at, "learning", device, progress),
         _record(folder / "simulated", scene, p2at, "lap", device, progress),
@@ -79,8 +80,9 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
     )
 
 
-def _with_camera_only(vehicle: Vehicle) -> Vehicle:
-    """Vehicle without its other sensors."""
+def _paper_vehicle(robot: str) -> Vehicle:
+    """Vehicle with the paper's mesh of the mirror, and without its other sensors."""
+    vehicle = Vehicle.load(robot).with_cameras(polygons=PAPER_POLYGONS)
     return dataclasses.replace(vehicle, sensors=vehicle.cameras)
 
 

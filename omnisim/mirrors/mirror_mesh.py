@@ -41,6 +41,12 @@ class MirrorMesh:
         corners = self.vertices_m[self.triangles]
         return (0.5 * (corners + np.roll(corners, 1, axis=1))).reshape(-1, 3)
 
+    @property
+    def rim_middles_m(self) -> NDArray[np.float64]:
+        """Middles (sectors, 3) of the edges on the rim."""
+        rim = self.vertices_m[-self.sectors :]
+        return 0.5 * (rim + np.roll(rim, 1, axis=0))
+
 
 @dataclass(frozen=True)
 class UnfoldedMirrorMesh:

@@ -52,9 +52,7 @@ def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
         OpticsError: see `sectors_and_rings`.
     """
     sectors, rings = sectors_and_rings(polygons)
-    share = (np.arange(1, rings + 1) / rings) ** RING_EXPONENT
-    theta = mirror.theta_from_tangent(share * mirror.tangent_from_theta(mirror.theta_max_rad))
-    theta[-1] = mirror.theta_max_rad  # the rim, free of rounding
+    theta = _ring_angles_rad(mirror, rings)
     azimuth = np.arange(sectors) * (2.0 * math.pi / sectors)
     apex = np.array([[0.0, 0.0, mirror.vertex_height_m]])
     circles = mirror.surface_points(theta[:, None], azimuth[None, :]).positions_m
@@ -67,6 +65,28 @@ def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
         sectors=sectors,
         rings=rings,
     )
+
+
+def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
+    """Corners (2 rings − 1, 3, 3) of the triangles of the mesh's first sector, mirror frame.
+
+    All sectors are equal but for a turn about the axis.
+    """
+    theta = np.concatenate(([0.0], _ring_angles_rad(mirror, rings)))
+    azimuth = np.array([0.0, 2.0 * math.pi / sectors])
+    points = mirror.surface_points(theta[:, None], azimuth).positions_m
+    inner, outer = points[:-1], points[1:]
+    lower = np.stack((inner[:, 0], outer[:, 0], outer[:, 1]), axis=1)
+    upper = np.stack((inner[:, 0], outer[:, 1], inner[:, 1]), axis=1)
+    return np.concatenate((lower, upper[1:]))  # at the vertex of the mirror there is no upper one
+
+
+def _ring_angles_rad(mirror: HyperbolicMirror, rings: int) -> NDArray[np.float64]:
+    """Incidences (rings,) of the rings, the last one on the rim."""
+    share = (np.arange(1, rings + 1) / rings) ** RING_EXPONENT
+    theta = mirror.theta_from_tangent(share * mirror.tangent_from_theta(mirror.theta_max_rad))
+    theta[-1] = mirror.theta_max_rad  # free of rounding
+    return theta
 
 
 def _best_split(polygons: int) -> tuple[int, int] | None:

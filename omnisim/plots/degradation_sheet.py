@@ -108,9 +108,7 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
     """
     scene = load_scene(scene_name)
     mirror, fine = OmniCamera().resized(SIDE_PX), OmniCamera().resized(FINE_PX)
-    lens = OmniCamera(
-        PerspectiveCamera.with_field_of_view(SIDE_PX, SIDE_PX, math.radians(80.0)), polygons=None
-    )
+    lens = OmniCamera(PerspectiveCamera.with_field_of_view(SIDE_PX, SIDE_PX, math.radians(80.0)))
     start, yaw_deg = scene.start.position_m, scene.start.yaw_deg
     tiles = []
     with Stage(scene) as stage:

@@ -49,7 +49,7 @@ class GroundTruth:
         self._stage = stage
         self.has_albedo = albedo
         self.labels = find_labels(stage.scene, stage.objects)
-        self._pixels = PixelMap(stage.context, sensor.model, sensor.polygons)
+        self._pixels = PixelMap(stage.context, sensor.model, sensor.mesh_polygons)
         visibility = VisibilityPass(
             stage.buffers,
             sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL),

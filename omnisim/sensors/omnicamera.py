@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,8 @@ from omnisim import poses
 from omnisim.cameras import CentralCamera, HyperbolicCamera, summary
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
-from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.mirrors.tessellation import MAX_POLYGONS, sectors_and_rings
+from omnisim.sensors.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.quality import (
     DEFAULT_QUALITY,
@@ -29,6 +31,7 @@ from omnisim.short_repr import short_repr
 if TYPE_CHECKING:
     from omnisim.sensors.sensor_file import SensorSettings
 
+Polygons = int | Literal["auto"] | None  # of a mirror's mesh; None: exact
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
 
@@ -41,12 +44,13 @@ def _paper_camera() -> HyperbolicCamera:
 class OmniCamera:
     """An omnidirectional camera: a pinhole camera below a mirror, or a lens.
 
-    Without arguments: the paper's. A lens is captured exactly, as it has no mesh:
-    `OmniCamera(lens, polygons=None)`.
+    Without arguments: the paper's.
 
     Attributes:
         model: the camera model, with its mirror if it has one.
-        polygons: of the mirror's mesh; None captures exactly, pixel by pixel.
+        polygons: of the mirror's mesh; "auto": as few as keep the largest error in the picture
+            below a tenth of a pixel, see `mesh_polygons`; None captures exactly, pixel by pixel,
+            as a lens always is.
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
         face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
@@ -65,7 +69,7 @@ class OmniCamera:
 
     model: CentralCamera = field(default_factory=_paper_camera)
     _: KW_ONLY
-    polygons: int | None = PAPER_POLYGONS
+    polygons: Polygons = "auto"
     base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
     near_m: float = 0.05
@@ -78,16 +82,16 @@ class OmniCamera:
     def __post_init__(self) -> None:
         if not isinstance(self.model, CentralCamera):
             raise OpticsError(f"camera: expected a camera model, got {type(self.model).__name__}")
-        if self.polygons is not None:
+        if self.polygons is not None and self.polygons != "auto":
             if type(self.polygons) is not int:
                 raise OpticsError(
-                    f"polygons: expected a whole number, or None, got {self.polygons!r}"
+                    f"polygons: expected a whole number, 'auto' or None, got {self.polygons!r}"
                 )
             sectors_and_rings(self.polygons)
             if not isinstance(self.model, HyperbolicCamera):
                 raise OpticsError(
                     f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
-                    "no mirror with a mesh: expected 'exact'"
+                    "no mirror with a mesh: expected 'auto' or 'exact'"
                 )
         if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
             raise OpticsError(
@@ -115,7 +119,7 @@ class OmniCamera:
         return short_repr(
             self,
             summary(self.model),
-            "exact" if self.polygons is None else f"{self.polygons} polygons",
+            self.mesh_summary,
             "" if self.degradation.is_ideal else f"degraded by {', '.join(self.degradation.parts)}",
         )
 
@@ -124,8 +128,7 @@ class OmniCamera:
         """Sensor of whatever names one.
 
         Args:
-            camera: a sensor; a camera model, of which only a hyperbolic mirror has a mesh; path of
-                a sensor file; None: the paper's.
+            camera: a sensor; a camera model; path of a sensor file; None: the paper's.
 
         Raises:
             SensorFileError: naming file, key, value and what was expected.
@@ -137,8 +140,7 @@ class OmniCamera:
             return cls()
         if isinstance(camera, str | Path):
             return cls.from_file(camera)
-        has_mesh = isinstance(camera, HyperbolicCamera)
-        return cls(camera, polygons=PAPER_POLYGONS if has_mesh else None)
+        return cls(camera)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:
@@ -194,6 +196,29 @@ class OmniCamera:
             self, model=old.scaled(scale), degradation=self.degradation.scaled(scale)
         )
 
+    @cached_property
+    def mesh_polygons(self) -> int | None:
+        """Polygons of the mirror's mesh: `polygons`, or what "auto" comes to; None: exact.
+
+        "auto" is exact where even the finest mesh is off by more.
+        """
+        return auto_polygons(self.model) if self.polygons == "auto" else self.polygons
+
+    @property
+    def mesh_error_px(self) -> float:
+        """Largest error of the mirror's mesh anywhere in the picture; 0 where it is exact."""
+        return mesh_error_px(self.model, self.mesh_polygons)
+
+    @property
+    def mesh_summary(self) -> str:
+        """Polygons of the mirror's mesh in words."""
+        if self.mesh_polygons is not None:
+            chosen = " (auto)" if self.polygons == "auto" else ""
+            return f"{self.mesh_polygons} polygons{chosen}"
+        if self.polygons is None or not isinstance(self.model, HyperbolicCamera):
+            return "exact"
+        return f"exact (auto: {MAX_ERROR_PX} px need more than {MAX_POLYGONS} polygons)"
+
     @property
     def supersampled_model(self) -> CentralCamera:
         """Model of the supersampled picture that is averaged to this one's."""
@@ -206,8 +231,8 @@ class OmniCamera:
         pose[:3, :3] = pose[:3, :3] @ self.model.rig_from_optical
         return pose
 
-    def with_polygons(self, polygons: int | None) -> OmniCamera:
-        """The same sensor with another mesh; None captures exactly.
+    def with_polygons(self, polygons: Polygons) -> OmniCamera:
+        """The same sensor with another mesh, see `polygons`.
 
         Raises:
             OpticsError: a polygon count that makes no mesh.

@@ -63,7 +63,7 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
     if sensor is not None:
         camera: CentralCamera = sensor.model
         base_from_optical = sensor.base_from_optical[:3, :3]
-        polygons = sensor.polygons
+        polygons = sensor.mesh_polygons
     elif not isinstance(metadata.get("camera"), dict):
         raise OutputError(
             f"{path}: has no camera parameters inside: pass the sensor file that it was taken "

@@ -55,7 +55,7 @@ class CameraPasses:
         self.cube = self._cube_pass(plan)
         self._pipeline = Pipeline(
             self.cube,
-            PixelMap(stage.context, camera, sensor.polygons),
+            PixelMap(stage.context, camera, sensor.mesh_polygons),
             sensor.supersampling,
             "f2" if is_ideal else "f4",
         )
@@ -243,7 +243,7 @@ class Renderer(SensorRenderer[CameraPasses]):
             "scene": self.scene.name,
             **self._body_metadata(),
             "camera": self.camera.model.parameters(),
-            "polygons": self.camera.polygons or "exact",
+            "polygons": self.camera.mesh_polygons or "exact",
             "supersampling": self.camera.supersampling,
             "lit": not self._unlit,
             "exposure": self.scene.lighting.exposure,

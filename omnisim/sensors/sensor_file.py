@@ -46,7 +46,8 @@ Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
 Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 PolygonCount = Annotated[
-    Literal["exact"] | pydantic.StrictInt, described("a whole number or 'exact'")
+    Literal["auto", "exact"] | pydantic.StrictInt,
+    described("a whole number, 'auto' or 'exact'"),
 ]
 FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_PICTURE_PX} or 'auto'")]
 FocalLength = Annotated[Literal["fit"] | Positive, described("a number > 0 or 'fit'")]
@@ -84,8 +85,9 @@ class MirrorTable(Table):
     given."""
     rim_radius_m: Positive | None = None
     """Radius of the rim in metres, in place of theta_max_deg."""
-    polygons: PolygonCount = 1024
-    """Polygons of the mesh: 16, 64, 256, 1024, 4096, …; "exact": no mesh."""
+    polygons: PolygonCount = "auto"
+    """Polygons of the mesh: 16, 64, 256, 1024 (the paper's), 4096, …; "auto": as few as keep the
+    largest error in the picture below 0.1 px; "exact": no mesh."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
@@ -118,7 +120,7 @@ class MirrorTable(Table):
         except OpticsError as reason:
             raise _fault(f"{source}: mirror.{given}: ", reason, "mirror: ") from None
 
-    def polygon_count(self, source: str) -> int | None:
+    def polygon_count(self, source: str) -> int | Literal["auto"] | None:
         """Polygons of the mesh, or None: exact.
 
         Raises:
@@ -126,6 +128,8 @@ class MirrorTable(Table):
         """
         if self.polygons == "exact":
             return None
+        if self.polygons == "auto":
+            return self.polygons
         try:
             sectors_and_rings(self.polygons)
         except OpticsError as reason:
@@ -283,7 +287,7 @@ class SensorSettings:
 
     Attributes:
         model: the camera model, with its mirror if it has one.
-        polygons: of the mirror's mesh; None: exact.
+        polygons: of the mirror's mesh, or "auto"; None: exact.
         mounting: on the vehicle.
         virtual_cameras: at the effective viewpoint.
         quality: of the capture: the named one, but for what has a key of its own.
@@ -291,7 +295,7 @@ class SensorSettings:
     """
 
     model: CentralCamera
-    polygons: int | None
+    polygons: int | Literal["auto"] | None
     mounting: MountingTable
     virtual_cameras: VirtualCamerasTable
     quality: CaptureQuality

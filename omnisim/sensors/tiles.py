@@ -33,8 +33,11 @@ def sensor_tiles(
         GraphicsError: the camera sees nothing at all.
     """
     past_rim = None
-    if sensor.polygons is not None and isinstance(camera, HyperbolicCamera):
-        past_rim = tessellate(camera.mirror, sensor.polygons).edge_middles_m @ MIRROR_FROM_OPTICAL
+    if sensor.mesh_polygons is not None and isinstance(camera, HyperbolicCamera):
+        mesh = tessellate(camera.mirror, sensor.mesh_polygons)
+        # a fine mesh has many edges, of which only those on the rim reach past it
+        middles_m = mesh.rim_middles_m if sensor.polygons == "auto" else mesh.edge_middles_m
+        past_rim = middles_m @ MIRROR_FROM_OPTICAL
     return plan_tiles(
         camera,
         camera.rig_from_optical,

@@ -19,7 +19,7 @@ def calibration_json(sensor: OmniCamera) -> str:
     """Text of the calibration file of a mounted sensor."""
     content = {
         "camera": sensor.model.parameters(),
-        "polygons": sensor.polygons or "exact",
+        "polygons": sensor.mesh_polygons or "exact",
         "base_from_optical": sensor.base_from_optical.tolist(),
     }
     return json.dumps(content, indent=2) + "\n"

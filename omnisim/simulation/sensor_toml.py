@@ -11,6 +11,7 @@ import numpy as np
 from omnisim.cameras import HyperbolicCamera
 from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.omnicamera import Polygons
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
@@ -45,14 +46,14 @@ samples = {sensor.samples}
 {_degradation(sensor)}"""
 
 
-def _mirror(camera: HyperbolicCamera, polygons: int | None) -> str:
+def _mirror(camera: HyperbolicCamera, polygons: Polygons) -> str:
     mirror = camera.mirror
     return f"""shape = "hyperbolic"
 k = {mirror.k!r}
 c = {mirror.c!r}
 meters_per_unit = {mirror.meters_per_unit!r}
 theta_max_deg = {round(math.degrees(mirror.theta_max_rad), 12)!r}
-polygons = {'"exact"' if polygons is None else polygons}
+polygons = {json.dumps("exact" if polygons is None else polygons)}
 """
 
 

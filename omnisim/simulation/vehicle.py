@@ -14,6 +14,7 @@ from omnisim.robot.robot_file import Footprint, Robot, file_beside, load_robot
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.sensors.degradations import Degradation
+from omnisim.sensors.omnicamera import Polygons
 from omnisim.short_repr import short_repr
 from omnisim.simulation.sensors import MountedCamera, MountedScanner, MountedSensor
 from omnisim.simulation.sensors.mount import SensorMount
@@ -116,7 +117,7 @@ class Vehicle:
         self,
         *,
         size_px: int | None = None,
-        polygons: int | Literal["same"] | None = "same",
+        polygons: Polygons | Literal["same"] = "same",
         degradation: Degradation | None = None,
         quality: str | None = None,
     ) -> Vehicle:
@@ -124,7 +125,7 @@ class Vehicle:
 
         Args:
             size_px: pixels of the shorter side.
-            polygons: of the mirror's mesh; None: exact.
+            polygons: of the mirror's mesh, or "auto"; None: exact.
             degradation: of all cameras.
             quality: "fast", "default" or "fine".
 

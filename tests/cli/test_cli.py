@@ -20,7 +20,7 @@ from omnisim.version import __version__
 def test_render_writes_the_picture_and_a_summary(omnisim, tmp_path):
     status, out, _ = omnisim("render", "courtyard", "-o", "a.png", "--size", 90, "--yaw", -30)
     assert status == 0
-    assert "a.png: 90 × 90 px, 1024 polygons, from (0, 0, 0.9) m at yaw -30°" in out
+    assert "a.png: 90 × 90 px, 900 polygons (auto), from (0, 0, 0.9) m at yaw -30°" in out
     pixels, metadata = read_image(tmp_path / "a.png")
     assert pixels.shape == (90, 90, 3)
     assert metadata["scene"] == "courtyard"
@@ -65,7 +65,7 @@ def test_render_with_all_options(omnisim, tmp_path):
         (["courtyard", "-o", "a.png", "-n", "1009"], "nearest 1008 and 1012"),
         (
             ["courtyard", "-o", "a.png", "-n", "few"],
-            "-n: expected a number of polygons or 'exact', got 'few'",
+            "-n: expected a number of polygons, 'auto' or 'exact', got 'few'",
         ),
         (["courtyard", "-o", "a.png", "--size", "0"], "size: expected at least 1, got 0"),
         (["courtyard", "-o", "a.png", "--at", "nan", "0", "0"], "expected three finite numbers"),
@@ -150,6 +150,7 @@ def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
     assert status == 0
     assert "s.toml: good" in out
     assert "ξ = 0.9954942" in out
+    assert "  mesh     3600 polygons (auto), off by 0.0916 px at most\n" in out
     (tmp_path / "s.toml").write_text("[mirror]\nk = 1\nc = 0\n")
     status, _, error = omnisim("sensor", "--check", "s.toml")
     assert status == 1

@@ -16,7 +16,9 @@ from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
-SENSOR = OmniCamera.from_table({"camera": {"width_px": 180, "height_px": 180}})
+SENSOR = OmniCamera.from_table(
+    {"mirror": {"polygons": 1024}, "camera": {"width_px": 180, "height_px": 180}}
+)
 
 
 def _panoramic(theta_max_deg):

@@ -70,10 +70,11 @@ def test_bad_lenses_are_named(tmp_path, old, new, words):
 
 
 def test_a_lens_has_no_mesh():
-    with pytest.raises(
-        OpticsError, match="model 'equidistant' has no mirror with a mesh: expected 'exact'"
-    ):
-        OmniCamera(LENS)
+    assert OmniCamera(LENS).mesh_polygons is None
+    assert OmniCamera(LENS).mesh_error_px == 0.0
+    message = "model 'equidistant' has no mirror with a mesh: expected 'auto' or 'exact'"
+    with pytest.raises(OpticsError, match=message):
+        OmniCamera(LENS, polygons=1024)
 
 
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())

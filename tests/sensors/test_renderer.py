@@ -268,7 +268,7 @@ def test_blended_surfaces_write_no_depth():
         ({"near_m": 2.0, "far_m": 1.0}, "near_m: expected more than 0 and less than far_m"),
         ({"face_size_px": 0}, "face_size_px: expected at least 1, or None, got 0"),
         ({"samples": 3}, "samples: expected 1, 2, 4 or 8, got 3"),
-        ({"polygons": "exact"}, "polygons: expected a whole number, or None, got 'exact'"),
+        ({"polygons": "exact"}, "polygons: expected a whole number, 'auto' or None, got 'exact'"),
         ({"base_from_rig": np.diag([2.0, 2, 2, 1])}, "no scale"),
         ({"base_from_rig": np.eye(3)}, "expected a finite 4 × 4 matrix"),
     ],
@@ -374,7 +374,7 @@ def test_metadata_describes_camera_and_pose():
         metadata = renderer.render(make_pose((1.0, 0.5, 0.0), yaw_deg=30.0)).metadata
     assert metadata["camera"]["k"] == 11.546
     assert metadata["camera"]["focal_length_px"] == sensor.model.focal_length_px
-    assert metadata["polygons"] == 1024
+    assert metadata["polygons"] == sensor.mesh_polygons == 3600
     world_from_optical = np.array(metadata["world_from_optical"])
     np.testing.assert_allclose(world_from_optical[:3, 3], (1.0, 0.5, 0.0))
     # the optical axis looks up, and the top of the picture ahead

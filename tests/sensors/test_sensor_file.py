@@ -98,7 +98,7 @@ def test_resizing_keeps_the_view():
         ),
         (
             "[mirror]\npolygons = 'many'",
-            r"mirror\.polygons: expected a whole number or 'exact'.*, got 'many'",
+            r"mirror\.polygons: expected a whole number, 'auto' or 'exact', got 'many'",
         ),
         ("[mirror]\npolygons = 1009", r"mirror\.polygons = 1009: .*nearest 1008 and 1012"),
         ("[mirror]\npolygons = 10.5", r"mirror\.polygons: expected a whole number.*, got 10\.5"),

@@ -16,6 +16,7 @@ from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 from omnisim.srgb import srgb_from_linear
 from omnisim.validation.displacement import displacement_figure, displacements
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
@@ -53,7 +54,7 @@ def check(fixture: Fixture, title: str) -> Section:
     scene, pose = opaque_only(fixture.scene), sensor.base_pose(fixture.viewpoint_m, yaw_deg=20.0)
     pair = _trace(scene, sensor, pose, samples)
     exact = _linear(fixture, scene, sensor, pose)
-    mesh = _linear(fixture, scene, sensor.with_polygons(1024), pose)
+    mesh = _linear(fixture, scene, sensor.with_polygons(PAPER_POLYGONS), pose)
     fine = _linear(
         fixture,
         scene,

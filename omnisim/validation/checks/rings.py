@@ -17,6 +17,7 @@ from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.omnicamera import PAPER_POLYGONS
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mirror_camera
 from omnisim.validation.ring_radii import ring_radii
 
@@ -50,7 +51,7 @@ class Rings(NamedTuple):
 def check(fixture: Fixture, title: str) -> Section:
     """Render the rings exactly and by 1024 polygons and measure every radius."""
     scene = load_scene("rings")
-    paper = OmniCamera()
+    paper = OmniCamera(polygons=PAPER_POLYGONS)
     exact = render(fixture, scene, paper.with_polygons(None))
     mesh = render(fixture, scene, paper)
     table = {"mirror": {"theta_max_deg": WIDE_RIM_DEG, "polygons": "exact"}}

@@ -1,0 +1,43 @@
+"""Polygons of a mirror's mesh that keep the picture right to a tenth of a pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.mirrors.mesh_error import Annulus, largest_error, needed_polygons
+from omnisim.mirrors.tessellation import sectors_and_rings
+
+MAX_ERROR_PX = 0.1
+# Rasterizers place a mesh's vertices in steps of as much: that comes on top of its own error.
+_RASTER_STEP_PX = 1.0 / 256.0
+
+
+def auto_polygons(camera: CentralCamera) -> int | None:
+    """Fewest polygons with an error of at most `MAX_ERROR_PX` anywhere in a camera's picture.
+
+    Returns:
+        None: exact, as no mesh is fine enough, or there is no mirror with a mesh.
+    """
+    if not isinstance(camera, HyperbolicCamera):
+        return None
+    max_error = (MAX_ERROR_PX - _RASTER_STEP_PX) / camera.focal_length_px
+    return needed_polygons(camera.mirror, max_error, _shown(camera))
+
+
+def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
+    """Largest error of a mesh anywhere in a camera's picture, its outline included; exact: 0."""
+    if polygons is None or not isinstance(camera, HyperbolicCamera):
+        return 0.0
+    error = largest_error(camera.mirror, *sectors_and_rings(polygons), _shown(camera))
+    return camera.focal_length_px * error
+
+
+def _shown(camera: HyperbolicCamera) -> Annulus:
+    """Circles around the mirror's axis between which the picture lies."""
+    first = -0.5 - np.asarray(camera.principal_point_px)
+    last = first + (camera.width_px, camera.height_px)
+    nearest = np.clip(0.0, first, last)
+    farthest = np.maximum(-first, last)
+    inner, outer = np.hypot(*nearest), np.hypot(*np.abs(farthest))
+    return Annulus(float(inner) / camera.focal_length_px, float(outer) / camera.focal_length_px)
