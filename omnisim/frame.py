@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
 from omnisim.ground_truth import Labels
+from omnisim.ground_truth.boxes_3d import InstanceBox, boxes_json
+from omnisim.ground_truth.coco import write_json
 from omnisim.ground_truth.exr import write_exr
-from omnisim.ground_truth.files import write_boxes, write_previews, write_sidecars
+from omnisim.ground_truth.files import (
+    BOXES_3D,
+    sidecar_path,
+    write_boxes,
+    write_previews,
+    write_sidecars,
+)
 from omnisim.ground_truth.frame_channels import FrameChannels
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import is_float_format, png_bytes, write_image
@@ -33,6 +41,7 @@ class Frame:
         labels: of the IDs of classes and instances, or None: no channels.
         has_ray: (height, width), false where a pixel's centre is outside of the lens or the mirror,
             or None: no channels.
+        boxes_3d: oriented boxes of the visible instances, where they were asked for.
     """
 
     rgba: NDArray[np.uint8]
@@ -41,6 +50,7 @@ class Frame:
     channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: Labels | None = None
     has_ray: NDArray[np.bool_] | None = None
+    boxes_3d: tuple[InstanceBox, ...] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", FrameChannels(self.channels, self.labels))
@@ -75,7 +85,8 @@ class Frame:
         """Write PNG, JPEG or TIFF (sRGB), or EXR (linear float), with the metadata inside.
 
         Channels are layers of the EXR; beside the other formats they are files of their own, see
-        `omnisim.ground_truth.files`. Boxes of the instances are in `<stem>.coco.json`.
+        `omnisim.ground_truth.files`. Boxes of the instances are in `<stem>.coco.json`
+        and `<stem>.boxes_3d.json`.
 
         Args:
             path: of the picture.
@@ -102,5 +113,8 @@ class Frame:
             has_ray = self.valid if self.has_ray is None else self.has_ray
             write_sidecars(path, self.channels, self.labels, self.metadata, has_ray, files)
         write_boxes(path, self.channels, self.labels)
+        if self.boxes_3d is not None and self.labels is not None:
+            target = sidecar_path(path, BOXES_3D)
+            write_json(target, boxes_json(self.boxes_3d, self.labels, path.name, self.metadata))
         if previews:
             write_previews(path, self.channels, self.labels)

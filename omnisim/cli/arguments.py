@@ -143,6 +143,10 @@ ChannelFormatOption = Annotated[
         show_default="auto",
     ),
 ]
+Boxes3dOption = Annotated[
+    bool,
+    typer.Option("--boxes-3d", help="Also write oriented 3-D boxes of the visible instances."),
+]
 LabelsOption = Annotated[
     Path | None,
     typer.Option(

@@ -23,7 +23,9 @@ MOST_CONTACTS = 5  # notes; the manifest has all
 def run(request: DriveRequest) -> None:
     """Record a run, or resume an unfinished one, and print a summary."""
     channels = () if request.also is None else parse_channels(request.also)
-    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
+    scene = load_labelled_scene(
+        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
+    )
     vehicle = Vehicle.load(request.robot).with_cameras(
         size_px=request.size_px,
         polygons="same" if request.polygons is None else parse_polygons(request.polygons),
@@ -48,6 +50,7 @@ def run(request: DriveRequest) -> None:
         device=request.device,
         up_axis=request.up_axis,
         channels=channels,
+        boxes_3d=request.boxes_3d,
         channel_format=parse_channel_format(request.channel_format, channels),
     )
     plan = drive.plan(print_note)

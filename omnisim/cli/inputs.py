@@ -128,7 +128,11 @@ def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: s
 
 
 def load_labelled_scene(
-    source: str, up_axis: str | None, labels: Path | None, channels: Collection[str]
+    source: str,
+    up_axis: str | None,
+    labels: Path | None,
+    channels: Collection[str],
+    boxes_3d: bool = False,
 ) -> Scene:
     """Load a scene with its labels, or with those of a file; print its notices.
 
@@ -136,13 +140,14 @@ def load_labelled_scene(
         source: path or built-in name.
         up_axis: see `load_scene`.
         labels: a label file; by default the scene's own labels.
-        channels: requested ground truth; notices of labels are for those with classes only.
+        channels, boxes_3d: requested ground truth; notices of labels are for those with classes
+            only.
 
     Raises:
         OutputError: a label file that no channel needs.
         SceneError: from the scene, or from the label file.
     """
-    is_labelled = not LABELLED.isdisjoint(channels)
+    is_labelled = boxes_3d or not LABELLED.isdisjoint(channels)
     if labels is not None and not is_labelled:
         raise OutputError("--labels: requires --also semantic")
     scene = load_scene(source, up_axis)

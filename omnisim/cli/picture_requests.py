@@ -11,6 +11,7 @@ from omnisim.cli.arguments import (
     AlsoOption,
     AtOption,
     AxesOption,
+    Boxes3dOption,
     ChannelFormatOption,
     DeviceOption,
     ForceOption,
@@ -86,6 +87,7 @@ class RenderRequest:
     ] = None
     also: AlsoOption = None
     channel_format: ChannelFormatOption = None
+    boxes_3d: Boxes3dOption = False
     labels: LabelsOption = None
     next_at: Annotated[
         tuple[float, float, float] | None,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.atomic_file import check_distinct, check_target
-from omnisim.cli.console import out, print_note
+from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.inputs import (
     Viewpoint,
     load_labelled_scene,
@@ -27,6 +27,7 @@ from omnisim.cube import FACE_NAMES, unfolded_cube
 from omnisim.errors import OutputError
 from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.files import (
+    BOXES_3D,
     FINEST_RANGE_STEPS_PER_M,
     is_sidecar_name,
     range_steps_per_m,
@@ -62,7 +63,9 @@ def run(request: RenderRequest) -> None:
     camera = _camera(request)
     _check_channel_options(request, channels)
     channel_format = parse_channel_format(request.channel_format, channels)
-    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
+    scene = load_labelled_scene(
+        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
+    )
     viewpoint = Viewpoint.in_scene(scene, request)
     base = viewpoint.base_of(camera)
     others = _other_viewpoints(request, viewpoint, channels)
@@ -75,6 +78,7 @@ def run(request: RenderRequest) -> None:
             base,
             linear=is_float,
             also=channels,
+            boxes_3d=request.boxes_3d,
             next_state=bases.get("next"),
             previous_state=bases.get("previous"),
             motion=twist.through(base),
@@ -94,6 +98,9 @@ def run(request: RenderRequest) -> None:
     if channels:
         flows = "".join(_flow_summary(request, *other) for other in others.items())
         out.print(f"{request.output}: also {', '.join(channels)}{flows}", markup=False)
+    if request.boxes_3d and frame.boxes_3d is not None:
+        boxes = pluralize(len(frame.boxes_3d), "instance")
+        out.print(f"{sidecar_path(request.output, BOXES_3D)}: 3-D boxes of {boxes}", markup=False)
     if "range" in channels and not is_float and channel_format is not ChannelFormat.NPY:
         _note_coarse_ranges(request.output, frame.channels["range"])
     if request.faces is not None:
@@ -133,7 +140,11 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
     )
     channels = () if request.also is None else parse_channels(request.also)
     for option, path in extra.items():
-        if channels and path is not None and is_sidecar_name(request.output, path):
+        if (
+            (channels or request.boxes_3d)
+            and path is not None
+            and is_sidecar_name(request.output, path)
+        ):
             raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
     if request.calibration is not None:
         from omnisim.calibration import check_calibration_suffix

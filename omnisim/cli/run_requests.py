@@ -9,6 +9,7 @@ import typer
 from omnisim.cli.arguments import (
     AlsoOption,
     AxesOption,
+    Boxes3dOption,
     ChannelFormatOption,
     DeviceOption,
     ForceOption,
@@ -92,6 +93,7 @@ class DriveRequest:
     unlit: UnlitOption = False
     also: AlsoOption = None
     channel_format: ChannelFormatOption = None
+    boxes_3d: Boxes3dOption = False
     labels: LabelsOption = None
     force: ForceOption = False
     preset: PresetOption = None

@@ -57,7 +57,9 @@ def run(request: RenderRequest, path: Path) -> None:
         raise OutputError(f"{request.output}: expected a folder with --trajectory, got a picture")
     channels = () if request.also is None else parse_channels(request.also)
     rig, vehicle = _rig(request, path)
-    scene = load_labelled_scene(request.scene, request.up_axis, request.labels, channels)
+    scene = load_labelled_scene(
+        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
+    )
     vehicle = vehicle.with_cameras(
         size_px=request.size_px,
         polygons="same" if request.polygons is None else parse_polygons(request.polygons),
@@ -81,6 +83,7 @@ def run(request: RenderRequest, path: Path) -> None:
         device=request.device,
         up_axis=request.up_axis,
         channels=channels,
+        boxes_3d=request.boxes_3d,
         channel_format=parse_channel_format(request.channel_format, channels),
     )
     record(drive.along(truth), request.output, request.force)

@@ -15,6 +15,7 @@
     frame.range.npy ...         any channel, by the format npy: its array, see `CHANNELS`
     frame.channels.json         units, scales, labels, camera and pose
     frame.coco.json             boxes of the instances, with the channel instance
+    frame.boxes_3d.json         oriented 3-D boxes of the instances
 """  # fmt: skip
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ from omnisim.ground_truth.previews import preview
 from omnisim.image_files import is_float_format, write_image, write_numbers
 from omnisim.srgb import srgb8_from_linear
 
+BOXES_3D = "boxes_3d.json"
+_SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # beside those of single channels
 _LARGEST = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _LARGEST
@@ -128,7 +131,7 @@ def is_sidecar_name(picture: Path, path: Path) -> bool:
     if path.resolve().parent != picture.resolve().parent:
         return False
     stem, _, ending = path.name.partition(f"{picture.stem}.")
-    is_ours = ending in ("channels.json", "coco.json") or ending.partition(".")[0] in CHANNELS
+    is_ours = ending in _SIDECARS or ending.partition(".")[0] in CHANNELS
     return not stem and is_ours
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.ground_truth.boxes_3d import OrientedBox
+from omnisim.scene.instance_boxes import instance_boxes
 from omnisim.scene.parts import (
     MAX_LIGHTS,
     SLIM_M,
@@ -98,6 +101,11 @@ class Scene:
     def triangle_count(self) -> int:
         """Number of triangles of all instances."""
         return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
+
+    @cached_property
+    def instance_boxes(self) -> dict[str, OrientedBox]:
+        """Oriented boxes of the instances by name, along the axes of their own meshes."""
+        return instance_boxes(self.instances, self.meshes)
 
     def bounds_m(self) -> NDArray[np.float64]:
         """Smallest and largest corner (2, 3) of all instances in the world."""

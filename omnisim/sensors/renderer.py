@@ -20,7 +20,8 @@ from omnisim.gpu.pipeline import Pipeline, Readback, ScenePoses, check_picture_s
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.draw_item import ObjectPart
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
-from omnisim.ground_truth import CHANNELS, check_channels
+from omnisim.ground_truth import CHANNELS, Labels, check_channels
+from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.scene import Scene
 from omnisim.sensors.degraded_camera import DegradedCamera, FrameRequest
 from omnisim.sensors.ground_truth import GroundTruth
@@ -161,6 +162,7 @@ class Renderer(SensorRenderer[CameraPasses]):
         motion: Motion | None = None,
         frame_number: int = 0,
         exposure_ev: float | None = None,
+        boxes_3d: bool = False,
     ) -> Frame:
         """Render one frame.
 
@@ -175,6 +177,7 @@ class Renderer(SensorRenderer[CameraPasses]):
                 at rest.
             frame_number: noise differs from frame to frame.
             exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
+            boxes_3d: also the oriented boxes of the visible instances.
 
         Raises:
             OmnisimError: a matrix that is not a pose, an unknown channel, flow without its
@@ -188,24 +191,29 @@ class Renderer(SensorRenderer[CameraPasses]):
             if given is not None
         }
         needed = _needed_others(names, others)
-        channels, labels, has_ray = {}, None, None
+        channels, labels, has_ray, boxes = {}, None, None, None
         with self._current() as passes:
             poses = self._poses_in(now)
             around = None if motion is None else partial(self._poses_at, motion, now)
             picture, degradation = passes.take(
                 FrameRequest(poses, around, linear, frame_number, exposure_ev)
             )
-            if names:
+            if names or boxes_3d:
                 ground_truth = passes.ground_truth("albedo" in names)
                 there = {other: self._poses_in(others[other]) for other in needed}
-                channels = ground_truth.channels(names, poses, there)
+                wanted = check_channels((*names, "position", "instance")) if boxes_3d else names
+                found = ground_truth.channels(wanted, poses, there)
                 labels, has_ray = ground_truth.labels, ground_truth.has_ray
+                channels = {name: found[name] for name in names}
+                if boxes_3d:
+                    full = self._boxes_in(now, labels)
+                    boxes = visible_boxes(found["position"], found["instance"], labels, full)
         self._last_poses = poses
         metadata = self._metadata(now, poses.world_from_rig) | degradation
         for other in needed:
             world_from_base = others[other].world_from_object[self.vehicle]
             metadata[f"{other}_world_from_base"] = world_from_base.tolist()
-        return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray)
+        return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray, boxes)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
@@ -234,6 +242,19 @@ class Renderer(SensorRenderer[CameraPasses]):
     def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
         """Poses in the motion of the world, some seconds after a state of it."""
         return self._poses_in(self._state(motion(now.time_s + seconds_after), now))
+
+    def _boxes_in(self, state: WorldState, labels: Labels) -> dict[int, OrientedBox]:
+        """Boxes of all instances by ID in a state of the world, world frame."""
+        stage, world_from_object = self._stage, state.world_from_object
+        boxes = {}
+        for label in labels.instances:
+            owner = label.object_name
+            scene = stage.scene if owner is None else stage.objects[owner]
+            box = scene.instance_boxes.get(label.name)
+            if box is not None:
+                world = box if owner is None else box.transformed(world_from_object[owner])
+                boxes[label.id] = world
+        return boxes
 
     def _metadata(self, state: WorldState, world_from_rig: NDArray[np.float64]) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()

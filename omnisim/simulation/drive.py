@@ -59,6 +59,7 @@ class Drive:
         up_axis: that the scene was loaded with, for the record, or None.
         channels: of ground truth, as `check_channels` gives them.
         channel_format: of their files.
+        boxes_3d: also record the oriented boxes of the visible instances.
     """
 
     scene: Scene
@@ -70,6 +71,7 @@ class Drive:
     up_axis: str | None = None
     channels: tuple[str, ...] = ()
     channel_format: ChannelFormat = ChannelFormat.AUTO
+    boxes_3d: bool = False
 
     def __repr__(self) -> str:
         return short_repr(self, f"{self.vehicle.name} in {self.scene.name}", f"seed {self.seed}")
@@ -149,7 +151,9 @@ class PlannedDrive:
         with ExitStack() as stack:
             scene = _with_short_name(drive.scene)
             stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
-            settings = DriveSettings(BODY, drive.seed, drive.unlit, drive.channel_format)
+            settings = DriveSettings(
+                BODY, drive.seed, drive.unlit, drive.channel_format, drive.boxes_3d
+            )
             instruments = {
                 sensor.name: stack.enter_context(sensor.open(stage, settings))
                 for sensor in vehicle.sensors
@@ -228,6 +232,8 @@ class PlannedDrive:
         }
         if drive.channel_format is not ChannelFormat.AUTO:
             content["channel_format"] = drive.channel_format
+        if drive.boxes_3d:
+            content["boxes_3d"] = True
         as_read: dict[str, Any] = json.loads(json.dumps(content))
         return as_read
 

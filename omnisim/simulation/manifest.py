@@ -59,6 +59,7 @@ class Manifest(_OpenTable):
     sensors: dict[SensorName, _Sensor]
     channels: tuple[str, ...] = Field(default=(), strict=False)
     channel_format: ChannelFormat = Field(default=ChannelFormat.AUTO, strict=False)
+    boxes_3d: bool = False
     is_rig: bool = False
 
     @property

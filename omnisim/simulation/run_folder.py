@@ -21,6 +21,7 @@ With channels of ground truth also:
     <camera>/000000.channels.json ...       their units and what they mean
     <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
     <camera>/coco.json                      boxes of all steps, when all are there
+    <camera>/000000.boxes_3d.json ...       oriented 3-D boxes of the instances at a step
 
 Every file appears only when it is whole, so whatever is there is finished; what a power cut has
 left empty counts as missing.
@@ -160,7 +161,7 @@ class RunFolder:
         """Find the first of a sensor's files of a step that is missing; None: all are there."""
         manifest = self.manifest
         suffixes = manifest.sensor_class(sensor).suffixes_of(
-            self.channels_at(step), manifest.channel_format
+            self.channels_at(step), manifest.channel_format, manifest.boxes_3d
         )
         files = (self.file(sensor, step, suffix) for suffix in suffixes)
         return next((file for file in files if not is_written(file)), None)

@@ -56,6 +56,15 @@ def test_channels_as_npy(omnisim, tmp_path, needs_opengl):
     assert np.load(tmp_path / "f.flow_backward.npy").shape == (40, 40, 2)
 
 
+def test_boxes_3d(omnisim, tmp_path, needs_opengl):
+    status, out, err = omnisim("render", "soccer", *SMALL, "--boxes-3d", "-o", "f.png")
+    assert status == 0, err
+    assert "f.boxes_3d.json: 3-D boxes of " in out
+    assert {path.name for path in tmp_path.iterdir()} == {"f.png", "f.boxes_3d.json"}
+    content = json.loads((tmp_path / "f.boxes_3d.json").read_text())
+    assert "goal_yellow" in {one["category_name"] for one in content["boxes"]}
+
+
 def test_coarse_ranges_are_said(omnisim, tmp_path, needs_opengl):
     (tmp_path / "far.obj").write_text("v 90 -9 -9\nv 90 9 -9\nv 90 0 9\nf 1 3 2\nf 1 2 3\n")
     arguments = ["far.obj", "--up", "z", *SMALL, "--at", 0, 0, 0, "--also", "range"]

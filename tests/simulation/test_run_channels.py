@@ -129,6 +129,25 @@ def test_a_run_of_one_step_has_no_flows(whole):
     assert run.channels_at(0) == tuple(name for name in CHANNELS if not CHANNELS[name].other)
 
 
+def test_boxes_3d_of_a_run(drive, tmp_path):
+    folder = tmp_path / "run"
+    boxed = dataclasses.replace(drive, channels=(), boxes_3d=True)
+    assert list(boxed.plan().record(folder))[-1] == STEPS
+    before = _bytes(folder)
+    files = sorted((folder / "omnicam").glob("*.boxes_3d.json"))
+    assert [path.name[:6] for path in files] == [f"{step:06d}" for step in range(STEPS)]
+    content = json.loads(files[1].read_text())
+    body = [one for one in content["boxes"] if one["category_name"] == "vehicle"]
+    carpet = [one for one in content["boxes"] if one["instance_name"] == "carpet"]
+    assert len(body) > 3
+    np.testing.assert_allclose(sorted(carpet[0]["full"]["size_m"]), (0.006, 4.0, 6.0), atol=1e-6)
+    files[1].unlink()
+    assert list(boxed.plan().record(folder)) == [STEPS - 1, STEPS]
+    assert _bytes(folder) == before
+    list(dataclasses.replace(drive, channels=()).plan().record(folder, force=True))
+    assert not list((folder / "omnicam").glob("*.boxes_3d.json"))
+
+
 def test_npy_files_of_a_run_go_on_with_the_same_bytes(drive, whole, tmp_path):
     folder = tmp_path / "run"
     npy = dataclasses.replace(drive, channel_format=ChannelFormat.NPY)

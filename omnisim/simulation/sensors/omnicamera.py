@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from omnisim.cameras import summary
 from omnisim.errors import OmnisimError, RunError
 from omnisim.frame import Frame
+from omnisim.ground_truth.boxes_3d import boxes_json
 from omnisim.ground_truth.coco import coco_image, write_json
 from omnisim.ground_truth.exr import write_exr
-from omnisim.ground_truth.files import write_sidecars
+from omnisim.ground_truth.files import BOXES_3D, write_sidecars
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import read_image
 from omnisim.robot.robot_file import file_beside
@@ -42,7 +43,7 @@ from omnisim.simulation.sensors.sensor import (
 from omnisim.trajectories import Trajectory
 
 PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
-DESCRIPTION_SUFFIX = ".channels.json"
+DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
 CAMERA_POSES = "poses.tum"  # of a rig's camera
 
 
@@ -63,6 +64,7 @@ class MountedCamera(MountedSensor):
         DESCRIPTION_SUFFIX,
         ".*.npy",
         BOXES_SUFFIX,
+        BOXES_3D_SUFFIX,
     )
     document_names: ClassVar[tuple[str, ...]] = ("sensor.toml", CALIBRATION, CAMERA_POSES)
     has_ground_truth: ClassVar[bool] = True
@@ -83,7 +85,7 @@ class MountedCamera(MountedSensor):
 
     @classmethod
     def suffixes_of(
-        cls, channels: Collection[str], channel_format: ChannelFormat
+        cls, channels: Collection[str], channel_format: ChannelFormat, boxes_3d: bool
     ) -> tuple[str, ...]:
         """Suffixes of a picture, its channels, and the boxes of its instances."""
         suffixes = [PICTURE_SUFFIX]
@@ -93,6 +95,8 @@ class MountedCamera(MountedSensor):
             suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
         if "instance" in channels:
             suffixes.append(BOXES_SUFFIX)
+        if boxes_3d:
+            suffixes.append(BOXES_3D_SUFFIX)
         return tuple(suffixes)
 
     def settings(self) -> dict[str, Any]:
@@ -138,7 +142,7 @@ class MountedCamera(MountedSensor):
             seed=f"{settings.seed} {self.name}",
             vehicle=settings.vehicle,
         )
-        return CameraInstrument(renderer, settings.channel_format)
+        return CameraInstrument(renderer, settings)
 
 
 class OmniCameraMount(SensorMount):
@@ -165,11 +169,11 @@ class CameraInstrument(Instrument):
 
     Args:
         renderer: closed with the instrument.
-        channel_format: of files with ground truth.
+        settings: of the drive.
     """
 
-    def __init__(self, renderer: Renderer, channel_format: ChannelFormat):
-        self._renderer, self._channel_format = renderer, channel_format
+    def __init__(self, renderer: Renderer, settings: DriveSettings):
+        self._renderer, self._settings = renderer, settings
 
     def close(self) -> None:
         """Close the renderer."""
@@ -181,13 +185,14 @@ class CameraInstrument(Instrument):
         frame = self._renderer.render(
             motion(moment.time_s),
             also=moment.channels,
+            boxes_3d=self._settings.boxes_3d,
             next_state=None if moment.next_s is None else motion(moment.next_s),
             previous_state=None if moment.previous_s is None else motion(moment.previous_s),
             motion=None if is_ideal else motion,
             frame_number=moment.number,
             exposure_ev=self._exposure_ev(moment),
         )
-        return CameraMeasurement(frame, moment.number, self._channel_format)
+        return CameraMeasurement(frame, moment.number, self._settings.channel_format)
 
     def _exposure_ev(self, moment: Moment) -> float | None:
         """Exposure that auto-exposure has reached; None: settled on the picture itself."""
@@ -234,8 +239,11 @@ class CameraMeasurement(Measurement):
         instances, labels = frame.channels.get("instance"), frame.labels
         if instances is not None and labels is not None and not is_written(target):
             write_json(target, coco_image(instances, labels, picture.name, self.number))
+        target = stem.with_suffix(BOXES_3D_SUFFIX)
+        if frame.boxes_3d is not None and labels is not None and not is_written(target):
+            write_json(target, boxes_json(frame.boxes_3d, labels, picture.name, frame.metadata))
         if not is_written(picture):
-            dataclasses.replace(frame, channels={}).save(picture)
+            dataclasses.replace(frame, channels={}, boxes_3d=None).save(picture)
 
 
 def _read_exposure(path: Path) -> tuple[float, float]:

@@ -59,12 +59,14 @@ class DriveSettings:
         seed: of the drive.
         unlit: show plain base colours.
         channel_format: of files with ground truth.
+        boxes_3d: also record the oriented boxes of the visible instances.
     """
 
     vehicle: str
     seed: int = 0
     unlit: bool = False
     channel_format: ChannelFormat = ChannelFormat.AUTO
+    boxes_3d: bool = False
 
 
 class Measurement(ABC):
@@ -146,7 +148,7 @@ class MountedSensor(ABC):
 
     @classmethod
     def suffixes_of(
-        cls, channels: Collection[str], channel_format: ChannelFormat
+        cls, channels: Collection[str], channel_format: ChannelFormat, boxes_3d: bool
     ) -> tuple[str, ...]:
         """Suffixes of its files of a step with these channels of ground truth."""
         return cls.suffixes

@@ -1,0 +1,174 @@
+"""Oriented 3-D boxes of instances: of the whole surface, and of its visible points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.labels import InstanceLabel, Labels
+from omnisim.poses import inverse, quaternion_from_rotation
+from omnisim.short_repr import short_repr
+from omnisim.version import __version__
+
+_ABOUT = (
+    "Oriented boxes of the instances that at least one pixel shows. Their axes are those of the "
+    "instance's own mesh (of its first part, where it has several), not the tightest ones. full: "
+    "of the whole surface, hidden or not; visible: of the points that the pixels' rays hit, along "
+    "the same axes. world: x and y on the ground, z up; camera: the optical frame, x right, y "
+    "down, z forward. quaternion_xyzw turns the box's axes into those of the frame; size_m is "
+    "along the box's axes, edge to edge."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class OrientedBox:
+    """Oriented bounding box in some frame.
+
+    Attributes:
+        centre_m: (3,), in the frame.
+        rotation: (3, 3) frame_from_box: its columns are the box's axes.
+        size_m: (3,) along its axes, edge to edge.
+    """
+
+    centre_m: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    size_m: NDArray[np.float64]
+
+    @classmethod
+    def of_points(
+        cls, points_m: NDArray[np.floating[Any]], rotation: NDArray[np.float64]
+    ) -> OrientedBox:
+        """Box of points (n, 3), at least one, along the axes of a rotation (3, 3)."""
+        along = points_m @ rotation
+        low, high = along.min(axis=0), along.max(axis=0)
+        return cls(rotation @ (0.5 * (low + high)), rotation, high - low)
+
+    def __repr__(self) -> str:
+        size = " × ".join(f"{one:.4g}" for one in self.size_m)
+        centre = ", ".join(f"{one:.4g}" for one in self.centre_m)
+        return short_repr(self, f"{size} m", f"at ({centre}) m")
+
+    def transformed(self, pose: NDArray[np.float64]) -> OrientedBox:
+        """Box in another frame, by the pose (4, 4) other_from_frame."""
+        rotation = pose[:3, :3]
+        centre_m = rotation @ self.centre_m + pose[:3, 3]
+        return OrientedBox(centre_m, rotation @ self.rotation, self.size_m)
+
+    def within(self, outer: OrientedBox) -> OrientedBox:
+        """Part inside of another box of the same axes."""
+        offset_m = (self.centre_m - outer.centre_m) @ self.rotation
+        half_m = 0.5 * outer.size_m
+        low = np.clip(offset_m - 0.5 * self.size_m, -half_m, half_m)
+        high = np.clip(offset_m + 0.5 * self.size_m, -half_m, half_m)
+        centre_m = outer.centre_m + self.rotation @ (0.5 * (low + high))
+        return OrientedBox(centre_m, self.rotation, high - low)
+
+    @property
+    def corners_m(self) -> NDArray[np.float64]:
+        """Corners (8, 3); those of the numbers i and j share an edge where i ^ j is 1, 2 or 4."""
+        signs = np.array(list(product((-0.5, 0.5), repeat=3)))
+        return self.centre_m + (signs * self.size_m) @ self.rotation.T
+
+
+@dataclass(frozen=True, eq=False)
+class InstanceBox:
+    """Boxes of an instance in a picture, world frame.
+
+    Attributes:
+        label: of the instance.
+        pixels: that show it.
+        full: box of its whole surface.
+        visible: box of the points that the pixels' rays hit, along the same axes.
+    """
+
+    label: InstanceLabel
+    pixels: int
+    full: OrientedBox
+    visible: OrientedBox
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.label.name), repr(self.full))
+
+
+def visible_boxes(
+    positions_m: NDArray[np.floating[Any]],
+    instances: NDArray[np.integer[Any]],
+    labels: Labels,
+    full: Mapping[int, OrientedBox],
+) -> tuple[InstanceBox, ...]:
+    """Boxes of the instances in a picture, by rising ID.
+
+    Args:
+        positions_m: (height, width, 3), the channel `position`.
+        instances: (height, width), the channel `instance`.
+        labels: of the instances.
+        full: boxes of the whole instances by ID, world frame.
+    """
+    ids = instances.ravel()
+    order = np.argsort(ids, kind="stable")
+    present, starts = np.unique(ids[order], return_index=True)
+    points_m = positions_m.reshape(-1, 3)
+    found = []
+    for number, rows in zip(present.tolist(), np.split(order, starts[1:]), strict=True):
+        if number == 0:
+            continue
+        # a ray that narrowly misses an edge may count as a hit, beside it
+        visible = OrientedBox.of_points(points_m[rows], full[number].rotation)
+        label = labels.instances[number - 1]
+        found.append(InstanceBox(label, len(rows), full[number], visible.within(full[number])))
+    return tuple(found)
+
+
+def boxes_json(
+    boxes: Sequence[InstanceBox],
+    labels: Labels,
+    file_name: str,
+    metadata: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Boxes of one picture in both frames, as JSON can hold them.
+
+    Args:
+        boxes: world frame.
+        labels: names of the classes.
+        file_name: of the picture.
+        metadata: of the picture, with the camera's pose.
+    """
+    world_from_optical = np.array(metadata["world_from_optical"])
+    names = {label.id: label.name for label in labels.classes}
+    frames = {
+        "world": np.eye(4),
+        "camera": inverse(world_from_optical),
+    }
+    return {
+        "info": {"description": _ABOUT, "contributor": f"omnisim {__version__}"},
+        "file_name": file_name,
+        "world_from_optical": world_from_optical.tolist(),
+        "boxes": [
+            {
+                "instance_id": box.label.id,
+                "instance_name": box.label.name,
+                "category_id": box.label.class_id,
+                "category_name": names[box.label.class_id],
+                "pixels": box.pixels,
+                "full": _in_frames(box.full, frames),
+                "visible": _in_frames(box.visible, frames),
+            }
+            for box in boxes
+        ],
+    }
+
+
+def _in_frames(box: OrientedBox, frames: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
+    found: dict[str, Any] = {"size_m": box.size_m.tolist()}
+    for name, pose in frames.items():
+        there = box.transformed(pose)
+        found[name] = {
+            "centre_m": there.centre_m.tolist(),
+            "quaternion_xyzw": quaternion_from_rotation(there.rotation[None])[0].tolist(),
+        }
+    return found
