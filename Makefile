@@ -72,6 +72,7 @@ gallery: setup
 sheets: setup
 	@mkdir -p omnisim/sensors/sheets
 	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
+	$(BIN)/python -m omnisim.plots.boxes_3d_sheet omnisim/sensors/sheets/boxes-3d.jpg
 	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup
