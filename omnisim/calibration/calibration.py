@@ -8,6 +8,7 @@ from pathlib import Path
 from omnisim.atomic_file import atomic_write, check_target
 from omnisim.calibration.calibrated_camera import CalibratedCamera
 from omnisim.calibration.encode import encode_cameras
+from omnisim.calibration.kitti360_folder import FORMAT, read_kitti360_folder
 from omnisim.calibration.read import read_cameras
 from omnisim.calibration.registry import format_named
 from omnisim.cameras import CameraSensor, CentralCamera, summary
@@ -109,7 +110,7 @@ def load_calibration(
     """Read a calibration file.
 
     Args:
-        path: the file.
+        path: the file, or the folder of KITTI-360's calibrations.
         format: name of its format, one of `FORMATS`; by default found by its content.
         camera: name of the only camera to keep; by default all.
         mirrored: True if the cameras look into mirrors; by default by omnisim's metadata in the
@@ -118,8 +119,12 @@ def load_calibration(
     Raises:
         CalibrationError: naming file, key, the expected value and the one found.
     """
-    cameras, format = read_cameras(Path(path), format, mirrored)
-    calibration = Calibration(cameras, format, str(Path(path)))
+    path = Path(path)
+    if path.is_dir():
+        cameras, format = read_kitti360_folder(path, mirrored), FORMAT
+    else:
+        cameras, format = read_cameras(path, format, mirrored)
+    calibration = Calibration(cameras, format, str(path))
     return calibration if camera is None else calibration.only(camera)
 
 

@@ -59,7 +59,7 @@ class RenderRequest:
             "--camera",
             metavar="FILE",
             help="Calibration file instead of a sensor file: Kalibr, OpenCV, COLMAP, … "
-            "(`omnisim calibration formats`).",
+            "(`omnisim calibration formats`), or KITTI-360's folder.",
         ),
     ] = None
     camera_name: RigCameraOption = None

@@ -1,5 +1,6 @@
 """Rigs: poses of cameras on a body, chained from calibration files."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -91,3 +92,49 @@ def test_extrinsics_that_contradict_each_other_are_refused():
     other = NamedPose("cam1", "imu", pose((0.1, 0.012, 0.0)))
     with pytest.raises(CalibrationError, match=r"cam1 from imu: expected .* got one 12 mm and 0°"):
         Rig.of(_calibration(cam0=poses[:1], cam1=[poses[1], other]))
+
+
+@pytest.fixture
+def kitti360(tmp_path):
+    """KITTI-360's folder: its fisheyes, which look left and right, on axes of our own."""
+    for name in ("image_02", "image_03"):
+        shutil.copy(SAMPLES / f"kitti360_{name}.yaml", tmp_path / f"{name}.yaml")
+    (tmp_path / "calib_cam_to_pose.txt").write_text(
+        "image_00: 0 0 1 1.5 1 0 0 0 0 1 0 -0.6\n"
+        "image_02: 1 0 0 0.7 0 0 -1 -0.3 0 1 0 -0.9\n"
+        "image_03: -1 0 0 0.7 0 0 1 0.9 0 1 0 -0.9\n"
+    )
+    return tmp_path
+
+
+def test_kitti360s_fisheyes_hang_from_its_imu(kitti360):
+    rig = Rig.of(load_calibration(kitti360))
+    assert [camera.name for camera in rig.cameras] == ["image_02", "image_03"]
+    assert rig.body == "imu"
+    # x of the IMU is ahead, y right, z down: the left fisheye looks along −y
+    np.testing.assert_array_equal(rig.cameras[0].body_from_camera[:3, 2], (0.0, -1.0, 0.0))
+    np.testing.assert_array_equal(rig.cameras[1].body_from_camera[:3, 3], (0.7, 0.9, -0.9))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("image_02: 1 2 3", "calib_cam_to_pose.txt:1: expected 12 numbers"),
+        ("image_02: 2 0 0 0 0 1 0 0 0 0 1 0", ":1: expected a rotation and a translation"),
+        ("image_02 1 0 0", ":1: expected image_00: and 12 numbers"),
+        ("image_02: 1 0 0 a 0 1 0 0 0 0 1 0", ":1: expected a number, got 'a'"),
+        ("image_00: 1 0 0 0 0 1 0 0 0 0 1 0", "expected image_02.yaml or image_03.yaml"),
+    ],
+)
+def test_a_broken_folder_of_kitti360_is_named(kitti360, text, words):
+    (kitti360 / "calib_cam_to_pose.txt").write_text(text)
+    with pytest.raises(CalibrationError) as fault:
+        load_calibration(kitti360)
+    assert words in str(fault.value)
+
+
+def test_another_folder_is_no_calibration(tmp_path):
+    with pytest.raises(
+        CalibrationError, match=r"expected a calibration file, or KITTI-360's folde"
+    ):
+        load_calibration(tmp_path)
