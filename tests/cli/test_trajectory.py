@@ -13,8 +13,8 @@ from omnisim.calibration import Calibration, NamedPose, load_calibration
 from omnisim.cameras import camera_from_parameters
 from omnisim.image_files import read_channels, read_image
 from omnisim.poses import inverse, pose
-from omnisim.robot import Trajectory, read_trajectory, write_trajectory
 from omnisim.sensors import OmniCamera, Renderer
+from omnisim.trajectories import Trajectory, read_trajectory, write_trajectory
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 SAMPLES = Path(__file__).parent.parent / "calibration" / "samples"

@@ -11,8 +11,8 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.errors import OmnisimError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.poses import pose, pose_from_rotation
-from omnisim.robot import Trajectory, write_trajectory
 from omnisim.simulation.rig_trajectory import RigRoute
+from omnisim.trajectories import Trajectory, write_trajectory
 
 SAMPLES = Path(__file__).parent.parent / "calibration" / "samples"
 LENS = PerspectiveCamera(64, 48, 40.0, (31.5, 23.5))
