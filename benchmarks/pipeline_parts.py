@@ -1,6 +1,6 @@
 """Parts of a frame: their times, and what is drawn.
 
-The only module of the benchmarks that depends on how a `Renderer` is made: `CameraPasses.cube`
+The only module of the benchmarks that depends on how a `Renderer` is made: `CubeCamera.cube`
 draws its virtual cameras, called by its pipeline; all after it, up to the first read from the GPU,
 is the mirror pass and the capture; reads are readback. Reads and draws are patched in moderngl, so
 that it does not matter how the pipeline calls them.
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
 from omnisim.sensors import OmniCamera, Renderer, Stage
-from omnisim.sensors.renderer import CameraPasses
+from omnisim.sensors.backend import CameraBackend
+from omnisim.sensors.cube_backend import CubeCamera
 
 _READS = (
     (moderngl.Framebuffer, ("read", "read_into")),
@@ -91,6 +92,7 @@ class RepeatedFrame:
         """Render, waiting for the GPU at every boundary, and time each part."""
         marks = _Marks(self.renderer._stage.context)
         with self.renderer._current() as passes:
+            assert isinstance(passes, CubeCamera)
             cube = passes.cube
         start = time.perf_counter()
         with _patched(cube, "render", marks.faces), _reads(marks.read):
@@ -123,8 +125,9 @@ class RepeatedFrame:
             self.render()
         return FrameCounts(counted, len(calls), sum(calls))
 
-    def _draw_faces(self, passes: CameraPasses) -> None:
+    def _draw_faces(self, passes: CameraBackend) -> None:
         renderer = self.renderer
+        assert isinstance(passes, CubeCamera)
         passes.cube.render(*renderer._poses_in(renderer._state(self.world_from_base)))
 
 

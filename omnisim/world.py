@@ -14,6 +14,8 @@ from omnisim.poses import check_pose
 from omnisim.short_repr import short_repr
 
 Pose = NDArray[np.float64]  # (4, 4)
+# Index of a dynamic object, None for the static scene; and the name of its instance.
+ObjectPart = tuple[int | None, str]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.peer import PicturePeer
 from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.sensors.cube_backend import CubeCamera
 
 
 class Omnisim(PicturePeer):
@@ -17,6 +18,7 @@ class Omnisim(PicturePeer):
         self._renderer = Renderer(stage, sensor, unlit=unlit)
         self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
         with self._renderer._current() as passes:
+            assert isinstance(passes, CubeCamera)
             self.texels = passes.cube.plan.texels
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -10,6 +10,7 @@ from collections import deque
 from typing import NamedTuple
 
 import moderngl
+from moderngl import Context as Context  # for those who only hand it on
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.gl_functions import clip_depth_from_zero_to_one

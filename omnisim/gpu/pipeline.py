@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, NamedTuple
 
 import moderngl
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.capture.picture_pass import picture_pass
 from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.degradation.degradation_pass import DegradationPass, UniformValue
+from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cube_pass import CubePass
 
@@ -46,6 +46,18 @@ class SubFrame(NamedTuple):
 
     poses: ScenePoses
     row_weights: NDArray[np.float32] | None
+
+
+class Exposed(NamedTuple):
+    """Exposure of one picture.
+
+    Attributes:
+        factors: of red, green and blue light.
+        frame_number: noise differs from frame to frame.
+    """
+
+    factors: tuple[float, float, float]
+    frame_number: int
 
 
 class Pipeline:
@@ -129,7 +141,7 @@ class DegradedPipeline:
     def render(
         self,
         sub_frames: Iterable[SubFrame],
-        expose: Callable[[float | None], Mapping[str, UniformValue]],
+        expose: Callable[[float | None], Exposed],
         metered: bool = False,
         linear: bool = False,
     ) -> Readback:
@@ -137,7 +149,7 @@ class DegradedPipeline:
 
         Args:
             sub_frames: at least one.
-            expose: from the mean luminance to the values of this frame's uniforms.
+            expose: from the mean luminance to the exposure.
             metered: whether `expose` is given the luminance.
             linear: whether linear colours are asked for.
         """
@@ -145,7 +157,8 @@ class DegradedPipeline:
         for sub_frame in sub_frames:
             ideal.draw(sub_frame.poses, linear=True)
             degradation.add(ideal.linear, sub_frame.row_weights)
-        degradation.finish(expose(degradation.mean_luminance() if metered else None))
+        exposed = expose(degradation.mean_luminance() if metered else None)
+        degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
         degradation.encode(ideal.encoded_target)
         rgba = ideal.read_encoded()
         floats = np.ascontiguousarray(degradation.read()[..., :3]) if linear else None

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rays.embree import NO_TRIANGLE, EmbreeMesh
-from omnisim.rays.geometry import HiddenParts, Poses, build_geometry
+from omnisim.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
+from omnisim.world import ObjectPart
 
 # Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
 # it goes on from: some roundings of a float32.
@@ -93,7 +94,7 @@ class RayCaster:
         self,
         rays: Rays,
         world_from_objects: Poses = (),
-        hidden: HiddenParts = frozenset(),
+        hidden: frozenset[ObjectPart] = frozenset(),
         behind: NDArray[np.int32] | None = None,
     ) -> RayHits:
         """Find the nearest triangles that show the rays their front, or are double-sided.
@@ -183,7 +184,7 @@ class RayCaster:
             active = passed
         return hits
 
-    def _build_part_mesh(self, part: int, hidden: HiddenParts) -> _PartMesh:
+    def _build_part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
         geometry = self.geometry
         triangles = geometry.triangles_of_part(part, hidden)
         corners = geometry.corners[triangles]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.model import Instance, Material, Mesh, Scene
+from omnisim.world import ObjectPart
 
-HiddenParts = frozenset[tuple[int, str]]  # dynamic object's index, and name of its instance
 Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
 
 
@@ -59,11 +59,11 @@ class Geometry:
     part_of_surface: NDArray[np.intp]
     is_double_sided: NDArray[np.bool_]
 
-    def triangles_of_part(self, part: int, hidden: HiddenParts) -> NDArray[np.intp]:
+    def triangles_of_part(self, part: int, hidden: frozenset[ObjectPart]) -> NDArray[np.intp]:
         """Indices of a part's triangles, without those of hidden instances."""
         shown = np.array(
             [
-                of_part == part and (part - 1, surface.name) not in hidden
+                of_part == part and (surface.object_index, surface.name) not in hidden
                 for surface, of_part in zip(self.surfaces, self.part_of_surface, strict=True)
             ],
             dtype=np.bool_,

@@ -24,14 +24,8 @@ class DepthLimits:
     near_m: float
     far_m: float
 
-    def aim(
-        self,
-        directions: NDArray[np.float64],
-        rig_from_optical: NDArray[np.float64],
-        world_from_rig: NDArray[np.float64],
-    ) -> Rays:
-        """Rays in the world along unit directions (n, 3), optical frame, from a pose (4, 4)."""
-        rig = np.einsum("nj,ij->ni", directions, rig_from_optical)
+    def aim(self, rig: NDArray[np.float64], world_from_rig: NDArray[np.float64]) -> Rays:
+        """Rays in the world along unit directions (n, 3), rig frame, from a pose (4, 4)."""
         depths = np.abs(rig).max(axis=1)
         return Rays(
             np.tile(world_from_rig[:3, 3], (len(rig), 1)),
@@ -83,9 +77,9 @@ class RayPicture:
         self, band: Band, world_from_rig: NDArray[np.float64], objects: ObjectState
     ) -> NDArray[np.float32]:
         """Samples (rows, width, 4) of a band: linear RGB, and validity."""
-        rig_from_optical = self._rays.camera.rig_from_optical
-        rays = self._limits.aim(band.directions, rig_from_optical, world_from_rig)
-        world_from_optical = world_from_rig[:3, :3] @ rig_from_optical
+        camera = self._rays.camera
+        rays = self._limits.aim(band.rig_directions(camera), world_from_rig)
+        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
         footprints = np.einsum("nsj,ij->nsi", band.footprints, world_from_optical)
         samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
         samples[band.valid, :3] = self._scene.radiance(

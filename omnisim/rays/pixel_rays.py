@@ -27,6 +27,11 @@ class Band(NamedTuple):
     directions: NDArray[np.float64]  # (n, 3), unit, optical frame
     footprints: NDArray[np.float32]  # (n, 2, 3): to the next sample's right, and below
 
+    def rig_directions(self, camera: CentralCamera) -> NDArray[np.float64]:
+        """Directions (n, 3) in the camera's rig frame."""
+        rig: NDArray[np.float64] = np.einsum("nj,ij->ni", self.directions, camera.rig_from_optical)
+        return rig
+
 
 class PixelRays:
     """Rays of a picture of samples; they start at the effective viewpoint.

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from omnisim.rays.caster import RayCaster, RayHits, Rays, beyond_m
 from omnisim.rays.embree import NO_TRIANGLE
-from omnisim.rays.geometry import HiddenParts, Poses
+from omnisim.rays.geometry import Poses
 from omnisim.rays.shading import Shading
 from omnisim.scene.model import Scene
+from omnisim.world import ObjectPart
 
 # Surfaces that a ray goes on through; behind that it ends at the next one.
 MAX_LAYERS = 256
@@ -33,7 +34,7 @@ class ObjectState(NamedTuple):
     """
 
     world_from_objects: Poses = ()
-    hidden: HiddenParts = frozenset()
+    hidden: frozenset[ObjectPart] = frozenset()
 
 
 _NO_OBJECTS = ObjectState()
@@ -113,10 +114,21 @@ class RayScene:
             rays = _behind(rays.take(on), hits.ranges_m[on])
         return total
 
-    def first_hits(self, rays: Rays, objects: ObjectState = _NO_OBJECTS) -> RayHits:
-        """Nearest surfaces along rays (n,) that are no holes, and not clearer than half."""
+    def first_hits(
+        self,
+        rays: Rays,
+        objects: ObjectState = _NO_OBJECTS,
+        behind: NDArray[np.int32] | None = None,
+    ) -> RayHits:
+        """Nearest surfaces along rays (n,) that are no holes, and not clearer than half.
+
+        Args:
+            rays: (n,).
+            objects: the dynamic objects.
+            behind: (n,) triangles that are not hit.
+        """
         geometry, shading = self.caster.geometry, self.shading
-        found = self.caster.cast(rays, objects.world_from_objects, objects.hidden)
+        found = self.caster.cast(rays, objects.world_from_objects, objects.hidden, behind)
         active = np.flatnonzero(found.triangles != NO_TRIANGLE)
         for _ in range(MAX_LAYERS):
             cutoffs = shading.hit_cutoff[geometry.surface_of_triangle[found.triangles[active]]]

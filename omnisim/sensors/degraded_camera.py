@@ -2,45 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import OpticsError
-from omnisim.gpu.degradation.degradation_pass import DegradationPass, UniformValue
-from omnisim.gpu.pipeline import DegradedPipeline, Pipeline, Readback, ScenePoses, SubFrame
-from omnisim.sensors.degradations.effect import MAX_EV
-from omnisim.sensors.degradations.picture_geometry import PictureGeometry
-from omnisim.sensors.degradations.random_numbers import key_of
+from omnisim.gpu.pipeline import Exposed, Readback, SubFrame
+from omnisim.scene import Scene
+from omnisim.sensors.backend import FrameRequest
 from omnisim.sensors.motion import moved_px
 from omnisim.sensors.omnicamera import OmniCamera
 
 
-@dataclass(frozen=True, eq=False)
-class FrameRequest:
-    """Request of one picture; see also `omnisim.sensors.renderer.Renderer.render`.
+class SubFramePipeline(Protocol):
+    """Renders a degraded picture from ideal ones of its sub-frames."""
 
-    Attributes:
-        poses: in the middle of the frame.
-        motion: poses by seconds after the middle of the frame; None: at rest.
+    def render(
+        self,
+        sub_frames: Iterable[SubFrame],
+        expose: Callable[[float | None], Exposed],
+        metered: bool,
+        linear: bool,
+    ) -> Readback:
+        """Render a picture.
 
-    Raises:
-        OpticsError: an impossible exposure, also of a camera that has none.
-    """
-
-    poses: ScenePoses
-    motion: Callable[[float], ScenePoses] | None
-    linear: bool
-    frame_number: int
-    exposure_ev: float | None
-
-    def __post_init__(self) -> None:
-        ev = self.exposure_ev
-        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
-            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
+        Args:
+            sub_frames: at least one.
+            expose: from the mean luminance to the exposure.
+            metered: whether `expose` is given the luminance.
+            linear: whether linear colours are asked for.
+        """
 
 
 class DegradedCamera:
@@ -49,7 +42,7 @@ class DegradedCamera:
     Args:
         sensor: the camera.
         seed: of its noise.
-        ideal: pipeline of the sub-frames, float32.
+        pipeline: of its sub-frames.
         object_corners_m: (8, 3) corners of the box around each moving object, in its own frame.
     """
 
@@ -57,19 +50,11 @@ class DegradedCamera:
         self,
         sensor: OmniCamera,
         seed: int | str,
-        ideal: Pipeline,
+        pipeline: SubFramePipeline,
         object_corners_m: Sequence[NDArray[np.float64]],
     ):
         self._sensor, self._seed, self._object_corners_m = sensor, seed, object_corners_m
-        degradation, geometry = sensor.degradation, PictureGeometry.of_camera(sensor.model)
-        passes = DegradationPass(
-            ideal.context,
-            (geometry.width_px, geometry.height_px),
-            degradation.optics_steps(geometry),
-            degradation.sensor_steps(geometry, key_of("noise", seed)),
-            degradation.encoding_step(),
-        )
-        self._pipeline = DegradedPipeline(ideal, passes)
+        self._pipeline = pipeline
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return its metadata."""
@@ -81,16 +66,13 @@ class DegradedCamera:
             "sub_frames": len(sub_frames),
         }
 
-        def expose(luminance: float | None) -> Mapping[str, UniformValue]:
+        def expose(luminance: float | None) -> Exposed:
             ev = 0.0 if exposure_ev is None else exposure_ev
             if degradation.exposure is not None:
                 metered_ev = degradation.exposure.metered_ev(luminance or 0.0)
                 ev = metered_ev if exposure_ev is None else exposure_ev
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
-            return {
-                "u_exposure_factors": degradation.exposure_factors(ev),
-                "u_frame": request.frame_number % 2**32,
-            }
+            return Exposed(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
         picture = self._pipeline.render(sub_frames, expose, degradation.is_metered, request.linear)
         if degradation.noise is not None:
@@ -113,3 +95,10 @@ class DegradedCamera:
             return [SubFrame(poses[0], None)]
         row_weights = shutter.row_weights(count, sensor.model.height_px)
         return [SubFrame(*part) for part in zip(poses, row_weights, strict=True)]
+
+
+def object_corners_m(objects: Iterable[Scene]) -> list[NDArray[np.float64]]:
+    """Corners (8, 3) of the box around each object; (0, 3) of an empty one."""
+    boxes_m = [one.bounds_m() for one in objects]
+    corners_m = [np.array(list(itertools.product(*box_m.T))) for box_m in boxes_m]
+    return [corners if np.isfinite(corners).all() else corners[:0] for corners in corners_m]

@@ -9,64 +9,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
-from omnisim.gpu.ground_truth.ray_hit_pass import Hits, RayHitPass
-from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.pipeline import ScenePoses
-from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
-from omnisim.scene.labels import find_labels
-from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.labels import Labels
+from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.optical_flow import OpticalFlow
-from omnisim.sensors.scene_flow import in_optical, in_world, objects_of_draws, scene_flow
-from omnisim.sensors.stage import Stage
-from omnisim.sensors.tiles import sensor_tiles
-
-# A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
-# warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5, and most of those are at
-# silhouettes.
-TEXELS_PER_PIXEL = 1.5
+from omnisim.sensors.scene_flow import in_optical, in_world, scene_flow
 
 
 class GroundTruth:
-    """Channels of one camera on a stage; everything on the GPU is made once.
+    """Channels of one camera; everything constant is made once.
 
     Args:
-        stage: its context is current, here and in `channels`.
-        sensor: the camera.
-        cameras: depth range and hidden instances count.
-        albedo: whether albedo will be asked for.
+        source: of the hits.
+        labels: names of classes and instances, by number.
+        object_names: of the dynamic objects.
 
     Attributes:
-        labels: names of classes and instances, by number.
-        has_albedo: as given.
+        labels: as given.
     """
 
-    def __init__(
-        self, stage: Stage, sensor: OmniCamera, cameras: VirtualCameras, albedo: bool = False
-    ):
-        self._stage = stage
-        self.has_albedo = albedo
-        self.labels = find_labels(stage.scene, stage.objects)
-        self._pixels = PixelMap(stage.context, sensor.model, sensor.mesh_polygons)
-        visibility = VisibilityPass(
-            stage.buffers,
-            sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL),
-            cameras,
-            albedo,
-        )
-        self._ray_hits = RayHitPass(visibility, self._pixels)
-        object_names = list(stage.objects)
-        ids = {(label.object_name, label.name): label.id for label in self.labels.instances}
+    def __init__(self, source: HitSource, labels: Labels, object_names: Sequence[str]):
+        self._source, self.labels = source, labels
+        ids = {(label.object_name, label.name): label.id for label in labels.instances}
         instances = [
-            ids[None if draw.object_index is None else object_names[draw.object_index], draw.name]
-            for draw in stage.buffers.draw_items
+            ids[None if index is None else object_names[index], name]
+            for index, name in source.draws
         ]
         # from the draw −1, which is nothing, on
         self._instance_of_draw = np.array([0, *instances], dtype=np.uint32)
-        self._objects_of_draws = objects_of_draws(stage.buffers)
-        self._class_of_draw = self.labels.class_of_instance[self._instance_of_draw]
+        self._objects_of_draws = source.objects_of_draws()
+        self._class_of_draw = labels.class_of_instance[self._instance_of_draw]
 
     def channels(
         self,
@@ -77,18 +51,18 @@ class GroundTruth:
         """Render the channels of these names, in their order.
 
         Args:
-            names: as `check_channels` gives them; albedo only where `has_albedo`.
+            names: as `check_channels` gives them; albedo only where the source has some.
             current: poses of the camera and the dynamic objects.
             others: those of the "next" and the "previous" picture, where `Channel.other` of a name
                 needs them.
         """
-        hits = self._ray_hits.render(
-            *current,
+        hits = self._source.hits(
+            current,
             normals="normals" in names or "normals_camera" in names,
             albedos="albedo" in names,
         )
         poses = others or {}
-        rig_from_optical = self._pixels.camera.rig_from_optical
+        rig_from_optical = self._source.camera.rig_from_optical
         world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
         make: dict[str, Callable[[], NDArray[Any]]] = {
             "range": lambda: hits.ranges_m,
@@ -103,13 +77,13 @@ class GroundTruth:
             "scene_flow_camera": lambda: self._scene_flow(
                 hits, in_optical(current, poses["next"], rig_from_optical)
             ),
-            "valid": lambda: self._pixels.valid.astype(np.uint8),
+            "valid": lambda: self.has_ray.astype(np.uint8),
         }
         flows = [
             (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
         ]
         motion = self._flow.begin(current, flows[0][1]) if flows else None
-        # the GPU draws the occlusion meanwhile
+        # a GPU draws the occlusion meanwhile
         found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
         for pair, other in flows:
             if motion is None:
@@ -124,11 +98,11 @@ class GroundTruth:
     @property
     def has_ray(self) -> NDArray[np.bool_]:
         """Pixels (height, width) whose centre has a ray."""
-        return self._pixels.valid
+        return self._source.has_ray
 
     @cached_property
     def _flow(self) -> OpticalFlow:
-        return OpticalFlow(self._stage.buffers, self._pixels, OcclusionPass(self._ray_hits))
+        return OpticalFlow(self._source)
 
 
 def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.gpu.scene.draw_item import ObjectPart
 from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
@@ -16,7 +15,7 @@ from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
 from omnisim.sensors.stage import SensorRenderer, Stage
 from omnisim.version import __version__
-from omnisim.world import WorldState
+from omnisim.world import ObjectPart, WorldState
 
 
 class LaserRenderer(SensorRenderer[RangePass]):
@@ -57,7 +56,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
         self._angles_rad = np.radians(self.scanner.angles_deg)
 
         def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> RangePass:
-            return RangePass(stage.buffers, self._angles_rad, self.scanner.reach_m, parts)
+            return RangePass(stage.graphics.buffers, self._angles_rad, self.scanner.reach_m, parts)
 
         super().__init__(scene, body, hidden, device, make_passes, vehicle)
 

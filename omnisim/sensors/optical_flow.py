@@ -17,12 +17,10 @@ from omnisim.cameras import (
     Pixels,
     pixel_grid,
 )
-from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
-from omnisim.gpu.ground_truth.ray_hit_pass import Hits
 from omnisim.gpu.pipeline import ScenePoses
-from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.sensors.scene_flow import objects_of_draws, other_from_current, transform_points
+from omnisim.ground_truth.hits import Hits
+from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.scene_flow import other_from_current, transform_points
 
 # Points projected at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
 # products on threads that then keep the cores from whatever comes next, on one.
@@ -31,7 +29,7 @@ VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
 
 
 class OpticalFlow:
-    """Flow of one camera; everything on the GPU is made once.
+    """Flow of one camera; everything constant is made once.
 
     The point that a pixel sees moves with its surface, also on dynamic objects, and is projected
     from the other viewpoint in float64. Where nothing is hit, the point is infinitely far: only the
@@ -47,22 +45,20 @@ class OpticalFlow:
     the picture by as much.
 
     Args:
-        scene: the scene and its dynamic objects.
-        pixels: of the camera.
-        occlusion_pass: from the other viewpoint.
+        source: of the hits.
     """
 
-    def __init__(self, scene: SceneBuffers, pixels: PixelMap, occlusion_pass: OcclusionPass):
-        self._camera, self._occlusion_pass = pixels.camera, occlusion_pass
-        self._shape = pixels.valid.shape
-        self._valid = np.flatnonzero(pixels.valid)
+    def __init__(self, source: HitSource):
+        self._camera, self._source = source.camera, source
+        self._shape = source.has_ray.shape
+        self._valid = np.flatnonzero(source.has_ray)
         # where the exact camera sees what each pixel sees: at the pixel itself, but for a mesh
         self._positions_px = (
-            pixel_grid(*pixels.size_px)[pixels.valid]
-            if pixels.polygons is None
-            else self._camera.pixel_from_ray(pixels.read_rays()[0][pixels.valid]).positions_px
+            pixel_grid(*self._shape[::-1])[source.has_ray]
+            if source.polygons is None
+            else self._camera.pixel_from_ray(source.rays()[source.has_ray]).positions_px
         )
-        self._object_of_draw = objects_of_draws(scene)
+        self._object_of_draw = source.objects_of_draws()
         self._period_px = _period_px(self._camera)
 
     def begin(self, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
@@ -73,11 +69,7 @@ class OpticalFlow:
             static points, and of those on each dynamic object.
         """
         transforms = other_from_current(current, other)
-        self._occlusion_pass.render(
-            other.world_from_rig,
-            other.world_from_objects,
-            transforms[self._object_of_draw[1:], :3],
-        )
+        self._source.begin_occlusion(other, transforms[self._object_of_draw[1:], :3])
         optical_from_world = (other.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
         return optical_from_world @ transforms[:, :3]
 
@@ -103,7 +95,7 @@ class OpticalFlow:
         # both numbers of a pixel at once
         flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
         status = np.full(len(flow), INVALID, dtype=np.uint8)
-        occluded = self._occlusion_pass.read().ravel()[self._valid]
+        occluded = self._source.occluded().ravel()[self._valid]
         status[self._valid] = np.where(
             self._is_inside(projected), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
         )

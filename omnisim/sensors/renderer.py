@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,91 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.cameras import CentralCamera, summary
 from omnisim.errors import GraphicsError, OutputError
 from omnisim.frame import Frame
-from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
-from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.pipeline import Pipeline, Readback, ScenePoses, check_picture_size
-from omnisim.gpu.scene.cube_pass import CubePass
-from omnisim.gpu.scene.draw_item import ObjectPart
-from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth import CHANNELS, Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.scene import Scene
-from omnisim.sensors.degraded_camera import DegradedCamera, FrameRequest
-from omnisim.sensors.ground_truth import GroundTruth
+from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.stage import SensorRenderer, Stage
-from omnisim.sensors.tiles import sensor_tiles
+from omnisim.sensors.stage import BackendName, SensorRenderer, Stage
 from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
-from omnisim.world import Motion, WorldState
+from omnisim.world import Motion, ObjectPart, WorldState
 
 
-class CameraPasses:
-    """GPU passes of one camera; those that only some frames need are made on first use.
-
-    Args:
-        stage: its context is current, here and in all methods.
-        sensor: the camera.
-        cameras: the virtual cameras.
-        seed: of the camera's noise.
-
-    Attributes:
-        cube: pass of the virtual cameras.
-    """
-
-    def __init__(self, stage: Stage, sensor: OmniCamera, cameras: VirtualCameras, seed: int | str):
-        self._stage, self._sensor, self._cameras = stage, sensor, cameras
-        self._ground_truth: GroundTruth | None = None
-        camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
-        check_picture_size(stage.context, camera.width_px, camera.height_px)
-        density = sensor.texels_per_pixel / sensor.supersampling
-        plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
-        self.cube = self._cube_pass(plan)
-        self._pipeline = Pipeline(
-            self.cube,
-            PixelMap(stage.context, camera, sensor.mesh_polygons),
-            sensor.supersampling,
-            "f2" if is_ideal else "f4",
-        )
-        self._degraded = (
-            None
-            if is_ideal
-            else DegradedCamera(
-                sensor, seed, self._pipeline, [_corners_m(one) for one in stage.objects.values()]
-            )
-        )
-
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return the metadata of its degradation."""
-        if self._degraded is not None:
-            picture, metadata = self._degraded.take(request)
-            return picture, {"degradation": metadata}
-        return self._pipeline.render(request.poses, request.linear), {}
-
-    @cached_property
-    def whole_cube(self) -> CubePass:
-        """Virtual cameras of whole faces, each in one piece."""
-        return self._cube_pass(whole_faces(self.cube.plan))
-
-    def ground_truth(self, albedo: bool) -> GroundTruth:
-        """Ground truth, able to render albedo if it is asked for."""
-        if self._ground_truth is None or (albedo and not self._ground_truth.has_albedo):
-            self._ground_truth = GroundTruth(self._stage, self._sensor, self._cameras, albedo)
-            self._stage.context.gc()
-        return self._ground_truth
-
-    def _cube_pass(self, plan: TilePlan) -> CubePass:
-        stage = self._stage
-        return CubePass(stage.buffers, stage.surface_programs, plan, self._cameras)
-
-
-def _corners_m(scene: Scene) -> NDArray[np.float64]:
-    """Corners (8, 3) of the box around a scene; (0, 3) of an empty one."""
-    corners_m = np.array(list(itertools.product(*scene.bounds_m().T)), dtype=np.float64)
-    return corners_m if np.isfinite(corners_m).all() else corners_m[:0]
-
-
-class Renderer(SensorRenderer[CameraPasses]):
+class Renderer(SensorRenderer[CameraBackend]):
     """Renders a sensor's pictures of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
@@ -115,6 +42,8 @@ class Renderer(SensorRenderer[CameraPasses]):
             stage has chosen already.
         seed: of the camera's noise.
         vehicle: name of the vehicle that carries the camera, of a stage with several.
+        backend: "cube", virtual cameras by OpenGL; or "rays", cast by Embree, without any GPU. A
+            stage has chosen already.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
@@ -133,23 +62,16 @@ class Renderer(SensorRenderer[CameraPasses]):
         device: int | None = None,
         seed: int | str = 0,
         vehicle: str | None = None,
+        backend: BackendName | None = None,
     ):
         self.camera = OmniCamera.of(camera)
         self._unlit = unlit
         self._last_poses: ScenePoses | None = None
 
-        def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> CameraPasses:
-            cameras = VirtualCameras(
-                self.camera.near_m,
-                self.camera.far_m,
-                self.camera.samples,
-                unlit,
-                stage.scene.background,
-                parts,
-            )
-            return CameraPasses(stage, self.camera, cameras, seed)
+        def make_passes(stage: Stage, hidden: frozenset[ObjectPart]) -> CameraBackend:
+            return stage.backend.camera(CameraSetup(self.camera, unlit, hidden, seed))
 
-        super().__init__(scene, body, hidden, device, make_passes, vehicle)
+        super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
 
     def render(
         self,
@@ -226,9 +148,7 @@ class Renderer(SensorRenderer[CameraPasses]):
         with self._current() as passes:
             if self._last_poses is None:
                 raise GraphicsError("there are no faces yet: render a frame first")
-            cube = passes.whole_cube
-            cube.render(*self._last_poses)
-            linear = {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
+            linear = passes.faces(self._last_poses)
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
 
     def _sensor_summary(self) -> str:

@@ -10,16 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.ground_truth.ray_hit_pass import Hits
 from omnisim.gpu.pipeline import ScenePoses
-from omnisim.gpu.scene.scene_buffers import SceneBuffers
-
-
-def objects_of_draws(scene: SceneBuffers) -> NDArray[np.intp]:
-    """Object of each draw item (n + 1,), from the item −1 on, which is nothing."""
-    items = scene.draw_items
-    objects = [0 if item.object_index is None else item.object_index + 1 for item in items]
-    return np.array([0, *objects], dtype=np.intp)
+from omnisim.ground_truth.hits import Hits
 
 
 def moved_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
@@ -74,7 +66,7 @@ def scene_flow(
 
     Args:
         hits: at the current pose.
-        objects_of_draws: from the function of this name.
+        objects_of_draws: (n + 1,), see `HitSource.objects_of_draws`.
         transforms: (objects, 3, 4) from a point to its motion, see `in_world` and `in_optical`.
     """
     flow = np.full((hits.draws_plus_one.size, 3), np.nan, dtype=np.float32)

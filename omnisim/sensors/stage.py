@@ -1,34 +1,25 @@
-"""Stages: a scene and its dynamic objects on the GPU, for any number of sensors."""
+"""Stages: a scene and its dynamic objects on a back end, for any number of sensors."""
 
 from __future__ import annotations
 
-import threading
-import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.errors import GraphicsError, SceneError
-from omnisim.gpu.context import (
-    check_process,
-    open_context,
-    release_context,
-    release_unclosed_context,
-    release_unclosed_contexts,
-)
-from omnisim.gpu.scene.draw_item import ObjectPart
-from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.surface_program import SurfacePrograms
+from omnisim.errors import GraphicsError, SceneError, did_you_mean
+from omnisim.gpu.context import Context
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
+from omnisim.sensors.backend import SceneBackend
+from omnisim.sensors.cube_backend import CubeBackend
 from omnisim.short_repr import counted, short_repr
-from omnisim.world import WorldState
+from omnisim.world import ObjectPart, WorldState
 
 
 class Closing(ABC):
@@ -52,8 +43,37 @@ class Closing(ABC):
         self.close()
 
 
+BackendName = Literal["cube", "rays"]
+
+
+def open_backend(
+    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | None
+) -> SceneBackend:
+    """Open the back end of a name.
+
+    Args:
+        name: a `BackendName`.
+        scene: static scene.
+        objects: bodies and dynamic objects by name.
+        device: number of the GPU; None takes the first.
+
+    Raises:
+        GraphicsError: there is no such back end, or it does not open, or has no devices.
+        OmnisimError: its packages are not installed.
+    """
+    if name == "cube":
+        return CubeBackend(scene, objects, device)
+    if name != "rays":
+        raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
+    if device is not None:
+        raise GraphicsError(f"device {device}: back end 'rays' needs no GPU: expected none")
+    from omnisim.sensors.ray_backend import RayBackend  # seldom needed
+
+    return RayBackend(scene, objects)
+
+
 class Stage(Closing):
-    """Holds the OpenGL context, one copy of the scene and its body, and the programs that draw.
+    """Holds a scene and its dynamic objects on a back end: on the GPU, or for rays.
 
     Make the sensors' renderers from it, and close it after them; a renderer whose stage is closed
     says so. A stage that is dropped and not closed warns, as files do, and is released. Sensors
@@ -68,15 +88,18 @@ class Stage(Closing):
         dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
             ignored, too.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
+        backend: makes pictures and hits.
 
     Attributes:
         scene: as given.
         vehicles: bodies by name.
         objects: bodies and dynamic objects by name, in the order of `poses_in`.
-        context, buffers, surface_programs: for the passes.
+        backend: the scene's side of it.
 
     Raises:
-        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
+        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits; or an option that
+            the back end does not have.
+        OmnisimError: the back end's packages are not installed.
         SceneError: a dynamic object of a vehicle's name, or a body beside vehicles.
     """
 
@@ -88,6 +111,7 @@ class Stage(Closing):
         vehicles: Mapping[str, Scene] | None = None,
         dynamic_objects: Mapping[str, Scene] | None = None,
         device: int | None = None,
+        backend: BackendName = "cube",
     ):
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         if body is not None and vehicles is not None:
@@ -97,23 +121,12 @@ class Stage(Closing):
         for name in sorted(self.vehicles.keys() & dynamic_objects.keys()):
             raise SceneError(f"dynamic_objects: {name!r}: a vehicle has this name")
         self.objects = self.vehicles | dynamic_objects
-        self.context = open_context(device)
-        self._finalizer = weakref.finalize(
-            self, release_unclosed_context, self.context, threading.current_thread()
-        )
-        self._finalizer.atexit = False  # the end of the process frees it
-        try:
-            with self.context:
-                self.buffers = SceneBuffers(self.context, self.scene, tuple(self.objects.values()))
-                self.surface_programs = SurfacePrograms(self.buffers, self.scene.lighting)
-        except BaseException:
-            self.close()
-            raise
+        self.backend = open_backend(backend, self.scene, self.objects, device)
 
     def __repr__(self) -> str:
         vehicles = counted(len(self.vehicles), "vehicle")
         objects = counted(len(self.objects) - len(self.vehicles), "dynamic object")
-        closed = "" if self._finalizer.alive else "closed"
+        closed = "" if self.backend.is_open else "closed"
         return short_repr(self, repr(self.scene.name), vehicles, objects, closed)
 
     def poses_in(self, state: WorldState) -> tuple[NDArray[np.float64], ...]:
@@ -129,19 +142,30 @@ class Stage(Closing):
             raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
         return tuple(poses[name] for name in self.objects)
 
+    @property
+    def graphics(self) -> CubeBackend:
+        """The OpenGL side.
+
+        Raises:
+            GraphicsError: another back end has none.
+        """
+        if isinstance(self.backend, CubeBackend):
+            return self.backend
+        raise GraphicsError("this stage's back end draws nothing by OpenGL: expected 'cube'")
+
+    @property
+    def context(self) -> Context:
+        """The OpenGL context."""
+        return self.graphics.context
+
     @contextmanager
     def current(self) -> Iterator[None]:
-        """Make its context current for a `with` block, as another stage's may be.
+        """Make its back end ready for a `with` block, as another stage's may be.
 
         Raises:
             GraphicsError: the stage is closed, or another process's, from before a fork.
         """
-        check_process()
-        if not self._finalizer.alive:
-            raise GraphicsError("this stage is closed: open a new one")
-        release_unclosed_contexts()
-        with self.context:
-            self.context.gc()  # renderers that were dropped and not closed
+        with self.backend.current():
             yield
 
     def collect(self) -> None:
@@ -150,9 +174,8 @@ class Stage(Closing):
             pass
 
     def close(self) -> None:
-        """Release the OpenGL context with everything in it."""
-        if self._finalizer.detach() is not None:
-            release_context(self.context)
+        """Free the back end's memory: the OpenGL context with everything in it."""
+        self.backend.close()
 
 
 Passes = TypeVar("Passes")
@@ -169,6 +192,7 @@ class SensorRenderer(Closing, Generic[Passes]):
         device: for a stage of its own.
         make_passes: called once, with the stage's context current, and the hidden parts.
         vehicle: name of the vehicle that carries the sensor; by default the stage's first.
+        backend: for a stage of its own.
 
     Attributes:
         hidden: as given.
@@ -187,15 +211,18 @@ class SensorRenderer(Closing, Generic[Passes]):
         device: int | None,
         make_passes: Callable[[Stage, frozenset[ObjectPart]], Passes],
         vehicle: str | None = None,
+        backend: BackendName | None = None,
     ):
         self.hidden = frozenset(hidden)
         self._owns_stage = not isinstance(scene, Stage)
         if not isinstance(scene, Stage):
-            self._stage = Stage(scene, body, device=device)
-        elif body is None and device is None:
+            self._stage = Stage(scene, body, device=device, backend=backend or "cube")
+        elif body is None and device is None and backend is None:
             self._stage = scene
         else:
-            raise GraphicsError("a stage has its body and its device: give them to the stage")
+            raise GraphicsError(
+                "a stage has its body, its device and its back end: give them to the stage"
+            )
         self.vehicle = vehicle or next(iter(self._stage.vehicles), BODY)
         try:
             parts = self._hidden_parts()

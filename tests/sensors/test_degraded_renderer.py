@@ -18,12 +18,12 @@ from omnisim.sensors.degradations import (
     Shutter,
     preset,
 )
+from omnisim.sensors.degradations.development import developed, eight_bits, exposed
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.motion import Twist
 from omnisim.sensors.stage import Stage
 from tests.scenes import room, scene_of
-from tests.sensors.degradations.reference import developed, eight_bits, exposed
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 FOCAL_PX, SIZE_PX = 60.0, (48, 32)
@@ -169,15 +169,18 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
         with Renderer(stage, sensor, seed=3) as renderer:
             frame = renderer.render(np.eye(4), linear=True, frame_number=2)
     alpha = perfect.valid[..., None].astype(np.float32)
-    light = exposed([np.concatenate((perfect.linear, alpha), axis=-1)], degradation, geometry)
+    whole = np.concatenate((perfect.linear, alpha), axis=-1)
+    light = exposed([(whole, None)], degradation, geometry)
     ev = frame.metadata["degradation"]["exposure"]["ev"]
     key = key_of("noise", 3)
-    expected = developed(light, degradation, geometry, ev, key, 2)
+    expected = developed(light, degradation, geometry, degradation.exposure_factors(ev), key, 2)
     # the ideal picture is in half floats: 2⁻¹¹ of the light, far below a photon's noise, but
     # some electrons fall on the other side, and some pixels of the JPEG with them
     deviation = np.sqrt(np.mean((frame.linear - expected[..., :3]) ** 2))
     assert deviation < 0.01
-    encoded = eight_bits(expected, degradation)
+    encoded = eight_bits(expected, degradation.encoding)
+    if degradation.jpeg is not None:
+        encoded = degradation.jpeg.compressed(encoded)
     assert np.mean(np.abs(frame.rgba.astype(int) - encoded)) < 1.0
     np.testing.assert_array_equal(frame.valid, perfect.valid)
     assert not frame.rgb[~frame.valid].any()

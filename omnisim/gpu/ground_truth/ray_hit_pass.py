@@ -17,32 +17,11 @@ from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
+from omnisim.ground_truth.hits import Hits
 
 _VERTICES, _INDICES = range(2)  # bindings
 _ALBEDO_UNIT = 4
 _POINTS, _PRIMITIVES = range(2)  # attachments; normals and albedos follow
-
-
-class Hits(NamedTuple):
-    """Hits of each pixel's ray; first row at the top.
-
-    The viewpoint frame has the world's axes and its origin in the effective viewpoint.
-    """
-
-    points_and_ranges_m: NDArray[np.float32]  # (height, width, 4), see below
-    draws_plus_one: NDArray[np.uint32]  # (height, width), 1 + draw item; 0: nothing is hit
-    normals: NDArray[np.float32]  # (height, width, 3), viewpoint frame, unit; 0: nothing is hit
-    albedos: NDArray[np.float32]  # (height, width, 3) linear RGB; 0: nothing is hit
-
-    @property
-    def points_m(self) -> NDArray[np.float32]:
-        """Points (height, width, 3), viewpoint frame; where nothing is hit, directions."""
-        return self.points_and_ranges_m[..., :3]
-
-    @property
-    def ranges_m(self) -> NDArray[np.float32]:
-        """Ranges (height, width); +inf: nothing is hit."""
-        return self.points_and_ranges_m[..., 3]
 
 
 class _Variant(NamedTuple):
@@ -154,4 +133,4 @@ class RayHitPass:
                 attachment += 1
                 target.read_into(channel, components=3, attachment=attachment, dtype="f4")
             channels.append(channel)
-        return Hits(points, primitives[..., 0], *channels)
+        return Hits(points, primitives[..., 0], primitives[..., 1], *channels)

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import AlphaMode, Material, Mesh
 
-# Index of a dynamic object, and the name of its instance.
-ObjectPart = tuple[int | None, str]
-
 
 @dataclass(frozen=True, eq=False)
 class DrawItem:

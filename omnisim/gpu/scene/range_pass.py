@@ -8,11 +8,12 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.draw_item import DrawItem, ObjectPart
+from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.scene.model import AlphaMode
+from omnisim.world import ObjectPart
 
 _GROUP_SIZE = 64  # triangles; local_size_x in range.comp
 _MAX_GROUPS = 65535  # in one direction, which every GPU allows

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms, ObjectPart
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.static_geometry import StaticGeometry, build_static_geometry
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices
 from omnisim.scene.model import AlphaMode, Scene
+from omnisim.world import ObjectPart
 
 
 class SceneBuffers:

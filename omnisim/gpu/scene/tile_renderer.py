@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews
 from omnisim.gpu.gl_functions import flush
-from omnisim.gpu.scene.draw_item import InstanceTransforms, ObjectPart
+from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import P, SceneDrawer
 from omnisim.gpu.scene.static_drawer import StaticDrawer
 from omnisim.gpu.uniforms import columns_first
+from omnisim.world import ObjectPart
 
 
 @dataclass(frozen=True)

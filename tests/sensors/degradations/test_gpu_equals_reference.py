@@ -20,10 +20,10 @@ from omnisim.sensors.degradations import (
     WhiteBalance,
     preset,
 )
+from omnisim.sensors.degradations.development import developed, exposed, mean_luminance
 from omnisim.sensors.degradations.effect import Shot
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from tests.sensors.degradations.pictures import GEOMETRY, on_gpu, random_picture
-from tests.sensors.degradations.reference import developed, exposed, mean_luminance
 
 ULP = 2.0**-23
 # The bounds, relative to 1: light is at most 1.3 here. One rounding for each product or sum, and
@@ -127,7 +127,7 @@ def test_sub_frames_add_up_by_rows(context):
     pictures = [random_picture(seed=seed) for seed in range(5)]
     weights = shutter.row_weights(5, GEOMETRY.height_px)
     drawn = on_gpu(context, pictures, weights=weights)
-    expected = exposed(pictures, Degradation(shutter=shutter), GEOMETRY)
+    expected = exposed(zip(pictures, weights, strict=True), Degradation(), GEOMETRY)
     assert np.abs(drawn - expected).max() <= 5 * ULP
     np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=4 * ULP)
 
@@ -159,8 +159,8 @@ def test_whole_chain_of_a_preset_equals_the_reference(context, name):
         sensor=degradation.sensor_steps(GEOMETRY, key),
         uniforms={"u_frame": 2, "u_exposure_factors": degradation.exposure_factors(-0.3)},
     )
-    light = exposed([picture], degradation, GEOMETRY)
-    expected = developed(light, degradation, GEOMETRY, -0.3, key, 2)
+    light = exposed([(picture, None)], degradation, GEOMETRY)
+    expected = developed(light, degradation, GEOMETRY, degradation.exposure_factors(-0.3), key, 2)
     # electrons that fall on the other side reach 5 × 5 pixels through demosaicking
     assert np.mean(np.abs(drawn - expected) > 2e-5) < 0.02
     assert np.sqrt(np.mean((drawn - expected) ** 2)) < 1e-3

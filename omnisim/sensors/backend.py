@@ -1,0 +1,136 @@
+"""Contract of back ends: what makes a scene's pictures and hits, whatever way.
+
+A back end is two classes and a `HitSource`: the scene's side, of which a stage has one, and each
+camera's. Which there are is in `omnisim.sensors.stage`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OpticsError
+from omnisim.gpu.pipeline import Readback, ScenePoses
+from omnisim.scene import Scene
+from omnisim.scene.labels import find_labels
+from omnisim.sensors.degradations.effect import MAX_EV
+from omnisim.sensors.ground_truth import GroundTruth
+from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.world import ObjectPart
+
+
+@dataclass(frozen=True, eq=False)
+class CameraSetup:
+    """A camera in a scene.
+
+    Attributes:
+        sensor: the camera.
+        unlit: show plain base colours.
+        hidden: parts of the vehicle that it does not see.
+        seed: of its noise.
+    """
+
+    sensor: OmniCamera
+    unlit: bool = False
+    hidden: frozenset[ObjectPart] = frozenset()
+    seed: int | str = 0
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRequest:
+    """Request of one picture; see also `omnisim.sensors.renderer.Renderer.render`.
+
+    Attributes:
+        poses: in the middle of the frame.
+        motion: poses by seconds after the middle of the frame; None: at rest.
+        linear: linear colours are asked for, too.
+        frame_number: noise differs from frame to frame.
+        exposure_ev: of auto-exposure; None: metered.
+
+    Raises:
+        OpticsError: an impossible exposure, also of a camera that has none.
+    """
+
+    poses: ScenePoses
+    motion: Callable[[float], ScenePoses] | None
+    linear: bool
+    frame_number: int
+    exposure_ev: float | None
+
+    def __post_init__(self) -> None:
+        ev = self.exposure_ev
+        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
+            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
+
+
+class CameraBackend(ABC):
+    """Makes the pictures of one camera, and finds the hits of its rays."""
+
+    _ground_truth: tuple[HitSource, GroundTruth] | None = None
+
+    def __init__(self, world: SceneBackend, setup: CameraSetup):
+        self.world, self.setup = world, setup
+
+    @abstractmethod
+    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
+        """Take a picture; also return the metadata of its degradation."""
+
+    @abstractmethod
+    def hit_source(self, albedo: bool) -> HitSource:
+        """Source of its ground truth, able to give albedo if it is asked for; made on first use."""
+
+    @abstractmethod
+    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+        """Pictures (size, size, 3) of virtual cameras, linear, by name.
+
+        Raises:
+            GraphicsError: it has none.
+        """
+
+    def ground_truth(self, albedo: bool) -> GroundTruth:
+        """Ground truth, able to give albedo if it is asked for."""
+        source = self.hit_source(albedo)
+        if self._ground_truth is None or self._ground_truth[0] is not source:
+            labels = find_labels(self.world.scene, self.world.objects)
+            truth = GroundTruth(source, labels, list(self.world.objects))
+            self._ground_truth = source, truth
+        return self._ground_truth[1]
+
+
+class SceneBackend(ABC):
+    """Scene and its dynamic objects, ready for cameras."""
+
+    def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
+        self.scene, self.objects = scene, objects
+
+    @property
+    @abstractmethod
+    def is_open(self) -> bool:
+        """False after `close`."""
+
+    @abstractmethod
+    def current(self) -> AbstractContextManager[None]:
+        """Make it ready to work for a `with` block.
+
+        Raises:
+            GraphicsError: it is closed.
+        """
+
+    @abstractmethod
+    def camera(self, setup: CameraSetup) -> CameraBackend:
+        """Camera in the scene.
+
+        Raises:
+            OmnisimError: something that this back end cannot do, by name.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free all memory; a second time does nothing."""

@@ -1,0 +1,60 @@
+"""Hits of a camera's rays, whatever finds them: the source of its ground truth."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera
+from omnisim.gpu.pipeline import ScenePoses
+from omnisim.ground_truth.hits import Hits
+from omnisim.world import ObjectPart
+
+
+class HitSource(ABC):
+    """Casts the rays of a camera's pixels.
+
+    Attributes:
+        camera: the camera.
+        polygons: of its mirror's mesh; None: exact.
+        draws: dynamic object and name of each instance, as `Hits.draws_plus_one` counts them.
+        has_ray: (height, width), false outside of the lens or the mirror.
+    """
+
+    camera: CentralCamera
+    polygons: int | None
+    draws: Sequence[ObjectPart]
+    has_ray: NDArray[np.bool_]
+
+    @abstractmethod
+    def rays(self) -> NDArray[np.floating]:
+        """Unit rays (height, width, 3), optical frame."""
+
+    @abstractmethod
+    def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
+        """Cast all rays.
+
+        Normals and albedos have no rows where they are not asked for.
+        """
+
+    @abstractmethod
+    def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
+        """Start to cast rays from another viewpoint to the points of the last `hits`.
+
+        Args:
+            other: poses at the other time.
+            other_from_current: (draws, 3, 4), from the viewpoint frame of the last hits to the
+                other one's, of points on each instance.
+        """
+
+    @abstractmethod
+    def occluded(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the points that something nearer hides there."""
+
+    def objects_of_draws(self) -> NDArray[np.intp]:
+        """Object of each instance (n + 1,), from −1 on, which is nothing: 0: the static scene."""
+        objects = [0 if index is None else index + 1 for index, _ in self.draws]
+        return np.array([0, *objects], dtype=np.intp)

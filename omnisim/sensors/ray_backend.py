@@ -1,0 +1,224 @@
+"""Back end of rays: Embree casts one for each sample of a picture; no OpenGL is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import GraphicsError
+from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
+from omnisim.ground_truth.hits import Hits
+from omnisim.rays.picture import DepthLimits, RayPicture
+from omnisim.rays.pixel_hits import PixelHits
+from omnisim.rays.pixel_rays import PixelRays
+from omnisim.rays.ray_scene import ObjectState, RayScene
+from omnisim.scene import Scene
+from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
+from omnisim.sensors.degradations.degradation import Degradation
+from omnisim.sensors.degradations.development import (
+    developed,
+    eight_bits,
+    exposed,
+    mean_luminance,
+)
+from omnisim.sensors.degradations.encoding import Encoding
+from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.sensors.degradations.random_numbers import key_of
+from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
+from omnisim.sensors.hit_source import HitSource
+
+
+class RayBackend(SceneBackend):
+    """Holds the scene's hierarchies of triangles, and its textures.
+
+    Args:
+        scene: static scene.
+        objects: bodies and dynamic objects by name.
+
+    Attributes:
+        rays: casts them.
+
+    Raises:
+        OmnisimError: embreex is not installed.
+    """
+
+    def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
+        super().__init__(scene, objects)
+        self._rays: RayScene | None = RayScene(scene, tuple(objects.values()))
+
+    @property
+    def rays(self) -> RayScene:
+        """Scene to cast rays at.
+
+        Raises:
+            GraphicsError: it is closed.
+        """
+        if self._rays is None:
+            raise GraphicsError("this stage is closed: open a new one")
+        return self._rays
+
+    @property
+    def is_open(self) -> bool:
+        """False after `close`."""
+        return self._rays is not None
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Refuse to work where it is closed; there is nothing to prepare.
+
+        Raises:
+            GraphicsError: it is closed.
+        """
+        if self.is_open or self.rays:
+            yield
+
+    def camera(self, setup: CameraSetup) -> RayCamera:
+        """Camera in the scene."""
+        return RayCamera(self, setup)
+
+    def close(self) -> None:
+        """Free the memory."""
+        self._rays = None
+
+
+class RayCamera(CameraBackend):
+    """Rays of one camera; what only some frames need is made on first use.
+
+    Settings of the virtual cameras have no meaning here, but for near and far.
+    """
+
+    def __init__(self, world: RayBackend, setup: CameraSetup):
+        super().__init__(world, setup)
+        sensor = setup.sensor
+        self._rays, self._sensor = world.rays, sensor
+        self._limits = DepthLimits(sensor.near_m, sensor.far_m)
+        self._hit_source: RayHitSource | None = None
+        self._picture = RayPicture(
+            self._rays,
+            sensor.supersampled_model,
+            sensor.mesh_polygons,
+            sensor.supersampling,
+            self._limits,
+            setup.unlit,
+        )
+        self._degraded = None
+        if not sensor.degradation.is_ideal:
+            corners_m = object_corners_m(world.objects.values())
+            pipeline = _Development(
+                self._linear,
+                sensor.degradation,
+                PictureGeometry.of_camera(sensor.model),
+                key_of("noise", setup.seed),
+            )
+            self._degraded = DegradedCamera(sensor, setup.seed, pipeline, corners_m)
+
+    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
+        """Take a picture; also return the metadata of its degradation."""
+        if self._degraded is not None:
+            picture, metadata = self._degraded.take(request)
+            return picture, {"degradation": metadata}
+        linear = self._linear(request.poses)
+        return _readback(linear, None, request.linear), {}
+
+    def hit_source(self, albedo: bool) -> RayHitSource:
+        """Source of its ground truth."""
+        if self._hit_source is None:
+            self._hit_source = RayHitSource(self._rays, self.setup, self._limits)
+        return self._hit_source
+
+    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+        """Refuse them: there are no virtual cameras.
+
+        Raises:
+            GraphicsError: always.
+        """
+        raise GraphicsError("faces: back end 'rays' has no virtual cameras: expected 'cube'")
+
+    def _linear(self, poses: ScenePoses) -> LinearPicture:
+        return self._picture.render(
+            poses.world_from_rig, ObjectState(poses.world_from_objects, self.setup.hidden)
+        )
+
+
+class _Development:
+    """Pipeline of a degraded camera, by the references of its effects in NumPy.
+
+    Args:
+        render_ideal: ideal picture of a sub-frame, linear.
+        degradation: of the camera.
+        geometry: of the picture.
+        noise_key: of the camera's random numbers.
+    """
+
+    def __init__(
+        self,
+        render_ideal: Callable[[ScenePoses], LinearPicture],
+        degradation: Degradation,
+        geometry: PictureGeometry,
+        noise_key: int,
+    ):
+        self._render_ideal, self._degradation = render_ideal, degradation
+        self._geometry, self._noise_key = geometry, noise_key
+
+    def render(
+        self,
+        sub_frames: Iterable[SubFrame],
+        expose: Callable[[float | None], Exposed],
+        metered: bool,
+        linear: bool,
+    ) -> Readback:
+        """Render a picture from sub-frames, see `SubFramePipeline`."""
+        degradation, geometry = self._degradation, self._geometry
+        ideal = ((self._render_ideal(part.poses), part.row_weights) for part in sub_frames)
+        light = exposed(ideal, degradation, geometry)
+        exposure = expose(mean_luminance(light) if metered else None)
+        picture = developed(
+            light, degradation, geometry, exposure.factors, self._noise_key, exposure.frame_number
+        )
+        return _readback(picture, degradation.encoding, linear)
+
+
+class RayHitSource(HitSource):
+    """Hits of the pixels' rays by Embree, exact in float64.
+
+    Args:
+        rays: casts them.
+        setup: of the camera.
+        limits: of the rays.
+    """
+
+    def __init__(self, rays: RayScene, setup: CameraSetup, limits: DepthLimits):
+        sensor = setup.sensor
+        self.camera, self.polygons = sensor.model, sensor.mesh_polygons
+        self.draws = [(one.object_index, one.name) for one in rays.caster.geometry.surfaces]
+        self._hidden = setup.hidden
+        self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
+        self.has_ray = self._pixels.has_ray
+        self._occluded = np.zeros_like(self.has_ray)
+
+    def rays(self) -> NDArray[np.float64]:
+        """Unit rays (height, width, 3), optical frame."""
+        return self._pixels.rays()
+
+    def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
+        """Cast all rays."""
+        objects = ObjectState(poses.world_from_objects, self._hidden)
+        return self._pixels.cast(poses.world_from_rig, objects, normals, albedos)
+
+    def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
+        """Cast rays from another viewpoint to the points of the last hits."""
+        objects = ObjectState(other.world_from_objects, self._hidden)
+        self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
+
+    def occluded(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the points that something nearer hides there."""
+        return self._occluded
+
+
+def _readback(picture: LinearPicture, encoding: Encoding | None, linear: bool) -> Readback:
+    floats = np.ascontiguousarray(picture[..., :3]) if linear else None
+    return Readback(eight_bits(picture, encoding), floats)
