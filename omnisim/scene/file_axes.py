@@ -32,11 +32,21 @@ def world_from_file(
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
     if suffix == ".dae":
         axis, unit = _collada(data)
-    axis = up_axis or settings.up_axis or axis
-    if axis not in _WORLD_FROM_UP_AXIS:
-        raise SceneError(f"up axis: expected x, y or z, got {axis!r}")
+    return world_from_axes(up_axis or settings.up_axis or axis, settings.meters_per_unit or unit)
+
+
+def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]:
+    """Transform (4, 4) to the world frame from axes of which one points up.
+
+    Raises:
+        SceneError: an axis that is none of x, y and z, or a unit that is no length.
+    """
+    if up_axis not in _WORLD_FROM_UP_AXIS:
+        raise SceneError(f"up axis: expected x, y or z, got {up_axis!r}")
+    if not 0.0 < meters_per_unit < math.inf:
+        raise SceneError(f"meters_per_unit: expected a number > 0, got {meters_per_unit!r}")
     matrix = np.eye(4)
-    matrix[:3, :3] = _WORLD_FROM_UP_AXIS[axis] * (settings.meters_per_unit or unit)
+    matrix[:3, :3] = _WORLD_FROM_UP_AXIS[up_axis] * meters_per_unit
     return matrix
 
 

@@ -9,7 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.parts import Instance, Light, Material, Mesh
+from omnisim.srgb import linear_from_srgb
 
+# A surface without any colour: a light grey of 80 % on the screen.
+PLAIN_GREY = float(linear_from_srgb(0.8))
 # Beyond, products of coordinates overflow a float32.
 LARGEST_COORDINATE = 1e15
 
@@ -19,7 +22,8 @@ class ImportedScene(NamedTuple):
 
     Attributes:
         meshes, materials: as in the scene.
-        instances: `world_from_mesh` is still file_from_mesh, in the file's axes and unit.
+        instances: `world_from_mesh` is still file_from_mesh and `world_from_node` file_from_node,
+            in the file's axes and unit.
         notices: one line for each feature that is not drawn.
         lights: in the world frame.
     """
@@ -71,6 +75,26 @@ def make_mesh(
         colors=_per_vertex(colors, len(points), 4),
     )
     return mesh, center
+
+
+def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[Instance, ...]:
+    """Instances of a file in the world; frames of nodes get the world's axes and unit.
+
+    Raises:
+        SceneError: poses or colours that a float32 cannot hold.
+    """
+    file_from_world = np.linalg.inv(world_from_file)
+    placed = []
+    for one in read.instances:
+        world_from_mesh = world_from_file @ one.world_from_mesh
+        if not np.abs(world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
+            raise SceneError(f"node {one.name!r}: expected a pose below {LARGEST_COORDINATE:g}")
+        world_from_node = world_from_file @ one.world_from_node @ file_from_world
+        placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))
+    for material in read.materials:
+        if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
+            raise SceneError(f"material {material.name!r}: expected finite colours")
+    return tuple(placed)
 
 
 def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:

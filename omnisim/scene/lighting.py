@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
+# A pale clear sky near the horizon, linear RGB.
+DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
 # With lights in the file, a white surface that none of them reaches still shows.
 FILL_AMBIENT = (0.25, 0.25, 0.25)
 # Without: bright overcast daylight from everywhere, a sun from behind the left shoulder and a weak

@@ -11,13 +11,12 @@ from omnisim.errors import SceneError, printable
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf.reader import read_gltf
-from omnisim.scene.imported import LARGEST_COORDINATE, ImportedScene
+from omnisim.scene.imported import place
 from omnisim.scene.labels import label_rules
-from omnisim.scene.lighting import expose
+from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
 from omnisim.scene.model import (
     MAX_LIGHTS,
     ColorBand,
-    Instance,
     Landmark,
     NamedStart,
     Scene,
@@ -27,12 +26,9 @@ from omnisim.scene.model import (
 )
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import resolve_source
+from omnisim.scene.start import default_start
 from omnisim.scene.textures import TextureStore
 
-# A pale clear sky near the horizon, linear RGB.
-DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
-# Default height of the effective viewpoint above the floor: a small robot's.
-DEFAULT_HEIGHT_M = 1.0
 _GLTF = {".glb", ".gltf"}
 MAX_NOTICE = 300
 
@@ -81,11 +77,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         read = read_other(path, data, textures, assets)
     if not read.instances:
         raise SceneError("has no triangles to draw")
-    instances = tuple(
-        Instance(instance.name, instance.mesh, axes @ instance.world_from_mesh)
-        for instance in read.instances
-    )
-    _check_finite(read, instances)
+    instances = place(read, axes)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
     missing = [f"{asset} is not there: drawn without it" for asset in assets.missing]
@@ -108,25 +100,10 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
     )
 
 
-def _check_finite(read: ImportedScene, instances: tuple[Instance, ...]) -> None:
-    """Refuse numbers that a float32 cannot hold."""
-    for instance in instances:
-        if not np.abs(instance.world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
-            raise SceneError(
-                f"node {instance.name!r}: expected a pose below {LARGEST_COORDINATE:g}"
-            )
-    for material in read.materials:
-        if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
-            raise SceneError(f"material {material.name!r}: expected finite colours")
-
-
 def _start(settings: SceneFile, bounds: NDArray[np.float64]) -> StartPose:
     if settings.start is not None:
         return StartPose(settings.start.position_m, settings.start.yaw_deg)
-    low, high = bounds
-    x, y = 0.5 * (low[:2] + high[:2])
-    z = low[2] + min(DEFAULT_HEIGHT_M, 0.5 * (high[2] - low[2]))
-    return StartPose((float(x), float(y), float(z)))
+    return default_start(bounds)
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.ground_truth.boxes_3d import OrientedBox
+from omnisim.scene import editing
+from omnisim.scene.arrays import import_arrays
+from omnisim.scene.file_axes import world_from_axes
+from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.instance_boxes import instance_boxes
+from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
 from omnisim.scene.parts import (
     MAX_LIGHTS,
     SLIM_M,
@@ -30,6 +35,7 @@ from omnisim.scene.parts import (
     Wrap,
     bounds_m,
 )
+from omnisim.scene.start import default_start
 from omnisim.short_repr import counted, short_repr
 
 __all__ = [
@@ -58,6 +64,9 @@ __all__ = [
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Meshes, materials, instances and lights, and where vehicles may be.
+
+    It never changes: `added`, `removed`, `moved` and `recolored` return another scene, which shares
+    everything that stayed, and which an open renderer draws as soon as it is its `scene`.
 
     Attributes:
         name: file or built-in name.
@@ -107,6 +116,161 @@ class Scene:
         """Oriented boxes of the instances by name, along the axes of their own meshes."""
         return instance_boxes(self.instances, self.meshes)
 
-    def bounds_m(self) -> NDArray[np.float64]:
-        """Smallest and largest corner (2, 3) of all instances in the world."""
-        return bounds_m(self.meshes, self.instances)
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """Names of the objects: all instances of one name are one object."""
+        return tuple(dict.fromkeys(instance.name for instance in self.instances))
+
+    def bounds_m(self, name: str | None = None) -> NDArray[np.float64]:
+        """Smallest and largest corner (2, 3) of all instances, or of one object, in the world.
+
+        Raises:
+            SceneError: there is no object of this name.
+        """
+        instances = self.instances if name is None else editing.find(self._content, name)
+        return bounds_m(self.meshes, instances)
+
+    def pose_of(self, name: str) -> NDArray[np.float64]:
+        """Pose (4, 4) world_from_object of an object's frame.
+
+        It is that of its node, z up where the node is not turned; an object that was added has the
+        frame of what was added.
+
+        Raises:
+            SceneError: there is no object of this name.
+        """
+        return editing.pose_of(self._content, name)
+
+    def added(self, name: str, part: Scene, world_from_part: ArrayLike | None = None) -> Scene:
+        """Scene with all of another scene as one more object.
+
+        Args:
+            name: of the object, new to the scene.
+            part: its lights, background, starts, paths and landmarks count for nothing.
+            world_from_part: (4, 4) pose; by default where it is in its own scene.
+
+        Raises:
+            SceneError: a name that is taken, or a matrix that is not a pose.
+        """
+        pose = np.eye(4) if world_from_part is None else world_from_part
+        return self._with(editing.add(self._content, name, part._content, pose))
+
+    def removed(self, name: str) -> Scene:
+        """Scene without an object.
+
+        Raises:
+            SceneError: there is no object of this name.
+        """
+        return self._with(editing.remove(self._content, name))
+
+    def moved(self, name: str, world_from_object: ArrayLike) -> Scene:
+        """Scene with an object at another pose (4, 4), see `pose_of`; its scale stays.
+
+        Raises:
+            SceneError: there is no object of this name, or a matrix that is not a pose.
+        """
+        return self._with(editing.move(self._content, name, world_from_object))
+
+    def recolored(
+        self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
+    ) -> Scene:
+        """Scene with an object of one colour, or with one texture, instead of what it had.
+
+        Args:
+            name: of the object.
+            base_color: linear RGB or RGBA from 0 to 1; it multiplies the texture.
+            texture: (height, width, 3 or 4) uint8 sRGB, for a mesh with texture coordinates.
+
+        Raises:
+            SceneError: there is no object of this name, or a colour or texture that is none.
+        """
+        return self._with(editing.recolor(self._content, name, base_color, texture))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        name: str,
+        vertices_m: ArrayLike,
+        triangles: ArrayLike,
+        *,
+        normals: ArrayLike | None = None,
+        uv: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+        texture: ArrayLike | None = None,
+        base_color: ArrayLike | None = None,
+        double_sided: bool = True,
+    ) -> Scene:
+        """Scene of one object from arrays, in daylight; `added` joins several.
+
+        Args:
+            name: of the object, and of the scene.
+            vertices_m: (n, 3), z up.
+            triangles: (m, 3) vertices, counter-clockwise seen from the front.
+            normals: (n, 3) at the vertices; None: flat triangles.
+            uv: (n, 2) texture coordinates, (0, 0) at the top left of the texture, as in glTF.
+            colors: (n, 3 or 4) at the vertices: uint8 are sRGB, numbers from 0 to 1 are linear.
+            texture: (height, width, 3 or 4) uint8 sRGB; repeated beyond its edges.
+            base_color: linear RGB or RGBA from 0 to 1, which multiplies the others; by default
+                white, or light grey where there are no others.
+            double_sided: both sides of a triangle are seen; False is quicker.
+
+        Raises:
+            SceneError: an array of another shape, with NaN, or out of range.
+        """
+        imported = import_arrays(
+            name, vertices_m, triangles, normals, uv, colors, texture, base_color, double_sided
+        )
+        return cls._of(name, imported, imported.instances)
+
+    @classmethod
+    def from_trimesh(
+        cls,
+        source: object,
+        name: str = "trimesh",
+        *,
+        up_axis: str = "z",
+        meters_per_unit: float | None = None,
+        smooth: bool | None = None,
+    ) -> Scene:
+        """Scene of a `trimesh.Scene` or `trimesh.Trimesh`, with materials, textures and instances.
+
+        Nothing is taken from its cameras and lights: the scene is in daylight. Colours and textures
+        are sRGB, but for the base colour of a `PBRMaterial`, which is linear. Nodes of the graph
+        are objects of the scene.
+
+        Args:
+            source: it is not changed; a mesh that stands alone is an object of the scene's name.
+            name: of the scene.
+            up_axis: "x", "y" or "z". trimesh turns nothing: what it loaded from glTF is "y".
+            meters_per_unit: by default by its `units`; 1 where it has none.
+            smooth: True: normals at its vertices; False: flat triangles; None: normals where the
+                mesh has been given them or has computed them.
+
+        Raises:
+            SceneError: something else, nothing to draw, numbers that are none, an unknown unit.
+        """
+        from omnisim.scene.trimesh_import import read_trimesh  # slow to import
+
+        imported, units = read_trimesh(source, name, smooth)
+        axes = world_from_axes(up_axis, units if meters_per_unit is None else meters_per_unit)
+        return cls._of(name, imported, place(imported, axes))
+
+    @classmethod
+    def _of(cls, name: str, read: ImportedScene, instances: tuple[Instance, ...]) -> Scene:
+        return cls(
+            name=name,
+            meshes=read.meshes,
+            materials=read.materials,
+            instances=instances,
+            lighting=expose(read.lights, read.meshes, instances),
+            background=DEFAULT_BACKGROUND,
+            start=default_start(bounds_m(read.meshes, instances)),
+            notices=tuple(read.notices),
+        )
+
+    @property
+    def _content(self) -> editing.Content:
+        return editing.Content(self.meshes, self.materials, self.instances)
+
+    def _with(self, content: editing.Content) -> Scene:
+        return replace(self, **content._asdict())

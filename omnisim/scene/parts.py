@@ -118,11 +118,14 @@ class Instance:
         name: name of the node in the file; parts of one object share it.
         mesh: index into `Scene.meshes`.
         world_from_mesh: (4, 4) float64, metres.
+        world_from_node: (4, 4) float64, metres, of the node, whose axes are the world's where it is
+            not turned; by default the world's own frame.
     """
 
     name: str
     mesh: int
     world_from_mesh: NDArray[np.float64]
+    world_from_node: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), f"mesh {self.mesh}")

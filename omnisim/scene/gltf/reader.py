@@ -123,7 +123,7 @@ class _Meshes:
                     mesh, center = self._skin(part, joint_matrices(skin, self._accessors, poses))
                     yield Instance(name, mesh, translate(np.eye(4), center))
                 else:
-                    yield Instance(name, part.mesh, translate(pose, part.center))
+                    yield Instance(name, part.mesh, translate(pose, part.center), pose)
 
     def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
         entries = self._materials.entries
