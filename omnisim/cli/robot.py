@@ -20,7 +20,7 @@ from omnisim.robot import (
     usarsim,
 )
 from omnisim.simulation import Vehicle
-from omnisim.simulation.body_box import BodyBox
+from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.sensors import MountedSensor
 
 
@@ -93,11 +93,11 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
     lines.append(f"drive    {_format_drive(vehicle.kinematics)}")
     is_perfect = vehicle.odometry == OdometryErrors()
     lines.append(f"wheels   {'report the truth' if is_perfect else 'report with errors'}")
-    lines.append(f"size     {_format_size(BodyBox.of(vehicle))}")
+    lines.append(f"size     {_format_size(BodyBoxes.of(vehicle))}")
     return [*lines, *map(_sensor_line, vehicle.sensors)]
 
 
-def _format_size(box: BodyBox | None) -> str:
+def _format_size(box: BodyBoxes | None) -> str:
     if box is None:
         return "unknown: contacts with a scene are not looked for"
     length_m, width_m, height_m = (box.high_m - box.low_m).tolist()

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.scene import Scene
-from omnisim.scene.triangles import TriangleBvh, triangles_within
-from omnisim.simulation.body_box import BodyBox
+from omnisim.scene.triangles import TriangleBvh, bounds_of, triangles_within
+from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.sweep import Sweep
 
 NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
-POSES_AT_ONCE = 2000  # bounds the memory
+POSES_AT_ONCE = 64  # bounds the memory
 
 
 @dataclass(frozen=True)
@@ -44,28 +44,39 @@ class Contact:
         )
 
 
-def find_contacts(scene: Scene, sweep: Sweep, box: BodyBox) -> tuple[Contact, ...]:
-    """Contacts of a box with the scene's triangles, in the order in which they begin.
+def find_contacts(scene: Scene, sweep: Sweep, boxes: BodyBoxes) -> tuple[Contact, ...]:
+    """Contacts of a body's parts with the scene's triangles, in the order in which they begin.
 
-    The box is the body's, from its clearance up: the floor is no contact.
+    Each part is the box around it, from the clearance up: the floor is no contact.
     """
-    low, high = box.low_m.copy(), box.high_m
-    low[2] = box.clearance_m
-    poses, half = sweep.world_from_base, 0.5 * (high - low)
-    centres = poses[:, :3, :3] @ (0.5 * (low + high)) + poses[:, :3, 3]
-    extents = np.abs(poses[:, :3, :3]) @ half
-    bounds = (centres - extents).min(axis=0), (centres + extents).max(axis=0)
-    triangles = triangles_within(scene, *bounds)
+    poses, parts = sweep.world_from_base, boxes.parts_m
+    if not len(parts):  # all of it is below the clearance
+        return ()
+    whole = np.array((parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)))
+    centres = poses[:, :3, :3] @ whole.mean(axis=0) + poses[:, :3, 3]
+    extents = np.abs(poses[:, :3, :3]) @ (0.5 * (whole[1] - whole[0]))
+    lows, highs = centres - extents, centres + extents
+    triangles = triangles_within(scene, lows.min(axis=0), highs.max(axis=0))
     bvh = TriangleBvh(triangles.corners_m)
     touched = []  # (pose, instance)
     for begin in range(0, len(poses), POSES_AT_ONCE):
-        part = slice(begin, begin + POSES_AT_ONCE)
-        at, hit = bvh.overlaps((centres - extents)[part], (centres + extents)[part])
+        end = begin + POSES_AT_ONCE
+        at, hit = bvh.overlaps(lows[begin:end], highs[begin:end])
         at += begin
-        offsets = triangles.corners_m[hit] - centres[at, None]
-        touching = meet_box(offsets @ poses[at, :3, :3], half)
+        # in the base frame
+        corners = (triangles.corners_m[hit] - poses[at, None, :3, 3]) @ poses[at, :3, :3]
+        touching = _touching(corners, parts)
         touched.append(np.stack((at[touching], triangles.instances[hit[touching]]), axis=1))
     return _contacts(scene, sweep, np.unique(np.concatenate(touched), axis=0))
+
+
+def _touching(corners_m: NDArray[np.float64], parts_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Triangles (n, 3, 3) that meet any of the boxes (k, 2, 3): a mask (n,)."""
+    touching = np.zeros(len(corners_m), dtype=bool)
+    for low, high in parts_m:
+        rest = np.flatnonzero(~touching)
+        touching[rest] = meet_box(corners_m[rest] - 0.5 * (low + high), 0.5 * (high - low))
+    return touching
 
 
 def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
@@ -109,13 +120,17 @@ def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDA
     Source: Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing", Journal of Graphics Tools 6
     (2001).
     """
-    meets: NDArray[np.bool_] = np.all(corners_m.min(axis=1) <= half_m, axis=1)
-    meets &= np.all(corners_m.max(axis=1) >= -half_m, axis=1)
-    edges = np.roll(corners_m, -1, axis=1) - corners_m
+    low, high = bounds_of(corners_m)
+    found: NDArray[np.bool_] = np.all((low <= half_m) & (high >= -half_m), axis=1)
+    near = np.flatnonzero(found)
+    if not len(near):
+        return found
+    corners = corners_m[near]
+    edges = np.roll(corners, -1, axis=1) - corners
     axes = [np.cross(edges[:, 0], edges[:, 1])]
     axes += [np.cross(unit, edges[:, k]) for unit in np.eye(3) for k in range(3)]
     for axis in axes:
-        heights = np.einsum("nkj,nj->nk", corners_m, axis)
+        heights = np.einsum("nkj,nj->nk", corners, axis)
         reach = np.abs(axis) @ half_m
-        meets &= (heights.min(axis=1) <= reach) & (heights.max(axis=1) >= -reach)
-    return meets
+        found[near] &= (heights.min(axis=1) <= reach) & (heights.max(axis=1) >= -reach)
+    return found

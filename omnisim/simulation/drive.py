@@ -22,7 +22,7 @@ from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.stage import Stage
 from omnisim.short_repr import counted, short_repr
-from omnisim.simulation.body_box import BodyBox
+from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import Contact, find_contacts
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
@@ -85,7 +85,7 @@ class Drive:
         """
         self._check_seed()
         planned = plan_route(self.scene, self.vehicle, self.route, print_note)
-        truth, box = planned.trajectory, BodyBox.of(self.vehicle)
+        truth, box = planned.trajectory, BodyBoxes.of(self.vehicle)
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)

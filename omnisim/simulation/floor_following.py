@@ -14,11 +14,11 @@ from omnisim.robot.kinematics import GRADE
 from omnisim.robot.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.scene import Scene
 from omnisim.scene.floor import HeightField
-from omnisim.simulation.body_box import BodyBox
+from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.sweep import Sweep
 
 TYRE_M = 0.05  # half of the square under a wheel whose median height bears it
-POSES_AT_ONCE = 2000  # bounds the memory
+POSES_AT_ONCE = 256  # bounds the memory
 # Of a wheel's five points: the median is exact on slopes, and bridges joints and pebbles.
 _POINTS = np.array(((0.0, 0.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
 # Four wheels around the robot, and its middle.
@@ -26,7 +26,7 @@ _PLACES = np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0), (0.0, 0.
 _MIDDLE = 4
 
 
-def follow_floor(scene: Scene, sweep: Sweep, box: BodyBox | None, where: str) -> Sweep:
+def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) -> Sweep:
     """Put a level path on the floor under the robot's wheels, which are in its corners.
 
     The floor at the start is the surface nearest to a height of 0. From there on each wheel takes
@@ -82,7 +82,7 @@ class _Track:
     tyre_m: float
 
     @classmethod
-    def of(cls, box: BodyBox | None) -> _Track:
+    def of(cls, box: BodyBoxes | None) -> _Track:
         if box is None:
             return cls(np.zeros(2), np.zeros(2), 0.0)
         half = 0.5 * (box.high_m - box.low_m)[:2]

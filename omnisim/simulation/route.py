@@ -15,7 +15,7 @@ from omnisim.robot import Kinematics, check_drivable, drive_in_steps, drive_with
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
 from omnisim.short_repr import short_repr
-from omnisim.simulation.body_box import BodyBox
+from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.floor_following import follow_floor
 from omnisim.simulation.sweep import Sweep
 from omnisim.simulation.vehicle import Vehicle
@@ -114,7 +114,7 @@ def plan_route(
         check_printed_times(trajectory.times_s)
     except TrajectoryError as reason:
         raise TrajectoryError(f"{route.path}: {reason}") from None
-    box = BodyBox.of(vehicle)
+    box = BodyBoxes.of(vehicle)
     sweep = Sweep.along(trajectory, 0.0 if box is None else box.reach_m)
     if not follows_floor:
         return PlannedRoute(trajectory, sweep, follows_floor=False)

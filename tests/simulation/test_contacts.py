@@ -10,6 +10,7 @@ from omnisim.errors import TrajectoryError
 from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import Instance, ScenePath
+from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import check_no_contact, meet_box
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
@@ -101,6 +102,15 @@ def test_clearance_and_height(vehicle, top_m, bottom_m, touches):
     assert bool(_contacts(scene, vehicle)) == touches
 
 
+def test_nodes_of_the_body_touch_each_for_itself(vehicle):
+    """A board beside the Pioneer's mast and above its wheels; its footprint's box would meet it."""
+    pioneer = Vehicle.load("p2at")
+    for y_m, touches in ((0.2, False), (0.15, True)):  # the antenna's tip is 0.139 m to the left
+        scene = _scene(((0.5, y_m, 0.35), (0.1, 0.02, 0.05)))
+        assert bool(_contacts(scene, pioneer)) == touches
+        assert _contacts(scene, dataclasses.replace(pioneer, body=None))
+
+
 def test_slopes_are_no_contact(vehicle):
     ramp = scene_of([square()], poses=[pose(pitch_deg=-15.0)])
     scene = dataclasses.replace(ramp, paths=_scene().paths)
@@ -141,6 +151,7 @@ def test_the_paper_s_laps_touch_nothing(name, robot):
 def test_robots_of_unknown_size_have_unknown_contacts(vehicle):
     scene = _scene(((0.5, 0.0, 0.5), (0.1, 0.1, 0.5)))
     body = dataclasses.replace(vehicle, footprint=None)
+    np.testing.assert_allclose(BodyBoxes.of(body).high_m, (0.206, 0.206, 0.66), atol=2e-3)
     assert _contacts(scene, body)
     unknown = _contacts(scene, dataclasses.replace(body, body=None))
     assert unknown is None
