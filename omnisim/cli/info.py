@@ -12,6 +12,7 @@ from rich.table import Table
 
 from omnisim.cameras import summary
 from omnisim.cli.console import out
+from omnisim.cli.sensor import mesh_text
 from omnisim.errors import GraphicsError
 from omnisim.extras import EXTRAS, REQUIRED, install_hint, is_installed, missing_packages
 from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
@@ -58,8 +59,7 @@ def _installation() -> list[tuple[str, str]]:
 def _default_camera() -> str:
     """Camera where none is asked for, and how far its mirror's mesh is off."""
     camera = OmniCamera()
-    error = f"off by {camera.mesh_error_px:.3g} px at most"
-    return f"{summary(camera.model)}, {camera.mesh_summary}, {error}"
+    return f"{summary(camera.model)}, {mesh_text(camera)}"
 
 
 def _system() -> str:

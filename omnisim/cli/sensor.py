@@ -35,16 +35,22 @@ def run(request: SensorRequest) -> None:
         out.print(line, markup=False)
 
 
+def mesh_text(sensor: OmniCamera) -> str:
+    """Polygons of a mirror's mesh, and by how much they are off at most, rounded up."""
+    if sensor.mesh_polygons is None:
+        return f"{sensor.mesh_summary}, none"
+    error_px = math.ceil(1000.0 * sensor.mesh_error_px) / 1000.0
+    return f"{sensor.mesh_summary}, off by {error_px:g} px at most"
+
+
 def _mirror_lines(sensor: OmniCamera, camera: HyperbolicCamera) -> list[str]:
     mirror = camera.mirror
-    exact = sensor.mesh_polygons is None
-    error = "none" if exact else f"off by {sensor.mesh_error_px:.3g} px at most"
     return [
         f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
         f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
         f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
         f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
-        f"  mesh     {sensor.mesh_summary}, {error}",
+        f"  mesh     {mesh_text(sensor)}",
         f"  picture  {camera.width_px} × {camera.height_px} px, "
         f"focal length {camera.focal_length_px:.6g} px, "
         f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",

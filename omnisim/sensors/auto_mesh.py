@@ -26,11 +26,12 @@ def auto_polygons(camera: CentralCamera) -> int | None:
 
 
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
-    """Largest error of a mesh anywhere in a camera's picture, its outline included; exact: 0."""
+    """Largest error of a mesh anywhere in a camera's picture, with that of its outline and of
+    rasterization; exact: 0."""  # fmt: skip
     if polygons is None or not isinstance(camera, HyperbolicCamera):
         return 0.0
     error = largest_error(camera.mirror, *sectors_and_rings(polygons), _shown(camera))
-    return camera.focal_length_px * error
+    return camera.focal_length_px * error + _RASTER_STEP_PX
 
 
 def _shown(camera: HyperbolicCamera) -> Annulus:

@@ -150,7 +150,7 @@ def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
     assert status == 0
     assert "s.toml: good" in out
     assert "ξ = 0.9954942" in out
-    assert "  mesh     3600 polygons (auto), off by 0.0916 px at most\n" in out
+    assert "  mesh     3600 polygons (auto), off by 0.096 px at most\n" in out
     (tmp_path / "s.toml").write_text("[mirror]\nk = 1\nc = 0\n")
     status, _, error = omnisim("sensor", "--check", "s.toml")
     assert status == 1
@@ -169,7 +169,7 @@ def test_info_has_what_a_bug_report_needs(omnisim):
     assert f"numpy {version('numpy')}" in lines["packages"]
     assert "courtyard" in lines["scenes"]
     assert "superscout" in lines["robots"]
-    assert lines["camera"].endswith("3600 polygons (auto), off by 0.0916 px at most")
+    assert lines["camera"].endswith("3600 polygons (auto), off by 0.096 px at most")
     assert "OpenGL" in out
 
 

@@ -70,8 +70,7 @@ def test_stated_error_is_that_of_the_gpu(context, camera):
     for polygons in (16, 1024):
         stated_px = mesh_error_px(camera, polygons)
         off_px, _ = _off_px(context, camera, polygons)
-        # samples are up to 0.5 % short of the largest error, vertices lie on a grid of 1/256 px
-        assert off_px.max(initial=0.0) < 1.005 * stated_px + 1.0 / 256.0
+        assert off_px.max() < stated_px
 
 
 def test_larger_pictures_need_more_polygons_and_cropped_ones_fewer():
