@@ -15,3 +15,8 @@ def _folder(name: str) -> Path:
 # The package's own omnisim/sensors is code; only these two folders live at the top level.
 SHADERS = _folder("shaders")
 SCENES = _folder("scenes")
+
+
+def built_in(file: str) -> list[str]:
+    """Names of the folders of `SCENES` with a file, such as scene.toml or robot.toml; sorted."""
+    return sorted(path.parent.name for path in SCENES.glob(f"*/{file}"))

@@ -42,7 +42,7 @@ app = typer.Typer(
     help="Simulator of omnidirectional cameras, accurate to a tenth of a pixel.",
     no_args_is_help=True,
     rich_markup_mode="rich",
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

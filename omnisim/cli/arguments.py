@@ -6,6 +6,15 @@ from typing import Annotated
 
 import typer
 
+from omnisim.cli.completion import (
+    CHANNELS,
+    PRESETS,
+    complete_channels,
+    complete_run_camera,
+    complete_scene,
+    one_of,
+)
+
 
 class PoseAxes(StrEnum):
     """Axes of the poses of a trajectory file."""
@@ -18,6 +27,7 @@ SceneArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
+        autocompletion=complete_scene,
         help="Scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
         "or name of a built-in scene.",
     ),
@@ -92,6 +102,7 @@ QualityOption = Annotated[
     typer.Option(
         "--quality",
         metavar="fast|default|fine",
+        autocompletion=one_of("fast", "default", "fine"),
         help="Samples per pixel and resolution of the virtual cameras.",
         show_default="the sensor file's",
     ),
@@ -102,7 +113,11 @@ UnlitOption = Annotated[
 UpOption = Annotated[
     str | None,
     typer.Option(
-        "--up", metavar="x|y|z", help="Up axis of the scene file.", show_default="its format's"
+        "--up",
+        metavar="x|y|z",
+        autocompletion=one_of("x", "y", "z"),
+        help="Up axis of the scene file.",
+        show_default="its format's",
     ),
 ]
 PresetOption = Annotated[
@@ -110,7 +125,8 @@ PresetOption = Annotated[
     typer.Option(
         "--preset",
         metavar="NAME|FILE",
-        help="Degradations of the camera: ideal, dragonfly2, webcam, bad-day, or a .toml file.",
+        autocompletion=one_of(*PRESETS),
+        help=f"Degradations of the camera: {', '.join(PRESETS)}, or a .toml file.",
         show_default="the sensor file's",
     ),
 ]
@@ -129,9 +145,8 @@ AlsoOption = Annotated[
     typer.Option(
         "--also",
         metavar="CHANNELS",
-        help="Ground-truth channels, comma-separated, or all: range z position normals "
-        "normals_camera albedo semantic instance flow occluded flow_backward occluded_backward "
-        "scene_flow scene_flow_camera valid.",
+        autocompletion=complete_channels,
+        help=f"Ground-truth channels, comma-separated, or all: {' '.join(CHANNELS)}.",
     ),
 ]
 ChannelFormatOption = Annotated[
@@ -139,6 +154,7 @@ ChannelFormatOption = Annotated[
     typer.Option(
         "--channel-format",
         metavar="auto|npy|both",
+        autocompletion=one_of("auto", "npy", "both"),
         help="Files of the channels: layers of an EXR, or PNG and others; an .npy each; or both.",
         show_default="auto",
     ),
@@ -159,6 +175,7 @@ RunSceneOption = Annotated[
     typer.Option(
         "--scene",
         metavar="SCENE",
+        autocompletion=complete_scene,
         help="Scene of the run, if it has moved.",
         show_default="where it was",
     ),
@@ -166,7 +183,11 @@ RunSceneOption = Annotated[
 RunCameraOption = Annotated[
     str | None,
     typer.Option(
-        "--camera-name", metavar="NAME", help="Camera of the run.", show_default="the first"
+        "--camera-name",
+        metavar="NAME",
+        autocompletion=complete_run_camera,
+        help="Camera of the run.",
+        show_default="the first",
     ),
 ]
 CameraNameOption = Annotated[

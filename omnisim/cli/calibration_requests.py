@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from omnisim.cli.arguments import CameraNameOption, MirroredOption
+from omnisim.cli.completion import CALIBRATION_FORMATS, one_of
 
 SourceArgument = Annotated[
     Path,
@@ -16,7 +17,13 @@ SourceArgument = Annotated[
 ]
 FormatOption = Annotated[
     str | None,
-    typer.Option("--format", metavar="FORMAT", help="Format of FILE.", show_default="detected"),
+    typer.Option(
+        "--format",
+        metavar="FORMAT",
+        autocompletion=one_of(*CALIBRATION_FORMATS),
+        help="Format of FILE.",
+        show_default="detected",
+    ),
 ]
 
 
@@ -28,7 +35,10 @@ class ConvertRequest:
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="FORMAT", help="Format to write, one of `omnisim calibration formats`."
+            "--to",
+            metavar="FORMAT",
+            autocompletion=one_of(*CALIBRATION_FORMATS),
+            help="Format to write, one of `omnisim calibration formats`.",
         ),
     ]
     output: Annotated[

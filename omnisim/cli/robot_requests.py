@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from omnisim.cli.completion import complete_robot
+
 
 @dataclass(frozen=True)
 class CheckRequest:
@@ -14,7 +16,9 @@ class CheckRequest:
     robot: Annotated[
         str,
         typer.Argument(
-            metavar="FILE", help="Robot file, folder with a robot.toml, or built-in name."
+            metavar="FILE",
+            autocompletion=complete_robot,
+            help="Robot file, folder with a robot.toml, or built-in name.",
         ),
     ]
 

@@ -25,6 +25,7 @@ from omnisim.cli.arguments import (
     UnlitOption,
     UpOption,
 )
+from omnisim.cli.completion import complete_path, complete_robot
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,10 @@ class DriveRequest:
     robot: Annotated[
         str,
         typer.Option(
-            "--robot", metavar="NAME|FILE", help="Robot file, or name of a built-in robot."
+            "--robot",
+            metavar="NAME|FILE",
+            autocompletion=complete_robot,
+            help="Robot file, or name of a built-in robot.",
         ),
     ]
     path: Annotated[
@@ -43,6 +47,7 @@ class DriveRequest:
         typer.Option(
             "--path",
             metavar="NAME|FILE",
+            autocompletion=complete_path,
             help="Path of the scene, or a file: .tum .kitti .csv, or EuRoC's; a .csv of x_m and "
             "y_m alone has waypoints.",
         ),

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from omnisim.cli.arguments import DeviceOption
+from omnisim.cli.completion import CHECKS, one_of
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,12 @@ class ValidateRequest:
     ] = False
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="CHECK", help="Only this check; may be repeated."),
+        typer.Option(
+            "--only",
+            metavar="CHECK",
+            autocompletion=one_of(*CHECKS),
+            help="Only this check; may be repeated.",
+        ),
     ] = None
     device: DeviceOption = None
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.errors import RobotFileError, did_you_mean
-from omnisim.resources import SCENES
+from omnisim.resources import SCENES, built_in
 
 ROBOT_FILE = "robot.toml"
 
 
 def builtin_robots() -> list[str]:
     """Names of the built-in robots, sorted."""
-    return sorted(path.parent.name for path in SCENES.glob(f"*/{ROBOT_FILE}"))
+    return built_in(ROBOT_FILE)
 
 
 def find_robot(source: str | Path) -> Path:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.errors import SceneError, did_you_mean
-from omnisim.resources import SCENES
+from omnisim.resources import SCENES, built_in
 from omnisim.scene.scene_file import SceneFile
 from omnisim.toml_file import read_toml
 
 
 def builtin_scenes() -> list[str]:
     """Names of the built-in scenes, sorted; each is a folder with a `scene.toml`."""
-    return sorted(path.parent.name for path in SCENES.glob("*/scene.toml"))
+    return built_in("scene.toml")
 
 
 def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
