@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError, printable
 from omnisim.scene.asset_resolver import AssetResolver
+from omnisim.scene.dynamic_objects import load_objects
+from omnisim.scene.extension import extend, with_objects
 from omnisim.scene.file_axes import world_from_file
 from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import place
@@ -25,7 +28,7 @@ from omnisim.scene.model import (
     bounds_m,
 )
 from omnisim.scene.scene_file import SceneFile
-from omnisim.scene.source import resolve_source
+from omnisim.scene.source import SceneSource, resolve_source
 from omnisim.scene.start import default_start
 from omnisim.scene.textures import TextureStore
 
@@ -46,8 +49,64 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
+    return _load_source(source, up_axis, ())
+
+
+def _load_source(source: str | Path, up_axis: str | None, outer: tuple[Path, ...]) -> Scene:
+    """Load a scene that those of the outer TOMLs extend, or have as an object."""
     try:
-        path, settings = resolve_source(source)
+        found = resolve_source(source)
+    except OSError as reason:  # a name too long, a folder without permission
+        raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+    if found.toml is None:
+        return _load_mesh_file(source, found, up_axis)
+    path = found.toml.resolve()
+    if path in outer:
+        raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
+    outer = (*outer, path)
+    if found.settings.extends is None:
+        scene = _load_mesh_file(source, found, up_axis)
+    else:
+        scene = _load_extended(str(source), found, up_axis, outer)
+
+    def load_shape(path: Path, axis: str | None) -> Scene:
+        return _load_source(path, axis, outer)
+
+    try:
+        objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
+    except SceneError as reason:
+        raise SceneError(f"{found.toml}: {reason}") from None
+    return with_objects(scene, objects, str(found.toml))
+
+
+def _load_extended(
+    name: str, found: SceneSource, up_axis: str | None, outer: tuple[Path, ...]
+) -> Scene:
+    """Load the scene that a TOML extends, and add what the TOML has."""
+    settings, toml = found.settings, outer[-1]
+    assert settings.extends is not None
+    beside = toml.parent / settings.extends
+    base = _load_source(beside if beside.exists() else settings.extends, up_axis, outer)
+    return extend(
+        base,
+        dataclasses.replace(
+            base,
+            name=name,
+            background=settings.background or base.background,
+            start=base.start if settings.start is None else _start(settings, base.bounds_m()),
+            starts=_starts(settings),
+            paths=_paths(settings),
+            landmarks=_landmarks(settings),
+            labels=label_rules(settings.labels) or base.labels,
+        ),
+        str(found.toml),
+    )
+
+
+def _load_mesh_file(source: str | Path, found: SceneSource, up_axis: str | None) -> Scene:
+    path, settings = found.mesh_file, found.settings
+    assert path is not None
+    try:
         if path.suffix.lower() not in _GLTF:
             from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
 
@@ -93,8 +152,8 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
         notices=tuple(
             printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in dict.fromkeys(notices)
         ),
-        starts=tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts),
-        paths=tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths),
+        starts=_starts(settings),
+        paths=_paths(settings),
         landmarks=_landmarks(settings),
         labels=label_rules(settings.labels),
     )
@@ -104,6 +163,14 @@ def _start(settings: SceneFile, bounds: NDArray[np.float64]) -> StartPose:
     if settings.start is not None:
         return StartPose(settings.start.position_m, settings.start.yaw_deg)
     return default_start(bounds)
+
+
+def _starts(settings: SceneFile) -> tuple[NamedStart, ...]:
+    return tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts)
+
+
+def _paths(settings: SceneFile) -> tuple[ScenePath, ...]:
+    return tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths)
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:

@@ -15,6 +15,7 @@ from omnisim.scene.file_axes import world_from_axes
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.instance_boxes import instance_boxes
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
+from omnisim.scene.object_motion import ObjectMotion
 from omnisim.scene.parts import (
     MAX_LIGHTS,
     SLIM_M,
@@ -62,6 +63,24 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
+class DynamicObject:
+    """Object that moves by the world's time.
+
+    Attributes:
+        name: distinct within a scene.
+        shape: in a frame of its own; its lights and background are ignored.
+        motion: of that frame in the world.
+    """
+
+    name: str
+    shape: Scene
+    motion: ObjectMotion
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), type(self.motion).__name__)
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """Meshes, materials, instances and lights, and where vehicles may be.
 
@@ -79,6 +98,7 @@ class Scene:
         paths: routes of vehicles; names are distinct.
         landmarks: names are distinct.
         labels: class rules, the first that matches a name has it; without any: by names.
+        objects: that move; names are distinct.
     """
 
     name: str
@@ -93,6 +113,7 @@ class Scene:
     paths: tuple[ScenePath, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     labels: tuple[LabelRule, ...] = ()
+    objects: tuple[DynamicObject, ...] = ()
 
     def __repr__(self) -> str:
         return short_repr(
@@ -104,6 +125,7 @@ class Scene:
             counted(len(self.landmarks), "landmark"),
             counted(len(self.starts), "start"),
             counted(len(self.paths), "path"),
+            counted(len(self.objects), "dynamic object") if self.objects else "",
         )
 
     @property

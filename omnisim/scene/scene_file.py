@@ -32,6 +32,12 @@ def _distinct(key: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("expected a number other than 0")
+    return value
+
+
 class StartTable(Table):
     """Default pose of the camera."""
 
@@ -90,6 +96,88 @@ class ScenePathTable(Table):
     """Heading at the first corner in degrees; left out: towards the second."""
 
 
+class ObjectPathTable(Table):
+    """Motion along straight legs; at rest before the first time and after the last."""
+
+    times_s: Annotated[tuple[Number, ...], Field(min_length=1)]
+    """Times of the positions in seconds, increasing."""
+    positions_m: Annotated[tuple[Point, ...], Field(min_length=1)]
+    """Positions of the object's origin at these times, metres in the world."""
+    yaw_deg: tuple[Number, ...] | None = None
+    """Headings at these times, degrees; left out: 0."""
+    repeats: Annotated[bool, Field(strict=True)] = False
+    """True: it begins again at its last time."""
+
+
+class ObjectTrajectoryTable(Table):
+    """Motion along the poses of a trajectory file."""
+
+    file: Name
+    """Trajectory file with times, relative to this file."""
+    repeats: Annotated[bool, Field(strict=True)] = False
+    """True: it begins again at its last time."""
+
+
+class OrbitTable(Table):
+    """Motion around a level circle, facing ahead."""
+
+    centre_m: Point
+    """Centre of the circle, metres in the world."""
+    radius_m: Positive
+    """Radius of the circle in metres."""
+    period_s: Annotated[Number, AfterValidator(_not_zero)]
+    """Seconds of a turn; less than 0: clockwise."""
+    start_deg: Number = 0.0
+    """Direction from the centre at 0 s, degrees from the world's x."""
+
+
+class ShuttleTable(Table):
+    """Motion to a point and back, slow at both ends."""
+
+    from_m: Point
+    """Start at 0 s, metres in the world."""
+    to_m: Point
+    """Other end, which it faces."""
+    period_s: Positive
+    """Seconds of the way there and back."""
+
+
+class ObjectTable(Table):
+    """Object that moves by the world's time: one of path, trajectory, orbit and shuttle; without
+    them it rests."""
+
+    name: Name
+    """Name of the object, distinct."""
+    file: Name
+    """Mesh file, or a scene's TOML, relative to this file."""
+    up_axis: Literal["x", "y", "z"] | None = None
+    """Axis of the mesh file that points up; left out: as its format has it."""
+    position_m: Point | None = None
+    """Position of its origin where it rests, metres in the world; left out: the origin."""
+    yaw_deg: Number | None = None
+    """Heading where it rests, degrees; left out: 0."""
+    rolling_radius_m: Positive | None = None
+    """Radius of a ball that rolls along its motion without slipping; left out: it does not."""
+    path: ObjectPathTable | None = None
+    trajectory: ObjectTrajectoryTable | None = None
+    orbit: OrbitTable | None = None
+    shuttle: ShuttleTable | None = None
+
+    @model_validator(mode="after")
+    def _one_motion(self) -> ObjectTable:
+        given = [key for key in MOTIONS if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"expected one motion, got {' and '.join(given)}")
+        if given and (self.position_m is not None or self.yaw_deg is not None):
+            raise ValueError(f"expected position_m and yaw_deg without a motion, got {given[0]}")
+        if not given and self.rolling_radius_m is not None:
+            raise ValueError("rolling_radius_m: expected a motion")
+        return self
+
+
+MOTIONS = ("path", "trajectory", "orbit", "shuttle")
+
+
 class LabelTable(Table):
     """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
@@ -115,8 +203,11 @@ class LabelFile(Table):
 class SceneFile(Table):
     """Keys of a scene's TOML."""
 
-    file: str
+    file: str | None = None
     """Mesh file, relative to this file."""
+    extends: Name | None = None
+    """Scene that this one adds to, instead of a mesh file: a built-in name, or a file relative to
+    this one."""
     up_axis: Literal["x", "y", "z"] | None = None
     """Axis of the mesh file that points up; left out: as its format has it."""
     meters_per_unit: Positive | None = None
@@ -130,6 +221,17 @@ class SceneFile(Table):
     """Linear RGB of the landmarks' colours, by name."""
     landmarks: Annotated[tuple[LandmarkTable, ...], _distinct("name")] = ()
     labels: LabelTables = ()
+    objects: Annotated[tuple[ObjectTable, ...], _distinct("name")] = ()
+
+    @model_validator(mode="after")
+    def _one_source(self) -> SceneFile:
+        if self.file is None and self.extends is None:
+            raise ValueError("missing; expected a mesh file, or in extends a scene")
+        if self.file is not None and self.extends is not None:
+            raise ValueError("extends: expected either a mesh file or extends, got both")
+        if self.extends is not None and (self.up_axis or self.meters_per_unit):
+            raise ValueError("extends: expected no up_axis and no meters_per_unit with it")
+        return self
 
     @field_validator("landmarks")
     @classmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from omnisim.errors import SceneError, did_you_mean
 from omnisim.resources import SCENES, built_in
@@ -15,8 +16,26 @@ def builtin_scenes() -> list[str]:
     return built_in("scene.toml")
 
 
-def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
-    """Mesh file of a path or built-in name, and the settings of its TOML, if any."""
+class SceneSource(NamedTuple):
+    """Files of a scene.
+
+    Attributes:
+        mesh_file: path; None: the scene extends another.
+        settings: of its TOML; without one, none.
+        toml: path; None: there is none.
+    """
+
+    mesh_file: Path | None
+    settings: SceneFile
+    toml: Path | None
+
+
+def resolve_source(source: str | Path) -> SceneSource:
+    """Find the files of a path or built-in name.
+
+    Raises:
+        SceneError: a file that is missing, or a TOML that is faulty.
+    """
     if not isinstance(source, str | Path):
         raise SceneError(f"scene: expected a path or a name, got {type(source).__name__}")
     path, name = Path(source), str(source)
@@ -33,9 +52,11 @@ def resolve_source(source: str | Path) -> tuple[Path, SceneFile]:
     if not path.is_file():
         raise SceneError(f"{path}: is not a regular file")
     if path.suffix.lower() != ".toml":
-        return path, SceneFile(file=path.name)
+        return SceneSource(path, SceneFile(file=path.name), None)
     settings = read_toml(path, SceneFile, SceneError)
+    if settings.file is None:
+        return SceneSource(None, settings, path)
     mesh_file = path.parent / settings.file
     if not mesh_file.is_file():
         raise SceneError(f"{path}: file = {settings.file!r}: no such file beside it")
-    return mesh_file, settings
+    return SceneSource(mesh_file, settings, path)

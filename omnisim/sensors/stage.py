@@ -100,7 +100,7 @@ class Stage(Closing):
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits; or an option that
             the back end does not have.
         OmnisimError: the back end's packages are not installed.
-        SceneError: a dynamic object of a vehicle's name, or a body beside vehicles.
+        SceneError: a dynamic object of another's or a vehicle's name, or a body beside vehicles.
     """
 
     def __init__(
@@ -117,10 +117,12 @@ class Stage(Closing):
         if body is not None and vehicles is not None:
             raise SceneError("body: expected either the body of one vehicle or vehicles, got both")
         self.vehicles = dict(vehicles or {}) if body is None else {BODY: body}
-        dynamic_objects = dict(dynamic_objects or {})
-        for name in sorted(self.vehicles.keys() & dynamic_objects.keys()):
-            raise SceneError(f"dynamic_objects: {name!r}: a vehicle has this name")
-        self.objects = self.vehicles | dynamic_objects
+        self.objects = dict(self.vehicles)
+        moving = [(one.name, one.shape) for one in self.scene.objects]
+        for name, shape in (*moving, *(dynamic_objects or {}).items()):
+            if name in self.objects or name == BODY:
+                raise SceneError(f"dynamic object {name!r}: expected each name once")
+            self.objects[name] = shape
         self.backend = open_backend(backend, self.scene, self.objects, device)
 
     def __repr__(self) -> str:
@@ -132,10 +134,15 @@ class Stage(Closing):
     def poses_in(self, state: WorldState) -> tuple[NDArray[np.float64], ...]:
         """Poses (4, 4) of the objects in a state of the world, for the passes.
 
+        The scene's own objects are where they are at the state's time, unless the state has them.
+
         Raises:
             SceneError: an object without a pose.
         """
-        poses = state.world_from_object
+        poses = dict(state.world_from_object)
+        for one in self.scene.objects:
+            if one.name not in poses:
+                poses[one.name] = one.motion.pose_at(state.time_s)
         missing = [name for name in self.objects if name not in poses]
         if missing:
             got = ", ".join(poses) or "none"

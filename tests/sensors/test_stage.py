@@ -167,7 +167,7 @@ def test_invalid_arguments_are_refused():
         scanner.scan(np.eye(4))
     with pytest.raises(SceneError, match="expected either the body of one vehicle or vehicles"):
         Stage(scene, body(), vehicles={"other": body()})
-    with pytest.raises(SceneError, match="dynamic_objects: 'one': a vehicle has this name"):
+    with pytest.raises(SceneError, match="dynamic object 'one': expected each name once"):
         Stage(scene, vehicles={"one": body()}, dynamic_objects={"one": body()})
     with pytest.raises(GraphicsError, match="there is no such device"):
         Stage(scene, device=99)

@@ -1,0 +1,74 @@
+"""Dynamic objects of a scene's TOML: their shapes and motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from omnisim.errors import SceneError, TrajectoryError
+from omnisim.poses import pose_from_rotation, rotation_from_yaw
+from omnisim.scene.model import DynamicObject, Scene
+from omnisim.scene.object_motion import Along, Orbit, Rest, Rolling, Shuttle
+from omnisim.scene.scene_file import ObjectPathTable, ObjectTable
+from omnisim.trajectories import Trajectory, read_trajectory
+
+LoadShape = Callable[[Path, str | None], Scene]  # of a file, by its axis that points up
+
+
+def load_objects(
+    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape
+) -> tuple[DynamicObject, ...]:
+    """Load the objects of the tables of a scene's TOML.
+
+    Args:
+        tables: checked.
+        folder: of the TOML, that files are relative to.
+        load_shape: loads a mesh file or a scene's TOML.
+
+    Raises:
+        SceneError: naming object, key, value and what was expected.
+    """
+    return tuple(_load_object(table, folder, load_shape) for table in tables)
+
+
+def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
+    where, path = f"object {table.name!r}", folder / table.file
+    if not path.is_file():
+        raise SceneError(f"{where}: file = {table.file!r}: no such file beside it")
+    shape = load_shape(path, table.up_axis)
+    if shape.objects:
+        raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
+    try:
+        motion = _motion(table, folder)
+    except TrajectoryError as reason:
+        raise SceneError(f"{where}: {reason}") from None
+    if table.rolling_radius_m is not None and not isinstance(motion, Rest):
+        return DynamicObject(table.name, shape, Rolling(motion, table.rolling_radius_m))
+    return DynamicObject(table.name, shape, motion)
+
+
+def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
+    if table.path is not None:
+        return Along(_trajectory(table.path), table.path.repeats)
+    if table.trajectory is not None:
+        trajectory = read_trajectory(folder / table.trajectory.file)
+        return Along(trajectory, table.trajectory.repeats)
+    if table.orbit is not None:
+        return Orbit(**dict(table.orbit))
+    if table.shuttle is not None:
+        return Shuttle(**dict(table.shuttle))
+    return Rest(table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
+
+
+def _trajectory(path: ObjectPathTable) -> Trajectory:
+    yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
+    for key, values in (("positions_m", path.positions_m), ("yaw_deg", yaw_deg)):
+        if len(values) != len(path.times_s):
+            raise TrajectoryError(
+                f"path.{key}: expected {len(path.times_s)}, one for each of times_s, "
+                f"got {len(values)}"
+            )
+    poses = pose_from_rotation(rotation_from_yaw(np.radians(yaw_deg)), np.array(path.positions_m))
+    return Trajectory(np.array(path.times_s), poses)
