@@ -16,6 +16,8 @@ from omnisim.trajectories.trajectory import Trajectory, step_lengths_m
 DriveType = Literal["differential", "skid_steer"]
 # Relative to the limits: a trajectory at its limits exceeds them by rounding.
 TOLERANCE = 1e-6
+# Of a step in metres or radians: files print nine digits of positions, times and quaternions.
+PRINTED = 5e-9
 # Motion that wheels cannot make but recordings have: noise, skidding, slopes under level poses.
 SLACK_M = 0.1  # in all: noise of the poses, which does not add up
 SIDE_SLIP = math.tan(math.radians(5.0))  # of the way ahead: skidding, a heading that is off
@@ -129,14 +131,15 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
             ("turn acceleration", "rad/s²", kinematics.max_turn_acceleration_radps2),
         ),
     ):
-        found.append((*speed, _first(np.abs(values), speed[2], durations, 0)))
+        found.append((*speed, _first(np.abs(values), speed[2], durations, 0, PRINTED)))
         # rates k and k + 1 differ by more than the acceleration allows between their middles;
         # compared without dividing, as steps may be as short as a float64 can be
         if len(values) > 1:
             before, after = durations[:-1], durations[1:]
             change = np.abs(values[1:] * before - values[:-1] * after)
             scale = 0.5 * (before + after) * before * after
-            found.append((*acceleration, _first(change, acceleration[2], scale, 1)))
+            slack = PRINTED * (before + after)
+            found.append((*acceleration, _first(change, acceleration[2], scale, 1, slack)))
     over = [(hit[0], hit[1], name, unit, limit) for name, unit, limit, hit in found if hit]
     if not over:
         return None
@@ -203,10 +206,14 @@ def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> N
 
 
 def _first(
-    amounts: NDArray[np.float64], limit: float, scale: NDArray[np.float64], offset: int
+    amounts: NDArray[np.float64],
+    limit: float,
+    scale: NDArray[np.float64],
+    offset: int,
+    slack: NDArray[np.float64] | float = 0.0,
 ) -> tuple[int, float] | None:
-    """Step and rate of the first amount above `limit` · `scale`."""
-    over = amounts > limit * scale * (1.0 + TOLERANCE)
+    """Step and rate of the first amount above `limit` · `scale` by more than rounding."""
+    over = amounts > limit * scale * (1.0 + TOLERANCE) + slack
     if not np.any(over):
         return None
     k = int(np.argmax(over))

@@ -7,6 +7,7 @@ import pytest
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import pose
+from omnisim.robot.kinematics import GRADE, find_drift
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, ScenePath
 from omnisim.simulation.route import Route, plan_route
@@ -112,6 +113,17 @@ def test_low_steps_are_climbed_and_high_ones_are_not(vehicle):
         found = _drive(vehicle, [_slab(-3, 3, 0.0), _slab(0.0, 3.0, height_m)])
         assert found.positions_m[-1, 2] == pytest.approx(wanted_m, abs=ROUNDING_M)
         assert found.positions_m[0, 2] == 0.0
+
+
+@pytest.mark.parametrize("rate_hz", [None, 1.0, 10.0, 30.0])
+def test_slopes_and_steps_are_no_slides(vehicle, rate_hz):
+    """Stairs of steps that can be climbed and the steepest slope, as limits of drift see them."""
+    stairs = [_slab(-3, 3, 0.0), *(_slab(0.35 * k, 3, 0.04 * (k + 1)) for k in range(4))]
+    climbed = _drive(vehicle, stairs, rate_hz=rate_hz)
+    assert climbed.positions_m[-1, 2] == pytest.approx(0.16, abs=ROUNDING_M)
+    steep = pose(pitch_deg=-np.degrees(np.arctan(GRADE)))
+    slope = _drive(vehicle, [_slab(-3, 3, 0.0)], poses=[steep], rate_hz=rate_hz)
+    assert find_drift(climbed) is find_drift(slope) is None
 
 
 def test_a_robot_on_a_step_leans_back(vehicle):

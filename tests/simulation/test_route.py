@@ -201,6 +201,17 @@ def test_planned_drives_do_not_drift(vehicle, rate_hz):
     assert find_drift(_drive(load_scene("soccer"), vehicle, "lap", rate_hz=rate_hz)) is None
 
 
+@pytest.mark.parametrize("rate_hz", [30.0, 1000.0])
+@pytest.mark.parametrize("suffix", [".tum", ".csv"])
+def test_a_drive_s_own_poses_can_be_driven(scene, vehicle, tmp_path, rate_hz, suffix):
+    """Though files print nine digits, of which accelerations between close poses are made."""
+    file = tmp_path / f"poses{suffix}"
+    poses = _drive(scene, vehicle, "corner", rate_hz=rate_hz)
+    write_trajectory(file, poses)
+    again = _drive(scene, vehicle, file)
+    np.testing.assert_allclose(again.world_from_base, poses.world_from_base, atol=1e-8)
+
+
 def test_a_car_s_steps_are_longer_than_a_metre(scene, vehicle, tmp_path):
     """50 km/h at 10 Hz."""
     lines = [f"{0.1 * k},{1.389 * k - 2.8},0,0" for k in range(5)]
