@@ -46,6 +46,8 @@ Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
 class Table(pydantic.BaseModel):
     """A table of a file: takes its own keys only, and cannot be changed once read."""
 
+    synonyms: ClassVar[Mapping[str, str]] = {}  # other programs' names of keys
+
     model_config = pydantic.ConfigDict(
         extra="forbid",
         frozen=True,
@@ -176,8 +178,11 @@ def _line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> str:
     names = [str(part) for part in fault["loc"]]
     key = ".".join([at, *names] if at else names) or "file"
     if fault["type"] == "extra_forbidden":
-        known = _keys(model, names[:-1])
-        return f"{key}: unknown key; {did_you_mean(names[-1], known, 'known keys:')}"
+        table = _table_at(model, names[:-1])
+        known = list(table.model_fields) if table else []
+        synonyms = table.synonyms if table and issubclass(table, Table) else {}
+        name = synonyms.get(names[-1], names[-1])
+        return f"{key}: unknown key; {did_you_mean(name, known, 'known keys:')}"
     if fault["type"] == "missing":
         return f"{key}: missing"
     expected = _expected(fault, model, names, key)
@@ -206,24 +211,24 @@ def _expected(
     return "" if expected == message else re.sub(r" after validation, not \d+$", "", expected)
 
 
-def _keys(model: type[pydantic.BaseModel], names: list[str]) -> list[str]:
-    """Keys of the table that `names` leads to, as far as it can be followed."""
+def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydantic.BaseModel] | None:
+    """The table that `names` leads to; None where it cannot be followed."""
     for name in names:
         if name.isdecimal():  # an index into a list of tables
             continue
         field = model.model_fields.get(name)
         inner = _table_in(field.annotation) if field else None
         if inner is None:
-            return []
+            return None
         model = inner
-    return list(model.model_fields)
+    return model
 
 
 def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
     """Tell whether `names` leads to a list of tables, whose own keys may be open."""
     field = model.model_fields.get(names[-1]) if len(names) == 1 else None
     is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
-    return is_open or bool(_keys(model, names))
+    return is_open or _table_at(model, names) is not None
 
 
 def _table_in(annotation: Any) -> type[pydantic.BaseModel] | None:

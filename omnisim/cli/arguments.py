@@ -38,7 +38,6 @@ PictureOption = Annotated[
         "-o",
         "--output",
         metavar="FILE",
-        readable=False,
         help="Picture: .png .jpg .tif (sRGB) or .exr (linear).",
     ),
 ]

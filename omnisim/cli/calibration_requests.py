@@ -43,9 +43,7 @@ class ConvertRequest:
     ]
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", metavar="FILE", readable=False, help="Calibration file to write."
-        ),
+        typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write."),
     ]
     camera_name: CameraNameOption = None
     format: FormatOption = None

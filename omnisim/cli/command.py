@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
@@ -46,7 +46,11 @@ def command(
         def callback(**values: object) -> None:
             run(request(**values))
 
-        setattr(callback, "__signature__", inspect.signature(request))  # noqa: B010
+        signature = inspect.signature(request)
+        for parameter in signature.parameters.values():
+            for info in get_args(parameter.annotation)[1:]:
+                info.readable = False  # who reads a file says in one line why that fails
+        setattr(callback, "__signature__", signature)  # noqa: B010
         group.command(name or run.__name__, cls=Command, help=inspect.getdoc(run))(callback)
         return run
 

@@ -90,7 +90,7 @@ def _print_devices() -> None:
             out.print(f"device {number} cannot be used: {found}", markup=False)
     if not usable:
         open_context().release()  # raises with the reason
-    table = Table("device", "renderer", "vendor", "OpenGL", "largest picture", "samples")
+    table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
     for number, device in usable:
         largest = f"{device.max_texture_size_px} px"
         samples = str(device.max_samples)

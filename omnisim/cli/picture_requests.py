@@ -263,7 +263,6 @@ class ScanRequest:
             "-o",
             "--output",
             metavar="FILE",
-            readable=False,
             help="Ranges: .csv with beam, angle_deg, range_m.",
         ),
     ]
@@ -272,7 +271,6 @@ class ScanRequest:
         typer.Option(
             "--plot",
             metavar="FILE",
-            readable=False,
             help="Also plot the scan from above: .png .pdf .svg.",
         ),
     ] = None
@@ -311,9 +309,7 @@ class MirrorRequest:
 
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", metavar="FILE", readable=False, help="Mesh: .glb .obj .ply."
-        ),
+        typer.Option("-o", "--output", metavar="FILE", help="Mesh: .glb .obj .ply."),
     ]
     polygons: Annotated[
         int | None,

@@ -32,7 +32,7 @@ class ImportRequest:
     ]
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Robot file: .toml."),
+        typer.Option("-o", "--output", metavar="FILE", help="Robot file: .toml."),
     ]
     robot_class: Annotated[
         str | None,

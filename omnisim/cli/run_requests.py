@@ -150,7 +150,6 @@ class PlotRequest:
             "-o",
             "--output",
             metavar="FILE",
-            readable=False,
             help="Plot: .png .pdf .svg.",
             show_default="RUN/plot.png",
         ),
@@ -165,7 +164,7 @@ class VideoRequest:
     run: RunArgument
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Video: .mp4 .mkv."),
+        typer.Option("-o", "--output", metavar="FILE", help="Video: .mp4 .mkv."),
     ]
     camera_name: RunCameraOption = None
     rate_hz: Annotated[float, typer.Option("--fps", metavar="HZ", help="Frames per second.")] = 10.0
@@ -178,7 +177,7 @@ class TrainRequest:
     run: RunArgument
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Colour model: .npz."),
+        typer.Option("-o", "--output", metavar="FILE", help="Colour model: .npz."),
     ]
     missed: Annotated[
         float,
@@ -211,14 +210,13 @@ class DetectRequest:
     ]
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", readable=False, help="Detections: .csv."),
+        typer.Option("-o", "--output", metavar="FILE", help="Detections: .csv."),
     ] = None
     show: Annotated[
         Path | None,
         typer.Option(
             "--show",
             metavar="FILE",
-            readable=False,
             help="Also draw annotated panoramas: .png .pdf .svg.",
         ),
     ] = None

@@ -49,7 +49,6 @@ PictureOrRunOption = Annotated[
         "-o",
         "--output",
         metavar="FILE|DIR",
-        readable=False,
         help="Picture: .png .jpg .tif (sRGB) or .exr (linear); with --trajectory the folder of the "
         "run, which resumes.",
     ),

@@ -82,8 +82,10 @@ def _check_options(request: UnwarpRequest) -> None:
 def _view(request: UnwarpRequest, taken: TakenPicture) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     width, height = request.size_px or (side, side)
-    if min(width, height) < 1:
-        raise OpticsError(f"--size: expected at least 1 × 1, got {width} × {height}")
+    if not 1 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
+        raise OpticsError(
+            f"--size: expected 1 to {MAX_SIDE_PX} pixels to a side, got {width} × {height}"
+        )
     yaw = math.radians(request.yaw_deg)
     if request.kind is ViewKind.PERSPECTIVE:
         return perspective_view(

@@ -50,6 +50,10 @@ def open_context(device: int | None = None) -> moderngl.Context:
             that was forked from one with OpenGL.
     """
     check_process()
+    if device is not None and not (isinstance(device, int) and 0 <= device < _MAX_DEVICES):
+        raise GraphicsError(
+            f"device: expected a number of `omnisim info`, below {_MAX_DEVICES}, got {device!r}"
+        )
     _check_libraries()
     try:
         return _open(device)

@@ -98,7 +98,9 @@ def birdseye_view(
     """
     for name, value in (("height", height_m), ("extent", half_extent_m)):
         if not (math.isfinite(value) and value > 0.0):
-            raise OpticsError(f"bird's eye: {name} {value:g} m: expected more than 0")
+            raise OpticsError(
+                f"bird's eye: {name}: expected a finite number of metres above 0, got {value:g}"
+            )
     focal_length_px = 0.5 * size_px * height_m / half_extent_m
     middle = 0.5 * (size_px - 1)
     camera = PerspectiveCamera(size_px, size_px, focal_length_px, (middle, middle))
@@ -136,5 +138,9 @@ def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.f
 
 def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:
     if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
-        raise OpticsError("view: yaw and pitch: expected finite numbers")
+        yaw_deg, pitch_deg = math.degrees(yaw_rad), math.degrees(pitch_rad)
+        raise OpticsError(
+            "view: yaw and pitch: expected finite numbers of degrees, "
+            f"got {yaw_deg:g} and {pitch_deg:g}"
+        )
     return rotation_from_roll_pitch_yaw(0.0, pitch_rad, yaw_rad)

@@ -22,8 +22,10 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
         points = np.array(waypoints_m, dtype=np.float64)
     except (TypeError, ValueError):
         raise TrajectoryError("waypoints: expected a list of [x, y] in metres") from None
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-        raise TrajectoryError(f"waypoints of shape {points.shape}: expected (n, 2), n ≥ 2")
+    if points.shape in ((0,), (1, 2)):
+        raise TrajectoryError(f"waypoints: expected at least 2, got {len(points)}")
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise TrajectoryError(f"waypoints of shape {points.shape}: expected (n, 2)")
     finite = np.all(np.abs(points) < LARGEST_M, axis=1)  # false for NaN, too
     if not np.all(finite):
         k = int(np.argmin(finite))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -203,6 +204,11 @@ class LabelFile(Table):
 class SceneFile(Table):
     """Keys of a scene's TOML."""
 
+    synonyms: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("scale", "unit", "units", "unit_scale"), "meters_per_unit"),
+        **dict.fromkeys(("up", "axis_up", "upAxis"), "up_axis"),
+        **dict.fromkeys(("mesh", "model", "scene"), "file"),
+    }
     file: str | None = None
     """Mesh file, relative to this file."""
     extends: Name | None = None

@@ -8,6 +8,8 @@ from PIL.Image import Image
 
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
+MAX_SIDE_PX = 32768
+
 
 class TextureStore:
     """Textures of images, each decoded once, however many materials use it.
@@ -57,7 +59,13 @@ class TextureStore:
 
 
 def rgba8(image: Image) -> NDArray[np.uint8]:
-    """Pixels (height, width, 4) uint8 of an image of any mode; Pillow raises if it is damaged."""
+    """Pixels (height, width, 4) uint8 of an image of any mode; Pillow raises if it is damaged.
+
+    Raises:
+        ValueError: it is larger than any GPU's textures: of a damaged file, or a hostile one.
+    """
+    if max(image.size) > MAX_SIDE_PX:
+        raise ValueError(f"expected at most {MAX_SIDE_PX} px to a side, got {max(image.size)}")
     if image.mode.startswith(("I", "F")):  # 16-bit grey, which Pillow would clip
         grey = np.asarray(image, dtype=np.float64)
         grey = grey / 257.0 if image.mode.startswith("I") else grey * 255.0

@@ -136,6 +136,7 @@ def _mesh(
     return make_mesh(name, positions, triangles, material, normals, coordinates, colors)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is left out with the mesh
 def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.float64]:
     """Texture coordinates (n, 2), v down; MTL's scale and offset of the map applied."""
     extra = getattr(visual.material, "kwargs", {})
@@ -264,12 +265,7 @@ def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> NDArray[np.
         return None
     try:
         pixels = rgba8(Image.open(io.BytesIO(assets[" ".join(extra["map_d"])])))
-    except (
-        LookupError,
-        OSError,
-        ValueError,
-        SyntaxError,
-    ):  # missing: the resolver has noted its name
+    except Exception:  # missing: the resolver has noted its name; Pillow's readers raise all kinds
         return None
     holes = pixels[..., 3]
     return holes if (holes < 255).any() else pixels[..., 0]

@@ -17,6 +17,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import (
     check_process,
+    graphics_info,
     open_context,
     release_context,
     release_unclosed_context,
@@ -45,6 +46,7 @@ from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.omnicamera import OmniCamera
+from omnisim.sensors.quality import QUALITIES
 from omnisim.sensors.tiles import sensor_tiles
 
 # A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
@@ -115,6 +117,16 @@ class CubeBackend(SceneBackend):
             release_context(self.context)
 
 
+def _advice(sensor: OmniCamera, largest_px: int) -> str:
+    """Quality to choose for a picture that is too large at a finer one; empty: none helps."""
+    fast = QUALITIES["fast"]
+    side_px = max(sensor.model.width_px, sensor.model.height_px)
+    is_finer = (sensor.supersampling, sensor.texels_per_pixel) > fast
+    if is_finer and sensor.face_size_px is None and side_px * fast.supersampling <= largest_px:
+        return ", or choose --quality fast"
+    return ""
+
+
 class CubeCamera(CameraBackend):
     """GPU passes of one camera; those that only some frames need are made on first use.
 
@@ -136,10 +148,14 @@ class CubeCamera(CameraBackend):
         )
         self._hit_source: CubeHits | None = None
         camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
-        check_picture_size(world.context, camera.width_px, camera.height_px)
-        density = sensor.texels_per_pixel / sensor.supersampling
-        plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
-        self.cube = self._cube_pass(plan)
+        try:
+            check_picture_size(world.context, camera.width_px, camera.height_px)
+            density = sensor.texels_per_pixel / sensor.supersampling
+            plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
+            self.cube = self._cube_pass(plan)
+        except GraphicsError as reason:
+            largest_px = graphics_info(world.context).max_texture_size_px
+            raise GraphicsError(f"{reason}{_advice(sensor, largest_px)}") from None
         self._pipeline = Pipeline(
             self.cube,
             PixelMap(world.context, camera, sensor.mesh_polygons),

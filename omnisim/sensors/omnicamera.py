@@ -21,6 +21,7 @@ from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.quality import (
     DEFAULT_QUALITY,
     MAX_DENSITY,
+    MAX_PICTURE_PX,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     QUALITIES,
@@ -186,10 +187,10 @@ class OmniCamera:
         """The same view in a picture whose shorter side has `size_px` pixels.
 
         Raises:
-            OpticsError: a size below 1.
+            OpticsError: a size below 1, or beyond any GPU's.
         """
-        if size_px < 1:
-            raise OpticsError(f"camera: size: expected at least 1, got {size_px}")
+        if not 1 <= size_px <= MAX_PICTURE_PX:
+            raise OpticsError(f"camera: size: expected 1 to {MAX_PICTURE_PX}, got {size_px}")
         old = self.model
         scale = size_px / min(old.width_px, old.height_px)
         return dataclasses.replace(

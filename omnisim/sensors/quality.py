@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 
 from omnisim.errors import OpticsError, did_you_mean
 
+MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 MAX_SUPERSAMPLING = 8
 MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
 

@@ -30,6 +30,7 @@ from omnisim.sensors.degradations.degradation_file import parse_degradation
 from omnisim.sensors.quality import (
     DEFAULT_QUALITY,
     MAX_DENSITY,
+    MAX_PICTURE_PX,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     CaptureQuality,
@@ -39,7 +40,6 @@ from omnisim.sensors.quality import (
 from omnisim.toml_file import read_toml
 
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
-MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 
 
 Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError, did_you_mean
+from omnisim.poses import LARGEST_M
 from omnisim.robot import Kinematics, check_drivable, drive_in_steps, drive_with_period, time_poses
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
@@ -144,8 +145,10 @@ def _check_numbers(route: Route) -> None:
         )
     if route.rate_hz is not None and not 0.0 < route.rate_hz < math.inf:
         raise TrajectoryError(f"rate {route.rate_hz:g} Hz: expected a finite number above 0")
-    if route.ground_m is not None and not math.isfinite(route.ground_m):
-        raise TrajectoryError(f"ground {route.ground_m:g} m: expected a finite number")
+    if route.ground_m is not None and not abs(route.ground_m) < LARGEST_M:
+        raise TrajectoryError(
+            f"ground {route.ground_m:g} m: expected a finite number below {LARGEST_M:g}"
+        )
 
 
 def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:

@@ -130,7 +130,7 @@ def test_bad_views_are_named():
         Unwarping(CAMERA, up.camera, BASE_FROM_OPTICAL.T @ up.base_from_view)
     with pytest.raises(OpticsError, match="elevation -90°"):
         cylinder_view(100, -math.pi / 2, 0.0)
-    with pytest.raises(OpticsError, match="height 0 m"):
+    with pytest.raises(OpticsError, match=r"height: expected a finite number of .* above 0"):
         birdseye_view(100, 1.0, 0.0)
     with pytest.raises(OpticsError, match=r"field of view: expected .*, got 180°"):
         perspective_view(10, 10, math.pi)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import random
 import re
 import shutil
 import signal
@@ -25,7 +24,6 @@ from omnisim.simulation.run_folder import RunFolder
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import read_trajectory
-from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
@@ -124,31 +122,6 @@ def test_another_seed_is_another_odometry_and_the_same_pictures(scene, vehicle, 
     assert other["ground_truth.tum"] == same["ground_truth.tum"]
     assert other["omnicam/000001.png"] == same["omnicam/000001.png"]
     assert other["lms200/000001.csv"] == same["lms200/000001.csv"]
-
-
-@pytest.mark.parametrize("seed", slow_but(range(4), 0))
-def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path, seed):
-    """SIGKILL from outside, at a random moment of start, planning, rendering or writing."""
-    moments = random.Random(seed)
-    folder = tmp_path / "run"
-    command = [sys.executable, "-c", "from omnisim.cli.app import main; main()"]
-    command += [*ARGUMENTS, "--seed", "7", "-o", str(folder)]
-    for _ in range(3):
-        process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path
-        )
-        # when it has written so many files, and a moment later
-        wanted, patience = moments.randint(0, 30), time.monotonic() + 60.0
-        while process.poll() is None and time.monotonic() < patience:
-            if folder.is_dir() and sum(1 for _ in folder.rglob("*")) >= wanted:
-                break
-            time.sleep(0.01)
-        time.sleep(moments.uniform(0.0, 0.3))
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
-    assert done.returncode == 0, done.stderr
-    assert _bytes(folder) == _bytes(whole)
 
 
 def test_a_finished_run_stays_as_it_is(scene, vehicle, whole):
@@ -353,8 +326,8 @@ def test_force_leaves_no_other_run_s_pictures(scene, vehicle, whole, tmp_path):
 
 
 def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
-    drive = Drive(scene, vehicle.with_cameras(size_px=100_000), ROUTE)
-    with pytest.raises(GraphicsError, match="300000 × 300000 px"):
+    drive = Drive(scene, vehicle.with_cameras(size_px=30_000), ROUTE)
+    with pytest.raises(GraphicsError, match="90000 × 90000 px"):
         next(drive.plan().record(tmp_path / "run"))
     assert not (tmp_path / "run").exists()
 

@@ -34,6 +34,7 @@ def skin_vertices(
     return skinned, np.einsum("nab,nb->na", blended[:, :3, :3], normals)
 
 
+@np.errstate(all="ignore")
 def joint_matrices(
     skin: JsonObject, accessors: Accessors, nodes: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:

@@ -1,0 +1,31 @@
+"""Long runs of what must not wear out: `python -m tests.soak kills|renderers --times 200`."""
+
+import argparse
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
+from tests.soak.kills import kills
+from tests.soak.renderers import LARGEST_GROWTH, renderers
+
+
+def main() -> None:
+    """Run one; exit status 1 where it fails."""
+    parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
+    parser.add_argument("what", choices=("kills", "renderers"))
+    parser.add_argument("--times", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1, help="of the kills' moments")
+    parser.add_argument("--output", type=Path, help="for the runs; a temporary folder")
+    options = parser.parse_args()
+    print_line = partial(print, flush=True)
+    if options.what == "renderers":
+        growth = renderers(options.times, print_line)
+        print(f"{options.times} renderers: {growth / 1e6:+.1f} MB")
+        sys.exit(growth > LARGEST_GROWTH)
+    with tempfile.TemporaryDirectory(prefix="omnisim-kills-") as folder:
+        kills(options.output or Path(folder), options.times, options.seed, print_line)
+
+
+if __name__ == "__main__":
+    main()

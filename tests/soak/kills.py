@@ -1,0 +1,115 @@
+"""Drives that are killed at random moments and resumed: the bytes of an undisturbed run."""
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+DRIVE = (
+    "drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "48", "--step", "1.2",
+    "--turn-step", "45", "--seed", "7", "--also", "instance",
+)  # fmt: skip
+MAIN = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from omnisim.cli.app import main; main()"
+)
+SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+LONGEST_S = 600.0
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Bytes of all files under a folder, by their relative paths."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def start(folder: Path) -> subprocess.Popen[str]:
+    """Begin or resume the drive into `folder`."""
+    return subprocess.Popen(
+        [sys.executable, "-c", MAIN, *DRIVE, "-o", str(folder)],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=folder.parent,
+    )  # fmt: skip
+
+
+def finish(folder: Path) -> None:
+    """Drive to the end.
+
+    Raises:
+        RuntimeError: the command fails.
+    """
+    process = start(folder)
+    _, errors = process.communicate(timeout=LONGEST_S)
+    if process.returncode != 0:
+        raise RuntimeError(f"{folder}: exit status {process.returncode}: {errors}")
+
+
+def kill(folder: Path, moments: random.Random, duration_s: float) -> int | None:
+    """Resume a drive and kill it at a random moment.
+
+    Args:
+        folder: of the run.
+        moments: decides when, and by which signal.
+        duration_s: of an undisturbed drive.
+
+    Returns:
+        Files that were there at the moment, or None: the drive had ended before.
+    """
+    process, wanted = start(folder), moments.randint(0, 100)
+    by_files = moments.random() < 0.5
+    until = time.monotonic() + (LONGEST_S if by_files else moments.uniform(0.0, duration_s))
+    while process.poll() is None and time.monotonic() < until:
+        if by_files and folder.is_dir() and sum(1 for _ in folder.rglob("*")) >= wanted:
+            time.sleep(moments.uniform(0.0, 0.2))
+            break
+        time.sleep(0.005)
+    is_running = process.poll() is None
+    process.send_signal(moments.choice(SIGNALS))
+    process.communicate()
+    if not is_running:
+        return None
+    return sum(1 for _ in folder.rglob("*")) if folder.is_dir() else 0
+
+
+def kills(folder: Path, times: int, seed: int, print_line=print) -> None:
+    """Kill drives `times` times; a run is driven to its end after some, and compared.
+
+    Args:
+        folder: an empty one, for the runs.
+        times: all kills.
+        seed: of the moments.
+        print_line: called with the progress after each run.
+
+    Raises:
+        RuntimeError: a run that does not end, or with other bytes; it stays in the folder.
+    """
+    moments, begun = random.Random(seed), time.monotonic()
+    finish(folder / "whole")
+    duration_s = time.monotonic() - begun
+    whole, done, runs, at = contents(folder / "whole"), 0, 0, []
+    while done < times:
+        run = folder / f"run-{runs}"
+        for _ in range(min(moments.randint(1, 8), times - done)):
+            files = kill(run, moments, duration_s)
+            if files is None:
+                break
+            at.append(files)
+            done += 1
+        finish(run)
+        found = contents(run)
+        different = sorted(
+            name for name in whole.keys() | found.keys() if whole.get(name) != found.get(name)
+        )
+        if different:
+            raise RuntimeError(f"{run}: differs after kills in {', '.join(different[:5])}")
+        for name in sorted(found, reverse=True):
+            (run / name).unlink()
+        runs += 1
+        print_line(
+            f"{done} of {times} kills, {runs} runs equal; "
+            f"killed with {min(at, default=0)} to {max(at, default=0)} files"
+        )

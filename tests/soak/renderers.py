@@ -1,0 +1,50 @@
+"""Renderers that are opened and dropped: the process's memory stays what it was."""
+
+import gc
+import os
+import warnings
+from pathlib import Path
+
+from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer
+from omnisim.poses import pose
+from tests.scenes import room, scene_of
+
+WARM = 20  # renderers until all that is kept once is there
+LARGEST_GROWTH = 50e6  # bytes; of 30 renderers that nothing releases: 199 MB
+CAMERA = OmniCamera(polygons=None).resized(24)
+
+
+def resident_bytes() -> int:
+    """Resident memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def renderers(times: int, print_line=print) -> int:
+    """Open and drop `times` renderers of a camera, and of a laser scanner every tenth time.
+
+    Args:
+        times: more than `WARM`.
+        print_line: called with the progress.
+
+    Returns:
+        Growth of the resident memory in bytes since the first `WARM`.
+    """
+    before = 0
+    for number in range(1, times + 1):
+        scene = scene_of([room()])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)
+            renderer = Renderer(scene, CAMERA)
+            renderer.render(pose())
+            if number % 2:
+                renderer.close()
+            if number % 10 == 0:
+                LaserRenderer(scene, LaserScanner()).scan(pose())
+            del renderer
+            gc.collect()
+        if number == WARM:
+            before = resident_bytes()
+        if number % 50 == 0:
+            growth = resident_bytes() - before
+            print_line(f"{number} of {times} renderers: {growth / 1e6:+.1f} MB since {WARM}")
+    return resident_bytes() - before

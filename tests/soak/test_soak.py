@@ -1,0 +1,24 @@
+"""Short versions of `python -m tests.soak`."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.slow import slow_but
+from tests.soak.kills import kills
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+
+@pytest.mark.parametrize("seed", slow_but(range(4), 0))
+def test_killed_at_any_moment_a_drive_resumes_and_ends_the_same(tmp_path, seed):
+    kills(tmp_path, 3, seed)
+
+
+@pytest.mark.slow
+def test_dropped_renderers_take_no_more_memory_than_a_few():
+    """In a process of its own: memory of other tests would hide it."""
+    command = [sys.executable, "-m", "tests.soak", "renderers", "--times", "50"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr + done.stdout
