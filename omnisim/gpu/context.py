@@ -52,7 +52,7 @@ def open_context(device: int | None = None) -> moderngl.Context:
     check_process()
     if device is not None and not (isinstance(device, int) and 0 <= device < _MAX_DEVICES):
         raise GraphicsError(
-            f"device: expected a number of `omnisim info`, below {_MAX_DEVICES}, got {device!r}"
+            f"device {device!r}: {_NO_SUCH_DEVICE}: expected a number as `omnisim info` lists them"
         )
     _check_libraries()
     try:
