@@ -32,6 +32,7 @@ from omnisim.cameras.equisolid import EquisolidCamera
 from omnisim.cameras.eucm import EucmCamera
 from omnisim.cameras.f_theta import FThetaCamera
 from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+from omnisim.cameras.full_turn import period_px
 from omnisim.cameras.gazebo import GazeboCamera
 from omnisim.cameras.hyperbolic import HyperbolicCamera
 from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
@@ -76,6 +77,7 @@ __all__ = [
     "StereographicCamera",
     "UnifiedCamera",
     "camera_from_parameters",
+    "period_px",
     "pixel_grid",
     "summary",
 ]

@@ -180,6 +180,15 @@ class UnwarpRequest:
         ),
     ]
     output: PictureOption
+    also: Annotated[
+        str | None,
+        typer.Option(
+            "--also",
+            metavar="CHANNELS",
+            help="Ground-truth channels of the picture to take along, comma-separated, or all.",
+        ),
+    ] = None
+    channel_format: ChannelFormatOption = None
     sensor: Annotated[
         Path | None,
         typer.Option(

@@ -10,9 +10,16 @@ from numpy.typing import NDArray
 
 from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cli.console import out
+from omnisim.cli.inputs import parse_channel_format
 from omnisim.cli.picture_requests import UnwarpRequest, ViewKind
 from omnisim.errors import OpticsError
+from omnisim.ground_truth import Labels, check_channels, parse_channels
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.files import sidecar_path, write_boxes, write_sidecars
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import is_float_format, write_image
+from omnisim.perception.channel_unwarping import ChannelUnwarping
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import (
     View,
@@ -27,6 +34,14 @@ from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.version import __version__
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
+_INHERITED = (
+    "scene",
+    "lit",
+    "exposure",
+    "world_from_base",
+    "next_world_from_base",
+    "previous_world_from_base",
+)
 MAX_SIDE_PX = 32768
 MAX_PIXELS = 1 << 26  # an EXR of them has 1 GB
 
@@ -34,9 +49,15 @@ MAX_PIXELS = 1 << 26  # an EXR of them has 1 GB
 def run(request: UnwarpRequest) -> None:
     """Unwarp one picture, write it and print a summary with the share that is masked."""
     _check_options(request)
+    channel_format = parse_channel_format(request.channel_format, request.also or "")
     is_float = is_float_format(request.output)
     check_target(request.output)
     check_distinct({"the view": request.output}, {"the picture itself": request.picture})
+    if request.also is not None:
+        files = (sidecar_path(path, "channels.json") for path in (request.output, request.picture))
+        check_distinct(
+            {"the view's channels": next(files)}, {"the picture's channels": next(files)}
+        )
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
     taken = read_picture(request.picture, sensor)
     view = _view(request, taken)
@@ -51,8 +72,17 @@ def run(request: UnwarpRequest) -> None:
         unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
     except OpticsError as reason:
         raise OpticsError(f"{request.picture}: {reason}: look elsewhere") from None
+    metadata = _metadata(taken, view)
+    channels, labels, has_ray = _channels(request, taken, view, camera_from_view, metadata)
     colors = unwarp(_linear(taken.pixels) if is_float else taken.pixels)
-    write_image(request.output, _with_alpha(colors, unwarp.valid, is_float), _metadata(taken, view))
+    pixels = _with_alpha(colors, unwarp.valid, is_float)
+    if channels and is_float and channel_format is not ChannelFormat.NPY:
+        write_exr(request.output, channels, labels, metadata, pixels)
+    else:
+        write_image(request.output, pixels, metadata)
+    if channels and not (is_float and channel_format is ChannelFormat.AUTO):
+        write_sidecars(request.output, channels, labels, metadata, has_ray, channel_format)
+    write_boxes(request.output, channels, labels)
     masked = int(unwarp.valid.size - unwarp.valid.sum())
     out.print(
         f"{request.output}: {request.kind}, {view.camera.width_px} × {view.camera.height_px} px"
@@ -64,6 +94,28 @@ def run(request: UnwarpRequest) -> None:
         ),
         markup=False,
     )
+    if channels:
+        out.print(f"{request.output}: also {', '.join(channels)}", markup=False)
+
+
+def _channels(
+    request: UnwarpRequest,
+    taken: TakenPicture,
+    view: View,
+    camera_from_view: NDArray[np.float64],
+    metadata: dict[str, Any],
+) -> tuple[dict[str, NDArray[Any]], Labels | None, NDArray[np.bool_]]:
+    """Channels of the view that are asked for, their labels, and which pixels have a ray."""
+    if request.also is None:
+        return {}, None, np.zeros(0, dtype=np.bool_)
+    stored = StoredChannels(request.picture, taken.metadata)
+    wants_all = "all" in request.also.lower().split(",")
+    names = stored.names if wants_all else parse_channels(request.also)
+    sources = {"position"} if "z" in names and "position" in stored.names else set()
+    channels = stored.read(check_channels({*names, *sources}))
+    unwarp = ChannelUnwarping(taken.camera, view.camera, camera_from_view, taken.covered)
+    made = unwarp(channels, metadata.get("world_from_optical"))
+    return {name: made[name] for name in names}, stored.labels, unwarp.valid
 
 
 def _check_options(request: UnwarpRequest) -> None:
@@ -166,11 +218,7 @@ def _metadata(taken: TakenPicture, view: View) -> dict[str, Any]:
     """Metadata of the view: its own camera and pose, and the picture's scene."""
     base_from_optical = np.eye(4)
     base_from_optical[:3, :3] = view.base_from_view
-    inherited = {
-        key: value
-        for key, value in taken.metadata.items()
-        if key in ("scene", "lit", "exposure", "world_from_base")
-    }
+    inherited = {key: value for key, value in taken.metadata.items() if key in _INHERITED}
     if taken.world_from_optical is not None and taken.world_from_base is not None:
         base_from_optical[:3, 3] = (
             np.linalg.inv(taken.world_from_base) @ taken.world_from_optical

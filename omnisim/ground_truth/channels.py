@@ -9,6 +9,7 @@ behind clear glass the channels show what is behind it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -25,6 +26,7 @@ class Channel:
         dtype: of the array.
         unit: of the numbers; empty: none.
         about: its contents, also where nothing is hit.
+        empty: number where the pixel has no ray.
         other: picture that it also depends on: "next", "previous", or empty.
     """
 
@@ -33,6 +35,7 @@ class Channel:
     dtype: str
     unit: str
     about: str
+    empty: float = 0.0
     other: str = ""
 
 
@@ -46,15 +49,18 @@ CHANNELS = {
         Channel(
             "range", ("range",), "float32", "m",
             "length of the ray from the effective viewpoint; +inf: nothing is hit",
+            math.inf,
         ),
         Channel(
             "z", ("Z",), "float32", "m",
             "coordinate along the optical frame's z, not a distance: negative behind its plane, "
             "and a mirror's optical frame looks up into the mirror; +inf: nothing is hit",
+            math.inf,
         ),
         Channel(
             "position", _xyz("position"), "float64", "m",
             "where the ray hits, world frame (x, y on the ground, z up); NaN: nothing is hit",
+            math.nan,
         ),
         Channel(
             "normals", _xyz("normal"), "float32", "",
@@ -80,35 +86,35 @@ CHANNELS = {
             "flow", ("flow.U", "flow.V"), "float32", "px",
             "from the pixel to where its point is in the next picture, u right, v down; of "
             "nothing's direction where nothing is hit; NaN: the next picture's lens cannot see it",
-            "next",
+            math.nan, "next",
         ),
         Channel(
             "occluded", ("occluded",), "uint8", "",
             "the point in the next picture: 0 visible, 1 hidden, 2 outside of it, 255 the pixel "
             "sees nothing",
-            "next",
+            255, "next",
         ),
         Channel(
             "flow_backward", ("flow_backward.U", "flow_backward.V"), "float32", "px",
             "from the pixel to where its point was in the previous picture, otherwise as flow",
-            "previous",
+            math.nan, "previous",
         ),
         Channel(
             "occluded_backward", ("occluded_backward",), "uint8", "",
             "the point in the previous picture, otherwise as occluded",
-            "previous",
+            255, "previous",
         ),
         Channel(
             "scene_flow", _xyz("scene_flow"), "float32", "m",
             "motion of the point until the next picture, world frame: 0 on the static scene; "
             "NaN: nothing is hit",
-            "next",
+            math.nan, "next",
         ),
         Channel(
             "scene_flow_camera", _xyz("scene_flow_camera"), "float32", "m",
             "the same relative to the camera: the point in the next picture's optical frame, less "
             "the point in this one's",
-            "next",
+            math.nan, "next",
         ),
         Channel(
             "valid", ("valid",), "uint8", "",

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.channels import CHANNELS
@@ -19,9 +18,9 @@ def write_exr(
     channels: Mapping[str, NDArray[Any]],
     labels: Labels | None,
     metadata: Mapping[str, Any],
-    linear: NDArray[np.float32] | None = None,
+    linear: NDArray[Any] | None = None,
 ) -> None:
-    """Write channels under the names of `Channel.layers`, and colours as R, G, B.
+    """Write channels under the names of `Channel.layers`, and colours as R, G, B, and A if any.
 
     All are 32-bit floats, which hold whole numbers exactly up to 2^24; a position is counted from
     the world's origin, so far from it a float32 rounds: to 0.1 mm at 1 km. The attributes
@@ -32,7 +31,7 @@ def write_exr(
     """
     layers: dict[str, NDArray[Any]] = {}
     if linear is not None:
-        layers |= {name: linear[..., index] for index, name in enumerate("RGB")}
+        layers |= {name: linear[..., index] for index, name in enumerate("RGBA"[: linear.shape[2]])}
     attributes = {}
     for name, values in channels.items():
         channel = CHANNELS[name]

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_write
+from omnisim.errors import OutputError
 from omnisim.image_files import write_numbers
 
 _FLO_MAGIC = np.float32(202021.25)  # "PIEH"
-_FLO_UNKNOWN = np.float32(1e10)
+_FLO_UNKNOWN, _FLO_LARGEST = np.float32(1e10), 1e9
 KITTI_STEPS_PER_PX, _KITTI_ZERO = 64.0, 2**15
 
 
@@ -31,6 +32,25 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
             + np.array([width, height], dtype="<i4").tobytes()
             + known.tobytes()
         )
+
+
+def read_flo(path: Path) -> NDArray[np.float32]:
+    """Read flow (height, width, 2) from Middlebury's format; NaN where it is unknown.
+
+    Raises:
+        OutputError: the file cannot be read, or is not one.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be read: {reason.strerror}") from None
+    width, height = np.frombuffer(data[4:12], "<i4").tolist() if len(data) >= 12 else (0, 0)
+    is_flo = data[:4] == _FLO_MAGIC.astype("<f4").tobytes() and min(width, height) > 0
+    if not is_flo or len(data) != 12 + 8 * width * height:
+        raise OutputError(f"{path}: expected optical flow in Middlebury's format")
+    flow_px = np.frombuffer(data[12:], "<f4").reshape(height, width, 2).astype(np.float32)
+    flow_px[flow_px > _FLO_LARGEST] = np.nan
+    return flow_px
 
 
 def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:

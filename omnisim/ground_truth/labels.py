@@ -97,6 +97,26 @@ class Labels:
             return (f"no label for {count} instances, such as {first!r}: they are 'unlabelled'",)
         return ()
 
+    @classmethod
+    def from_json(cls, content: Any) -> Labels:
+        """Labels of a table that `to_json` made.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is no such table.
+        """
+        classes = [
+            ClassLabel(int(one["id"]), str(one["name"]), _color(one["color"]))
+            for one in content["classes"]
+            if one["id"] != NOTHING
+        ]
+        instances = [
+            InstanceLabel(int(one["id"]), str(one["name"]), int(one["class"]), one.get("object"))
+            for one in content["instances"]
+        ]
+        if [one.id for one in instances] != list(range(1, 1 + len(instances))):
+            raise ValueError("expected instances 1, 2, and so on")
+        return cls(tuple(classes), tuple(instances), str(content["classes_from"]))
+
     def to_json(self) -> dict[str, Any]:
         """Names and palette, as JSON can hold them."""
         return {
@@ -111,6 +131,11 @@ class Labels:
                 for i in self.instances
             ],
         }
+
+
+def _color(values: Any) -> tuple[int, int, int]:
+    red, green, blue = values
+    return int(red), int(green), int(blue)
 
 
 def distinct_color(number: int) -> tuple[int, int, int]:

@@ -5,18 +5,10 @@ The other picture is the next one, or for the backward flow the previous one.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import (
-    CentralCamera,
-    CylindricalCamera,
-    EquirectangularCamera,
-    Pixels,
-    pixel_grid,
-)
+from omnisim.cameras import Pixels, period_px, pixel_grid
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
 from omnisim.sensors.hit_source import HitSource
@@ -59,7 +51,7 @@ class OpticalFlow:
             else self._camera.pixel_from_ray(source.rays()[source.has_ray]).positions_px
         )
         self._object_of_draw = source.objects_of_draws()
-        self._period_px = _period_px(self._camera)
+        self._period_px = period_px(self._camera)
 
     def begin(self, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
         """Start to draw the occlusion; return what `end` needs.
@@ -128,13 +120,3 @@ class OpticalFlow:
         inside: NDArray[np.bool_] = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
         inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
         return inside
-
-
-def _period_px(camera: CentralCamera) -> float | None:
-    """Pixels after which a picture that goes all around begins again, or None: it does not."""
-    if isinstance(camera, EquirectangularCamera):
-        return float(camera.width_px)
-    if isinstance(camera, CylindricalCamera):
-        turn_px = 2.0 * math.pi * camera.focal_length_px
-        return turn_px if camera.width_px >= turn_px - 1.0 else None
-    return None

@@ -1,9 +1,11 @@
 """`omnisim unwarp`: output, files and errors."""
 
+import json
+
 import numpy as np
 import pytest
 
-from omnisim.image_files import read_image, write_image
+from omnisim.image_files import read_channels, read_image, write_image
 from omnisim.sensors import OmniCamera
 
 
@@ -48,6 +50,62 @@ def test_unwarp_and_unwarp_again(omnisim, tmp_path, kind, suffix):
     inside = pixels[..., 3] > 0
     assert inside.any()
     assert np.abs(pixels[inside][:, :3].astype(int) - 128).max() <= 2
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_channels_are_taken_along(omnisim, tmp_path):
+    wanted = ["--also", "range,semantic,instance,flow"]
+    render = ["render", "soccer", "--size", "120", *wanted, "-o"]
+    status, _, error = omnisim(*render, "a.png")
+    assert status == 0, error
+    status, out, error = omnisim(
+        "unwarp", "a.png", "--to", "cylinder", *wanted, "--channel-format", "both", "-o", "b.png"
+    )
+    assert (status, error) == (0, "")
+    assert "b.png: also range, semantic, instance, flow, occluded" in out
+    content = json.loads((tmp_path / "b.channels.json").read_text())
+    assert content["camera"]["model"] == "cylindrical"
+    assert content["next_world_from_base"] != content["world_from_base"]
+    names = {one["id"]: one["name"] for one in content["labels"]["classes"]}
+    semantic = np.load(tmp_path / "b.semantic.npy")
+    assert "carpet" in {names[number] for number in np.unique(semantic).tolist()}
+    height, width = semantic.shape
+    assert read_image(tmp_path / "b.png")[0].shape[:2] == (height, width)
+    boxes = json.loads((tmp_path / "b.coco.json").read_text())
+    assert boxes["images"][0]["width"] == width
+    # from an EXR into an EXR, and a view of the view
+    status, _, error = omnisim(*render, "c.exr")
+    assert status == 0, error
+    command = ["unwarp", "c.exr", "--to", "perspective", "--pitch", "40", "--also", "all"]
+    status, out, error = omnisim(*command, "-o", "d.exr")
+    assert (status, error) == (0, "")
+    layers = read_channels(tmp_path / "d.exr").values
+    assert {"R", "A", "range", "flow.U", "instance"} <= set(layers)
+    status, _, error = omnisim(
+        "unwarp", "d.exr", "--to", "perspective", "--pitch", "40", "--also", "range", "-o", "e.exr"
+    )
+    assert (status, error) == (0, "")
+    again = read_channels(tmp_path / "e.exr").values["range"]
+    np.testing.assert_array_equal(again, layers["range"])
+
+
+def test_channels_that_are_not_there_leave_no_file(omnisim, tmp_path, picture):
+    status, _, error = omnisim(
+        "unwarp", "a.png", "--to", "cylinder", "--also", "range", "-o", "b.png"
+    )
+    assert status == 1
+    assert error.count("\n") == 1
+    assert "a.png: channel 'range': not there; it has none" in error
+    assert not (tmp_path / "b.png").exists()
+
+
+def test_channels_of_the_picture_are_not_overwritten(omnisim, tmp_path, picture):
+    arguments = ["unwarp", "a.png", "--to", "cylinder", "--also", "range", "-o", "a.exr"]
+    status, _, error = omnisim(*arguments)
+    assert status == 1
+    assert error.count("\n") == 1
+    assert "a.channels.json" in error
+    assert not (tmp_path / "a.exr").exists()
 
 
 def test_sensor_file_replaces_metadata(omnisim, tmp_path):

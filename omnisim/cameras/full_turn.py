@@ -1,0 +1,19 @@
+"""Pictures that go all around, and begin again after a full turn."""
+
+from __future__ import annotations
+
+import math
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.cylindrical import CylindricalCamera
+from omnisim.cameras.equirectangular import EquirectangularCamera
+
+
+def period_px(camera: CentralCamera) -> float | None:
+    """Pixels after which a picture that goes all around begins again, or None: it does not."""
+    if isinstance(camera, EquirectangularCamera):
+        return float(camera.width_px)
+    if isinstance(camera, CylindricalCamera):
+        turn_px = 2.0 * math.pi * camera.focal_length_px
+        return turn_px if camera.width_px >= turn_px - 1.0 else None
+    return None

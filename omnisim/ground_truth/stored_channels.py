@@ -1,0 +1,161 @@
+"""Channels read back from the files of a picture: layers of EXR files, arrays and sidecars."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OmnisimError, OutputError
+from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth.files import sidecar_path
+from omnisim.ground_truth.flow_files import read_flo
+from omnisim.ground_truth.labels import Labels
+from omnisim.image_files import is_float_format, read_channels, read_image
+from omnisim.srgb import linear_from_srgb8
+
+# Values that two files of one picture have in common.
+_IDENTITY = ("scene", "camera", "world_from_base", "world_from_optical")
+
+
+class StoredChannels:
+    """Channels beside a picture or inside of it, whichever way `Frame.save` or a drive wrote them.
+
+    Arrays and EXR files have them exactly, PNG files in the steps that their description states.
+
+    Args:
+        picture: its path.
+        metadata: the picture's; files of another picture are refused.
+
+    Attributes:
+        names: of the channels that are there, in their order.
+        labels: of the IDs of classes and instances, or None: unknown.
+
+    Raises:
+        OutputError: a file that cannot be read, or of another picture.
+    """
+
+    def __init__(self, picture: Path, metadata: Mapping[str, Any]):
+        self._picture = picture
+        self._layers: dict[str, NDArray[np.float32]] = {}
+        self._described: dict[str, dict[str, Any]] = {}
+        tables: list[Any] = []
+        step = sidecar_path(picture, "channels.exr")  # as a drive has it
+        for path in (picture if is_float_format(picture) else step,):
+            if path.is_file() and path.suffix.lower() == ".exr":
+                found = read_channels(path)
+                _check_identity(path, found.metadata or {}, metadata)
+                self._layers = found.values
+                tables.append((found.metadata or {}).get("labels"))
+        description = sidecar_path(picture, "channels.json")
+        if description.is_file():
+            content = _read_json(description)
+            _check_identity(description, content, metadata)
+            channels = content.get("channels")
+            if not isinstance(channels, dict):
+                raise OutputError(f"{description}: channels: expected a table of channels")
+            self._described = {
+                name: described
+                for name, described in channels.items()
+                if name in CHANNELS and not self._is_inside(name) and isinstance(described, dict)
+            }
+            tables.append(content.get("labels"))
+        table_file = picture.parent.parent / "labels.json"  # of a run
+        if step.is_file() and table_file.is_file():
+            tables.append(_read_json(table_file))
+        self.labels = next((_labels(table, picture) for table in tables if table), None)
+        self.names = tuple(
+            name
+            for name, channel in CHANNELS.items()
+            if channel.layers[0] in self._layers or name in self._described
+        )
+
+    def _is_inside(self, name: str) -> bool:
+        """Layer of the picture itself, which is never older than the picture."""
+        return is_float_format(self._picture) and CHANNELS[name].layers[0] in self._layers
+
+    def read(self, names: Collection[str]) -> dict[str, NDArray[Any]]:
+        """Read channels by name.
+
+        Raises:
+            OutputError: one that is not there, naming those that are, or a damaged file.
+        """
+        for name in names:
+            if name not in self.names:
+                there = ", ".join(self.names) or "none"
+                raise OutputError(f"{self._picture}: channel {name!r}: not there; it has {there}")
+        return {name: self._read(name) for name in names}
+
+    def _read(self, name: str) -> NDArray[Any]:
+        described = self._described.get(name, {})
+        try:
+            if "npy" in described:
+                path = self._picture.with_name(str(described["npy"]["file"]))
+                values = np.load(path, allow_pickle=False)
+            elif CHANNELS[name].layers[0] in self._layers:
+                values = _from_layers(name, self._layers)
+            else:
+                path = self._picture.with_name(str(described["files"][0]))
+                values = _decode(path, name, described)
+        except OmnisimError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError):
+            raise OutputError(
+                f"{self._picture}: channel {name!r}: its file is missing or damaged"
+            ) from None
+        typed: NDArray[Any] = values.astype(CHANNELS[name].dtype, copy=False)
+        return typed
+
+
+def _from_layers(name: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArray[Any]:
+    planes = [layers[layer] for layer in CHANNELS[name].layers]
+    return planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
+
+
+def _decode(path: Path, name: str, described: Mapping[str, Any]) -> NDArray[Any]:
+    """Values of a sidecar file, by what its description says."""
+    if path.suffix == ".exr":
+        return _from_layers(name, read_channels(path).values)
+    if name in FLOWS:
+        return read_flo(path)
+    stored = read_image(path)[0]
+    if name == "albedo":
+        return linear_from_srgb8(stored)
+    if name in ("normals", "normals_camera"):
+        normals = (stored.astype(np.float64) - described["zero"]) / described["steps_per_unit"]
+        return np.where(stored.any(axis=-1, keepdims=True), normals, 0.0)
+    numbers = stored[..., 0]
+    values: NDArray[Any] = numbers // described.get("true", 1)
+    if name == "range":
+        is_hit = (numbers != described["outside"]) & (numbers != described["nothing_hit"])
+        values = np.where(is_hit, numbers / described["steps_per_m"], np.inf)
+    return values
+
+
+def _check_identity(path: Path, found: Mapping[str, Any], metadata: Mapping[str, Any]) -> None:
+    for key in _IDENTITY:
+        if key in metadata and found.get(key) != metadata[key]:
+            raise OutputError(
+                f"{path}: {key}: differs from the picture's: these are channels of another picture"
+            )
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        raise OutputError(f"{path}: cannot be read: expected JSON, as omnisim writes it") from None
+    if not isinstance(content, dict):
+        raise OutputError(f"{path}: expected JSON, as omnisim writes it, got another kind")
+    return content
+
+
+def _labels(table: Any, picture: Path) -> Labels:
+    try:
+        return Labels.from_json(table)
+    except (KeyError, TypeError, ValueError):
+        raise OutputError(f"{picture}: its table of labels is damaged") from None
