@@ -71,6 +71,11 @@ class Material:
     double_sided: bool = False
     unlit: bool = False
 
+    @property
+    def is_blended(self) -> bool:
+        """Transparency: surfaces behind it shine through."""
+        return self.alpha_mode is AlphaMode.BLEND
+
     def __repr__(self) -> str:
         texture = "" if self.texture is None else repr(self.texture)
         return short_repr(self, repr(self.name), self.alpha_mode.value, texture)

@@ -265,7 +265,7 @@ def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> NDArray[np.
         return None
     try:
         pixels = rgba8(Image.open(io.BytesIO(assets[" ".join(extra["map_d"])])))
-    except Exception:  # missing: the resolver has noted its name; Pillow's readers raise all kinds
+    except Exception:  # missing: its name was noted; Pillow's readers raise all kinds
         return None
     holes = pixels[..., 3]
     return holes if (holes < 255).any() else pixels[..., 0]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OpticsError
 from omnisim.gpu.pipeline import Readback, ScenePoses
+from omnisim.ground_truth.labels import Labels
 from omnisim.scene import Scene
 from omnisim.scene.labels import find_labels
 from omnisim.sensors.degradations.effect import MAX_EV
@@ -73,10 +74,14 @@ class FrameRequest:
 class CameraBackend(ABC):
     """Makes the pictures of one camera, and finds the hits of its rays."""
 
-    _ground_truth: tuple[HitSource, GroundTruth] | None = None
-
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
+        self._ground_truth: tuple[HitSource, GroundTruth] | None = None
+        self._labels: tuple[object, Labels] | None = None
+
+    @abstractmethod
+    def refresh(self) -> None:
+        """Work on what the scene's side has now, after an `update`."""
 
     @abstractmethod
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
@@ -98,10 +103,21 @@ class CameraBackend(ABC):
         """Ground truth, able to give albedo if it is asked for."""
         source = self.hit_source(albedo)
         if self._ground_truth is None or self._ground_truth[0] is not source:
-            labels = find_labels(self.world.scene, self.world.objects)
-            truth = GroundTruth(source, labels, list(self.world.objects))
+            truth = GroundTruth(source, self._find_labels(), list(self.world.objects))
             self._ground_truth = source, truth
         return self._ground_truth[1]
+
+    def _refresh_ground_truth(self) -> None:
+        if self._ground_truth is not None:
+            self._ground_truth[1].refresh(self._find_labels())
+
+    def _find_labels(self) -> Labels:
+        """Labels of the scene, found anew where names or rules are other ones."""
+        scene = self.world.scene
+        of = scene.object_names, scene.labels
+        if self._labels is None or self._labels[0] != of:
+            self._labels = of, find_labels(scene, self.world.objects)
+        return self._labels[1]
 
 
 class SceneBackend(ABC):
@@ -121,6 +137,14 @@ class SceneBackend(ABC):
 
         Raises:
             GraphicsError: it is closed.
+        """
+
+    @abstractmethod
+    def update(self, scene: Scene) -> None:
+        """Take another static scene, with the same lights and background.
+
+        What it shares with the one before is not loaded again, where the back end can. Cameras
+        have to `refresh`.
         """
 
     @abstractmethod

@@ -107,6 +107,11 @@ class CubeBackend(SceneBackend):
             self.context.gc()  # renderers that were dropped and not closed
             yield
 
+    def update(self, scene: Scene) -> None:
+        """Take another static scene; its context is current. Meshes that stay are not uploaded."""
+        self.buffers.update(scene)
+        self.scene = scene
+
     def camera(self, setup: CameraSetup) -> CubeCamera:
         """Camera in the scene; its context is current, here and in all the camera's methods."""
         return CubeCamera(self, setup)
@@ -163,6 +168,15 @@ class CubeCamera(CameraBackend):
             "f2" if is_ideal else "f4",
         )
         self._degraded = None if is_ideal else self._degraded_camera(setup.seed)
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        self.cube.refresh()
+        if "whole_cube" in self.__dict__:
+            self.whole_cube.refresh()
+        if self._hit_source is not None:
+            self._hit_source.refresh()
+        self._refresh_ground_truth()
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation."""
@@ -224,13 +238,23 @@ class CubeHits(HitSource):
         self, graphics: CubeBackend, sensor: OmniCamera, cameras: VirtualCameras, albedo: bool
     ):
         self.camera, self.polygons, self.has_albedo = sensor.model, sensor.mesh_polygons, albedo
-        self.draws = [(item.object_index, item.name) for item in graphics.buffers.draw_items]
+        self._graphics = graphics
         self._pixels = PixelMap(graphics.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
         self._passes = RayHitPass(
             VisibilityPass(graphics.buffers, plan, cameras, albedo), self._pixels
         )
         self.has_ray = self._pixels.valid
+        self._find_draws()
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._passes.refresh()
+        self._find_draws()
+
+    def _find_draws(self) -> None:
+        items = self._graphics.buffers.draw_items
+        self.draws = [(item.object_index, item.name) for item in items]
 
     def rays(self) -> NDArray[np.float32]:
         """Unit rays (height, width, 3), optical frame."""

@@ -31,15 +31,26 @@ class GroundTruth:
     """
 
     def __init__(self, source: HitSource, labels: Labels, object_names: Sequence[str]):
-        self._source, self.labels = source, labels
+        self._source, self._object_names = source, object_names
+        self._number_draws(labels)
+
+    def refresh(self, labels: Labels) -> None:
+        """Take over what the source's draws are now."""
+        self._number_draws(labels)
+        if "_flow" in self.__dict__:
+            self._flow.refresh()
+
+    def _number_draws(self, labels: Labels) -> None:
+        self.labels = labels
         ids = {(label.object_name, label.name): label.id for label in labels.instances}
         instances = [
-            ids[None if index is None else object_names[index], name]
-            for index, name in source.draws
+            # one that is not drawn any more has none
+            ids.get((None if index is None else self._object_names[index], name), 0)
+            for index, name in self._source.draws
         ]
         # from the draw −1, which is nothing, on
         self._instance_of_draw = np.array([0, *instances], dtype=np.uint32)
-        self._objects_of_draws = source.objects_of_draws()
+        self._objects_of_draws = self._source.objects_of_draws()
         self._class_of_draw = labels.class_of_instance[self._instance_of_draw]
 
     def channels(

@@ -50,8 +50,12 @@ class OpticalFlow:
             if source.polygons is None
             else self._camera.pixel_from_ray(source.rays()[source.has_ray]).positions_px
         )
-        self._object_of_draw = source.objects_of_draws()
+        self.refresh()
         self._period_px = period_px(self._camera)
+
+    def refresh(self) -> None:
+        """Take over what the source's draws are now."""
+        self._object_of_draw = self._source.objects_of_draws()
 
     def begin(self, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
         """Start to draw the occlusion; return what `end` needs.

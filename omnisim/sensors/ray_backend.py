@@ -76,6 +76,11 @@ class RayBackend(SceneBackend):
         if self.is_open or self.rays:
             yield
 
+    def update(self, scene: Scene) -> None:
+        """Take another static scene; all hierarchies are built anew."""
+        self._rays = RayScene(scene, tuple(self.objects.values()))
+        self.scene = scene
+
     def camera(self, setup: CameraSetup) -> RayCamera:
         """Camera in the scene."""
         return RayCamera(self, setup)
@@ -94,17 +99,10 @@ class RayCamera(CameraBackend):
     def __init__(self, world: RayBackend, setup: CameraSetup):
         super().__init__(world, setup)
         sensor = setup.sensor
-        self._rays, self._sensor = world.rays, sensor
+        self._ray_world, self._sensor = world, sensor
         self._limits = DepthLimits(sensor.near_m, sensor.far_m)
         self._hit_source: RayHitSource | None = None
-        self._picture = RayPicture(
-            self._rays,
-            sensor.supersampled_model,
-            sensor.mesh_polygons,
-            sensor.supersampling,
-            self._limits,
-            setup.unlit,
-        )
+        self._picture = self._ray_picture()
         self._degraded = None
         if not sensor.degradation.is_ideal:
             corners_m = object_corners_m(world.objects.values())
@@ -115,6 +113,21 @@ class RayCamera(CameraBackend):
                 key_of("noise", setup.seed),
             )
             self._degraded = DegradedCamera(sensor, setup.seed, pipeline, corners_m)
+
+    def refresh(self) -> None:
+        """Cast rays at what the scene has now."""
+        self._picture, self._hit_source = self._ray_picture(), None
+
+    def _ray_picture(self) -> RayPicture:
+        sensor = self._sensor
+        return RayPicture(
+            self._ray_world.rays,
+            sensor.supersampled_model,
+            sensor.mesh_polygons,
+            sensor.supersampling,
+            self._limits,
+            self.setup.unlit,
+        )
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation."""
@@ -127,7 +140,7 @@ class RayCamera(CameraBackend):
     def hit_source(self, albedo: bool) -> RayHitSource:
         """Source of its ground truth."""
         if self._hit_source is None:
-            self._hit_source = RayHitSource(self._rays, self.setup, self._limits)
+            self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
         return self._hit_source
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Literal, Self, TypeVar, get_args
+from typing import Any, Generic, Literal, Protocol, Self, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
 from omnisim.sensors.backend import SceneBackend
 from omnisim.sensors.cube_backend import CubeBackend
+from omnisim.sensors.scene_edits import EditableScene
 from omnisim.short_repr import counted, short_repr
 from omnisim.world import ObjectPart, WorldState
 
@@ -72,7 +73,7 @@ def open_backend(
     return RayBackend(scene, objects)
 
 
-class Stage(Closing):
+class Stage(Closing, EditableScene):
     """Holds a scene and its dynamic objects on a back end: on the GPU, or for rays.
 
     Make the sensors' renderers from it, and close it after them; a renderer whose stage is closed
@@ -91,7 +92,7 @@ class Stage(Closing):
         backend: makes pictures and hits.
 
     Attributes:
-        scene: as given.
+        edits: number of times that the scene became another one.
         vehicles: bodies by name.
         objects: bodies and dynamic objects by name, in the order of `poses_in`.
         backend: the scene's side of it.
@@ -113,7 +114,7 @@ class Stage(Closing):
         device: int | None = None,
         backend: BackendName = "cube",
     ):
-        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        self._scene = scene if isinstance(scene, Scene) else load_scene(scene)
         if body is not None and vehicles is not None:
             raise SceneError("body: expected either the body of one vehicle or vehicles, got both")
         self.vehicles = dict(vehicles or {}) if body is None else {BODY: body}
@@ -123,13 +124,35 @@ class Stage(Closing):
             if name in self.objects or name == BODY:
                 raise SceneError(f"dynamic object {name!r}: expected each name once")
             self.objects[name] = shape
-        self.backend = open_backend(backend, self.scene, self.objects, device)
+        self.edits = 0
+        self.backend = open_backend(backend, self._scene, self.objects, device)
 
     def __repr__(self) -> str:
         vehicles = counted(len(self.vehicles), "vehicle")
         objects = counted(len(self.objects) - len(self.vehicles), "dynamic object")
         closed = "" if self.backend.is_open else "closed"
         return short_repr(self, repr(self.scene.name), vehicles, objects, closed)
+
+    @property
+    def scene(self) -> Scene:
+        """Static scene; another one with the same lights and background may take its place."""
+        return self._scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene: expected a Scene, got {type(scene).__name__}")
+        before = self._scene
+        for key in ("lighting", "background", "objects"):
+            if getattr(scene, key) != getattr(before, key):
+                raise SceneError(
+                    f"scene: expected the {key} that the stage was opened with, got others: "
+                    "open a new stage"
+                )
+        with self.current():
+            self.backend.update(scene)
+        self._scene = scene
+        self.edits += 1
 
     def poses_in(self, state: WorldState) -> tuple[NDArray[np.float64], ...]:
         """Poses (4, 4) of the objects in a state of the world, for the passes.
@@ -185,10 +208,17 @@ class Stage(Closing):
         self.backend.close()
 
 
-Passes = TypeVar("Passes")
+class RefreshedPasses(Protocol):
+    """Passes that follow the edits of their stage."""
+
+    def refresh(self) -> None:
+        """Work on what the stage has now."""
 
 
-class SensorRenderer(Closing, Generic[Passes]):
+Passes = TypeVar("Passes", bound=RefreshedPasses)
+
+
+class SensorRenderer(Closing, EditableScene, Generic[Passes]):
     """Passes of one sensor on a stage, its own or a shared one, until it is closed.
 
     Args:
@@ -235,6 +265,7 @@ class SensorRenderer(Closing, Generic[Passes]):
             parts = self._hidden_parts()
             with self._stage.current():
                 self._passes: Passes | None = make_passes(self._stage, parts)
+            self._edits = self._stage.edits
         except BaseException:
             if self._owns_stage:
                 self._stage.close()
@@ -250,8 +281,12 @@ class SensorRenderer(Closing, Generic[Passes]):
 
     @property
     def scene(self) -> Scene:
-        """Static scene."""
+        """Static scene; another one with the same lights and background may take its place."""
         return self._stage.scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        self._stage.scene = scene
 
     @property
     def body(self) -> Scene | None:
@@ -293,6 +328,9 @@ class SensorRenderer(Closing, Generic[Passes]):
         if self._passes is None:
             raise GraphicsError("this renderer is closed: open a new one")
         with self._stage.current():
+            if self._edits != self._stage.edits:
+                self._passes.refresh()
+                self._edits = self._stage.edits
             yield self._passes
 
     def close(self) -> None:

@@ -35,6 +35,11 @@ class HitTables:
 
     def __init__(self, visibility: VisibilityPass):
         self._visibility = visibility
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take over what the buffers have now."""
+        visibility = self._visibility
         draws = visibility.buffers.draw_items
         self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
         self._draw_items["first"] = [draw.first for draw in draws]

@@ -63,6 +63,12 @@ class RayHitPass:
         self._variants: dict[tuple[bool, bool], _Variant] = {}
         self.tables = HitTables(visibility)
 
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self.visibility.buffers.check_readable("to look up what its pixels show")
+        self.visibility.refresh()
+        self.tables.refresh()
+
     def render(
         self,
         world_from_rig: NDArray[np.float64],

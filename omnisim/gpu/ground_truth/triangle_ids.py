@@ -36,15 +36,24 @@ class TriangleIds:
     """
 
     def __init__(self, buffers: SceneBuffers, one_by_one: NDArray[np.intp]):
-        self._context, self._geometry = buffers.context, buffers.static_geometry
+        self._context, self._buffers = buffers.context, buffers
+        self._geometry: StaticGeometry | None = None
+        self._of_geometry = np.empty(0, dtype=_ENTRY)
+        self.refresh(one_by_one)
+
+    def refresh(self, one_by_one: NDArray[np.intp]) -> None:
+        """Give IDs to what the buffers have now, of which these items are drawn one by one."""
+        buffers = self._buffers
         items = one_by_one.tolist()
         counts = np.array([buffers.draw_items[item].triangles for item in items], dtype=np.int64)
         self.first_of_item = dict(zip(items, (np.cumsum(counts) - counts).tolist(), strict=True))
         self._fixed = _entries(buffers.draw_items, items)
         self._fixed_rows = -(-len(self._fixed) // _ROW)
-        self._of_geometry = self._fixed[:0]
-        if self._geometry is not None:
-            self._of_geometry = static_triangle_entries(self._geometry, buffers.draw_items)
+        if self._geometry is not buffers.static_geometry:
+            self._geometry = buffers.static_geometry
+            self._of_geometry = self._fixed[:0]
+            if self._geometry is not None:
+                self._of_geometry = static_triangle_entries(self._geometry, buffers.draw_items)
         self._appended: list[NDArray[np.void]] = []
         self.texture = self._allocate(max(1, self._fixed_rows))
 

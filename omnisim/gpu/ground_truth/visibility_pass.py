@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -68,25 +66,39 @@ class VisibilityPass:
         for texture in (self.id_atlas, self.albedo_atlas):
             if texture is not None:
                 texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        items = buffers.draw_items
-        shown = buffers.shown_one_by_one(cameras.hidden)
-        # a material may be so clear that no texel can show it: textures only take away
-        shown &= [one.material.base_color[3] >= one.material.hit_cutoff for one in items]
-        one_by_one = np.flatnonzero(shown)
-        self.triangle_ids = TriangleIds(buffers, one_by_one)
-        self._tiles = TileRenderer(buffers, plan, cameras, one_by_one)
+        self._cameras = cameras
+        self._compiled: dict[VisibilityVariant, VisibilityProgram] = {}
+        self.triangle_ids = TriangleIds(buffers, self._one_by_one())
+        self._draw_by_ids()
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        self.triangle_ids.refresh(self._one_by_one())
+        self._draw_by_ids()
+
+    def _draw_by_ids(self) -> None:
+        one_by_one = self._one_by_one()
+        self._tiles = TileRenderer(self.buffers, self.plan, self._cameras, one_by_one)
         self._drawers = {colored: self._make_drawer(colored) for colored in self._targets}
+
+    def _one_by_one(self) -> NDArray[np.intp]:
+        """Draw items that are not drawn by clusters."""
+        items, cameras = self.buffers.draw_items, self._cameras
+        shown = self.buffers.shown_one_by_one(cameras.hidden)
+        # a material may be so clear that no texel can show it: textures only take away
+        alphas = np.array([one.material.base_color[3] for one in items])
+        shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
+        return np.flatnonzero(shown)
 
     def _make_drawer(self, colored: bool) -> SceneDrawer[VisibilityProgram]:
         """Drawer of IDs, with base colours or without."""
         buffers, ids = self.buffers, self.triangle_ids
 
-        @cache
-        def compiled(variant: VisibilityVariant) -> VisibilityProgram:
-            return VisibilityProgram(buffers.context, variant)
-
         def find_program(material: Material, shading: Shading) -> VisibilityProgram:
-            return compiled(VisibilityVariant(material.hit_cutoff > 0.0, colored))
+            variant = VisibilityVariant(material.hit_cutoff > 0.0, colored)
+            if variant not in self._compiled:
+                self._compiled[variant] = VisibilityProgram(buffers.context, variant)
+            return self._compiled[variant]
 
         indices = buffers.triangles.indices
         return SceneDrawer(buffers, indices, find_program, ids.first_of_item, ids.append_clusters)

@@ -72,6 +72,12 @@ class CubePass:
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
         self._is_multisampled = samples > 1
+        self._cameras, self._programs, self._samples = cameras, programs, samples
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        buffers, cameras, programs = self._buffers, self._cameras, self._programs
         self._drawer = SceneDrawer(
             buffers,
             buffers.indices,
@@ -80,10 +86,12 @@ class CubePass:
             assign_ids=lambda clusters: 0,
         )
         shown = buffers.shown_one_by_one(cameras.hidden)
-        blended = np.array([item.is_blended for item in buffers.draw_items])
+        blended = np.array([item.is_blended for item in buffers.draw_items], dtype=np.bool_)
         self._blended = np.flatnonzero(shown & blended)
         # OpenGL reads no depth of several samples, and one may show what another occludes
-        self.tiles = TileRenderer(buffers, plan, cameras, np.flatnonzero(shown & ~blended), samples)
+        self.tiles = TileRenderer(
+            buffers, self.plan, cameras, np.flatnonzero(shown & ~blended), self._samples
+        )
 
     def render(
         self,

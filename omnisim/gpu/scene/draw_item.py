@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.model import AlphaMode, Material, Mesh
+from omnisim.scene.model import Material, Mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class DrawItem:
     @property
     def is_blended(self) -> bool:
         """Transparency: surfaces behind it shine through."""
-        return self.material.alpha_mode is AlphaMode.BLEND
+        return self.material.is_blended
 
 
 class InstanceTransforms(NamedTuple):

@@ -47,8 +47,8 @@ class RangePass:
     ):
         context = buffers.context
         self._context, self._buffers, self._max_range_m = context, buffers, max_range_m
-        self._shown = buffers.shown(hidden)
-        buffers.check_readable("to scan them")
+        self._hidden = hidden
+        self.refresh()
         self._is_front_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
         self._beams = context.buffer(directions.astype("<f4"))
@@ -61,6 +61,11 @@ class RangePass:
         for program in (self._opaque, self._masked):
             program["u_angle_min"] = angles_rad[0]
             program["u_angle_increment"] = increment_rad
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._shown = self._buffers.shown(self._hidden)
+        self._buffers.check_readable("to scan them")
 
     def cast(
         self,

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
+from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
 from omnisim.gpu.scene.static_geometry import StaticGeometry, build_static_geometry
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
-from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.scene.model import Instance, Scene
 from omnisim.world import ObjectPart
 
 
@@ -52,30 +52,92 @@ class SceneBuffers:
         *,
         uses_clusters: bool = True,
     ):
-        self.context, self._lighting = context, scene.lighting
-        self._uses_clusters = uses_clusters
-        parts = (scene, *dynamic_objects)
-        textures = MaterialTextures(context)
-        vertices, indices, offsets = _concatenate_meshes(parts)
-        self.vertices, self.indices = context.buffer(vertices), context.buffer(indices)
+        self.context, self._uses_clusters = context, uses_clusters
+        self._dynamic_objects = tuple(dynamic_objects)
+        self._build(scene)
+
+    def _build(self, scene: Scene) -> None:
+        """Upload everything."""
+        self._lighting = scene.lighting
+        parts = (scene, *self._dynamic_objects)
+        self._textures = MaterialTextures(self.context)
+        self._store = GeometryStore(self.context, parts)
         items = [
             item
             for number, part in enumerate(parts)
-            for item in _draw_items(part, number - 1 if number else None, offsets[number], textures)
+            for item in make_draw_items(
+                part,
+                part.instances,
+                number - 1 if number else None,
+                self._store.offsets[number],
+                self._textures,
+            )
         ]
         materials = [material for part in parts for material in part.materials]
         rank = {id(material): rank for rank, material in enumerate(materials)}
         items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
+        self._set_items(items)
+        self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
+        for name in ("triangles", "static_geometry"):
+            self.__dict__.pop(name, None)
+
+    def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
         self.radii_m = np.array([item.radius_m for item in items])
         self._rest_transforms = (
-            np.array([item.object_from_mesh for item in items]),
-            np.array([item.normal_from_mesh for item in items]),
-            np.array([item.centre_m for item in items]),
+            np.array([item.object_from_mesh for item in items]).reshape(-1, 4, 4),
+            np.array([item.normal_from_mesh for item in items]).reshape(-1, 3, 3),
+            np.array([item.centre_m for item in items]).reshape(-1, 3),
         )
         object_indices = [-1 if one.object_index is None else one.object_index for one in items]
         self._object_of_item = np.array(object_indices, dtype=np.intp)
         self._dynamic = np.flatnonzero(self._object_of_item >= 0)
+
+    @property
+    def vertices(self) -> moderngl.Buffer:
+        """Vertices of all meshes."""
+        return self._store.vertices
+
+    @property
+    def indices(self) -> moderngl.Buffer:
+        """Indices of all draw items."""
+        return self._store.indices
+
+    def update(self, scene: Scene) -> None:
+        """Draw another scene, of the same lights; passes have to `refresh` before the next frame.
+
+        Items of instances that stay keep their numbers, and their place in the static geometry.
+        Others are drawn one by one, in place of items that are not drawn any more. Where much was
+        appended everything is uploaded anew: so rarely that it costs no more than the appending.
+        """
+        static = self._static_mask
+        added, drawn = _changed(scene, self.draw_items, static)
+        offsets = []
+        for instance in added:
+            mesh = scene.meshes[instance.mesh]
+            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_blended))
+        if self._store.is_overgrown:
+            self._build(scene)
+            return
+        new = make_draw_items(scene, added, None, offsets, self._textures)
+        # from here on nothing fails
+        free = np.flatnonzero(~drawn & ~static).tolist()
+        for index in set(free) - self._free:
+            self._store.release(self.draw_items[index])
+        items = list(self.draw_items)
+        numbers = [*free, *range(len(items), len(items) + max(0, len(new) - len(free)))]
+        for index, item in zip(numbers, new, strict=False):
+            items[index : index + 1] = [item]
+        self._set_items(items)
+        self._free = set(numbers[len(new) :])
+        self._is_drawn = np.append(drawn, np.ones(len(items) - len(drawn), dtype=np.bool_))
+        self._is_drawn[numbers[: len(new)]] = True
+        if self.static_geometry is not None:
+            self.static_geometry.show(self._is_drawn)
+        self._textures.keep({item.texture for item in items})
+        table = self.__dict__.get("triangles")
+        if table is not None and not table.append(self._store.ranges, self.indices):
+            del self.triangles
 
     def instance_transforms(
         self,
@@ -110,17 +172,25 @@ class SceneBuffers:
 
     def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
         """Mask (n,) of the items without these parts of dynamic objects."""
-        return np.array([(item.object_index, item.name) not in hidden for item in self.draw_items])
+        parts = [(item.object_index, item.name) for item in self.draw_items]
+        return self._is_drawn & np.array([part not in hidden for part in parts], dtype=np.bool_)
 
     def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
         """Mask (n,) of the shown items that are not part of the static geometry."""
-        shown = self.shown(hidden)
-        return shown if self.static_geometry is None else shown & ~self.static_geometry.contains
+        return self.shown(hidden) & ~self._static_mask
+
+    @property
+    def _static_mask(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the items with a place in the static geometry."""
+        mask = np.zeros(len(self.draw_items), dtype=np.bool_)
+        if self.static_geometry is not None:
+            mask[: len(self.static_geometry.contains)] = self.static_geometry.contains
+        return mask
 
     @cached_property
     def triangles(self) -> TriangleTable:
         """Corners of all triangles, for lookups of single ones."""
-        return TriangleTable(self.context, self.draw_items, self.indices)
+        return TriangleTable(self.context, self._store.ranges, self.indices)
 
     @cached_property
     def static_geometry(self) -> StaticGeometry | None:
@@ -158,56 +228,46 @@ class SceneBuffers:
         )
 
 
-def _concatenate_meshes(
-    parts: Sequence[Scene],
-) -> tuple[NDArray[np.void], NDArray[np.uint32], list[list[tuple[int, int]]]]:
-    """Concatenate all meshes; instances share their indices, but for blended ones, sorted apart.
-
-    Returns:
-        Vertices (n,), indices (m,), and first index and first vertex of each scene's instances.
-    """
-    vertices = np.zeros(
-        sum(len(mesh.positions) for part in parts for mesh in part.meshes), dtype=VERTEX
-    )
-    indices: list[NDArray[np.uint32]] = []
-    offsets: list[list[tuple[int, int]]] = []
-    base = first = 0
-    for part in parts:
-        bases = []
-        for mesh in part.meshes:
-            fill_vertices(vertices[base : base + len(mesh.positions)], mesh)
-            bases.append(base)
-            base += len(mesh.positions)
-        shared: dict[int, int] = {}
-        offsets.append([])
-        for instance in part.instances:
-            mesh = part.meshes[instance.mesh]
-            is_blended = part.materials[mesh.material].alpha_mode is AlphaMode.BLEND
-            if is_blended or instance.mesh not in shared:
-                indices.append(mesh.triangles.ravel() + np.uint32(bases[instance.mesh]))
-                shared[instance.mesh] = first
-                first += mesh.triangles.size
-            offsets[-1].append((shared[instance.mesh], bases[instance.mesh]))
-    return vertices, np.concatenate(indices).astype("<u4"), offsets
+def _changed(
+    scene: Scene, items: Sequence[DrawItem], static: NDArray[np.bool_]
+) -> tuple[list[Instance], NDArray[np.bool_]]:
+    """Instances of a scene that no item draws, and the mask (n,) of the items that draw others."""
+    unmatched: dict[tuple[object, ...], list[Instance]] = {}
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
+        key = (instance.name, *geometry_key(mesh), id(scene.materials[mesh.material]))
+        unmatched.setdefault((*key, id(instance.world_from_mesh)), []).append(instance)
+    drawn = np.ones(len(items), dtype=np.bool_)
+    # in the static geometry first: nothing is quicker to draw
+    for index in np.argsort(~static, kind="stable").tolist():
+        item = items[index]
+        if item.object_index is None:
+            key = (item.name, *geometry_key(item.mesh), id(item.material))
+            same = unmatched.get((*key, id(item.object_from_mesh)))
+            drawn[index] = bool(same)
+            if same:
+                same.pop()
+    return [instance for same in unmatched.values() for instance in same], drawn
 
 
-def _draw_items(
+def make_draw_items(
     part: Scene,
+    instances: Sequence[Instance],
     object_index: int | None,
     offsets: Sequence[tuple[int, int]],
     textures: MaterialTextures,
 ) -> list[DrawItem]:
-    """Draw items of one scene's instances, whose meshes have offsets in the two buffers."""
-    if not part.instances:
+    """Draw items of some of a scene's instances, whose meshes have offsets in the two buffers."""
+    if not instances:
         return []
     # all at once: one by one these take longer than the whole upload
-    linear = np.array([instance.world_from_mesh[:3, :3] for instance in part.instances])
+    linear = np.array([instance.world_from_mesh[:3, :3] for instance in instances])
     flips_winding = np.linalg.det(linear) < 0.0
     cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
     cofactors[flips_winding] *= -1.0
     scales = np.linalg.norm(linear, 2, axis=(1, 2))
     items = []
-    for number, instance in enumerate(part.instances):
+    for number, instance in enumerate(instances):
         mesh = part.meshes[instance.mesh]
         material = part.materials[mesh.material]
         centre = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))

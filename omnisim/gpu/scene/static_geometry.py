@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -57,7 +58,8 @@ class StaticGeometry:
         batch_of_cluster: (n,).
         contains: (items,), mask of the scene's draw items.
         vertices: buffer of `VERTEX`.
-        triangles: (m,) of `TRIANGLE`, cluster by cluster.
+        item_of_triangle: (m,) draw item of each, likewise.
+        triangles: (m,) of `TRIANGLE`, cluster by cluster; those of hidden items have no area.
     """
 
     batches: tuple[MaterialBatch, ...]
@@ -66,7 +68,18 @@ class StaticGeometry:
     batch_of_cluster: NDArray[np.intp]
     contains: NDArray[np.bool_]
     vertices: moderngl.Buffer
+    item_of_triangle: NDArray[np.int32]
     triangles: NDArray[np.void]
+
+    @cached_property
+    def _all_triangles(self) -> NDArray[np.void]:
+        return self.triangles.copy()
+
+    def show(self, shown: NDArray[np.bool_]) -> None:
+        """Show some of the draw items (items,), and no others."""
+        is_shown = shown[self.item_of_triangle]
+        np.copyto(self.triangles, self._all_triangles)
+        self.triangles[~is_shown] = 0
 
     @property
     def clusters(self) -> Clusters:
@@ -112,6 +125,9 @@ def build_static_geometry(
         batch_of_cluster=batch_of_triangle[hierarchy.order[hierarchy.clusters.first]],
         contains=contains,
         vertices=context.buffer(vertices),
+        item_of_triangle=np.flatnonzero(contains)[item_of_triangle[hierarchy.order]].astype(
+            np.int32
+        ),
         triangles=triangles[hierarchy.order].astype("<u4").view(TRIANGLE)[:, 0],
     )
 

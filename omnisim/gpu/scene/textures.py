@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.gl_functions import upload_mip_level
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.mipmaps import mipmaps
-from omnisim.scene.model import AlphaMode, Material, Mesh, Wrap
+from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 
 SRGB8_ALPHA8 = 0x8C43
 
@@ -20,7 +22,8 @@ class MaterialTextures:
 
     def __init__(self, context: moderngl.Context):
         self._context = context
-        self._textures: dict[tuple[int, float | None], moderngl.Texture] = {}
+        # by id; the texture is kept so that its id is not used again
+        self._textures: dict[tuple[int, float | None], tuple[Texture, moderngl.Texture]] = {}
         self._white = self._upload(np.full((1, 1, 4), 255, dtype=np.uint8), None, "")
 
     def find(self, material: Material, mesh: Mesh) -> moderngl.Texture:
@@ -38,8 +41,12 @@ class MaterialTextures:
             uploaded = self._upload(texture.pixels, cutoff, f" of {material.name!r}")
             uploaded.repeat_x = texture.wrap_u is not Wrap.CLAMP_TO_EDGE
             uploaded.repeat_y = texture.wrap_v is not Wrap.CLAMP_TO_EDGE
-            self._textures[key] = uploaded
-        return self._textures[key]
+            self._textures[key] = texture, uploaded
+        return self._textures[key][1]
+
+    def keep(self, used: Collection[moderngl.Texture]) -> None:
+        """Forget all textures but the used ones."""
+        self._textures = {key: pair for key, pair in self._textures.items() if pair[1] in used}
 
     def _upload(
         self, pixels: NDArray[np.uint8], cutoff: float | None, used_by: str

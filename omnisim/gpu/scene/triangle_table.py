@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.adjacency import NO_NEIGHBOUR, neighbours
-from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.geometry_store import IndexRange
 
 ROW_BITS = 12  # of entries in a row of a texture, as in shaders/ground_truth/tables.glsl
 _ENTRIES_AT_ONCE = 1 << 18  # so that memory in between stays small
@@ -22,13 +22,13 @@ class TriangleTable:
 
     Args:
         context: where.
-        draw_items: of the scene.
+        ranges: of the scene's meshes.
         indices: the scene's index buffer.
 
     Attributes:
         corners: texture of four integers an entry: of each corner the position, in the frame of
             its mesh, as bits of floats, and the triangle beyond the opposite edge, counted in its
-            draw item (`omnisim.gpu.scene.adjacency`). Blended items have no neighbours.
+            mesh (`omnisim.gpu.scene.adjacency`). Blended items have no neighbours.
         indices: buffer of the vertices of the corners. The scene's own, unless blended items sort
             that anew in every frame.
 
@@ -37,31 +37,38 @@ class TriangleTable:
     """
 
     def __init__(
-        self,
-        context: moderngl.Context,
-        draw_items: Sequence[DrawItem],
-        indices: moderngl.Buffer,
+        self, context: moderngl.Context, ranges: Sequence[IndexRange], indices: moderngl.Buffer
     ):
         count = indices.size // 4
         self.corners = table_texture(context, count, "the scene's triangles")
-        is_sorted = any(item.is_blended for item in draw_items)
-        self.indices = context.buffer(reserve=4 * count) if is_sorted else indices
+        self._is_sorted = any(one.is_blended for one in ranges)
+        self.indices = context.buffer(reserve=4 * count) if self._is_sorted else indices
+        self._written, self._row, self._rest = 0, 0, np.empty(0, dtype=_CORNER)
+        self._write(ranges)
+
+    def append(self, ranges: Sequence[IndexRange], indices: moderngl.Buffer) -> bool:
+        """Append the ranges that are new, if there is room; otherwise a new table is needed."""
+        more = ranges[self._written :]
+        if not more:
+            return True
+        is_sorted = self._is_sorted or any(one.is_blended for one in more)
+        if is_sorted or indices is not self.indices:
+            return False
+        self._write(more)
+        return True
+
+    def _write(self, ranges: Sequence[IndexRange]) -> None:
         neighbours_of_mesh: dict[int, NDArray[np.uint32]] = {}
-        # whole rows are written at once: the rest of the items before waits
-        waiting, row = [np.empty(0, dtype=_CORNER)], 0
-        first = 0
-        for item in sorted(draw_items, key=lambda item: item.first):
-            if item.first < first:  # instances share the triangles of their mesh
-                continue
-            first = item.first + item.count
-            mesh = item.mesh
-            if is_sorted:
-                own = (mesh.triangles.ravel() + np.uint32(item.base)).astype("<u4")
-                self.indices.write(own, offset=4 * item.first)
-            corners = np.empty(item.count, dtype=_CORNER)
+        # whole rows are written at once: the rest of the ranges before waits
+        waiting, row = [self._rest], self._row
+        for mesh, first, base, is_blended in ranges:
+            if self._is_sorted:
+                own = (mesh.triangles.ravel() + np.uint32(base)).astype("<u4")
+                self.indices.write(own, offset=4 * first)
+            corners = np.empty(mesh.triangles.size, dtype=_CORNER)
             corners["position"] = mesh.positions[mesh.triangles.ravel()]
             corners["neighbour"] = NO_NEIGHBOUR
-            if not item.is_blended:
+            if not is_blended:
                 if id(mesh) not in neighbours_of_mesh:
                     neighbours_of_mesh[id(mesh)] = neighbours(mesh.positions, mesh.triangles)
                 corners["neighbour"] = neighbours_of_mesh[id(mesh)].ravel()
@@ -69,7 +76,8 @@ class TriangleTable:
             if sum(map(len, waiting)) >= _ENTRIES_AT_ONCE:
                 row, rest = _write_rows(self.corners, np.concatenate(waiting), row)
                 waiting = [rest]
-        write_table(self.corners, np.concatenate(waiting), row)
+        self._row, self._rest = write_table(self.corners, np.concatenate(waiting), row)
+        self._written += len(ranges)
 
 
 def table_texture(context: moderngl.Context, entries: int, content: str) -> moderngl.Texture:
@@ -86,13 +94,17 @@ def table_texture(context: moderngl.Context, entries: int, content: str) -> mode
     return texture
 
 
-def write_table(texture: moderngl.Texture, values: NDArray[np.void], first_row: int = 0) -> None:
-    """Write the entries of a table, from a row on."""
+def write_table(
+    texture: moderngl.Texture, values: NDArray[np.void], first_row: int = 0
+) -> tuple[int, NDArray[np.void]]:
+    """Write the entries of a table, from a row on; return the row that is not full, and those in
+    it."""  # fmt: skip
     row, rest = _write_rows(texture, values, first_row)
     if len(rest):
         entries = np.zeros((texture.width, 4), dtype="<u4")
         entries[: len(rest)] = rest.view("<u4").reshape(-1, 4)
         texture.write(entries, viewport=(0, row, texture.width, 1))
+    return row, rest
 
 
 def _write_rows(

@@ -31,7 +31,7 @@ def reference_stage(monkeypatch, *scenes):
     """A stage that draws instance after instance, whole."""
     with monkeypatch.context() as patch:
         buffers = partial(SceneBuffers, uses_clusters=False)
-        patch.setattr("omnisim.sensors.stage.SceneBuffers", buffers)
+        patch.setattr("omnisim.sensors.cube_backend.SceneBuffers", buffers)
         return Stage(*scenes)
 
 

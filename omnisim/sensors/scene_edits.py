@@ -1,0 +1,69 @@
+"""Edits of a scene that is on the GPU: the next frame shows them, and nothing is loaded again."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from omnisim.scene import Scene, load_scene
+
+
+class EditableScene(ABC):
+    """Base of stages and renderers, whose scene may become another one.
+
+    An edit costs what it changes, and a look at each instance; whatever stays is not uploaded
+    again. Instances that were added, moved or recoloured are drawn one by one, with light computed
+    in each texel: a new renderer of the same scene bakes it, and rounds the places of their corners
+    otherwise, so that its pictures may differ by a step of 255, and by texels at silhouettes.
+    """
+
+    @property
+    @abstractmethod
+    def scene(self) -> Scene:
+        """Static scene; another one with the same lights and background may take its place."""
+
+    @scene.setter
+    @abstractmethod
+    def scene(self, scene: Scene) -> None: ...
+
+    def add(
+        self, name: str, part: Scene | str | Path, world_from_part: ArrayLike | None = None
+    ) -> None:
+        """Add all of a scene as one object, see `Scene.added`; it may be a path or built-in name.
+
+        Raises:
+            SceneError: a scene that cannot be read, a name that is taken, or a matrix that is not a
+                pose.
+        """
+        part = part if isinstance(part, Scene) else load_scene(part)
+        self.scene = self.scene.added(name, part, world_from_part)
+
+    def remove(self, name: str) -> None:
+        """Remove an object.
+
+        Raises:
+            SceneError: there is none of this name.
+        """
+        self.scene = self.scene.removed(name)
+
+    def move(self, name: str, world_from_object: ArrayLike) -> None:
+        """Put an object at another pose (4, 4), see `Scene.moved`.
+
+        It is elsewhere at once: for flow and motion blur make it a dynamic object.
+
+        Raises:
+            SceneError: there is none of this name, or a matrix that is not a pose.
+        """
+        self.scene = self.scene.moved(name, world_from_object)
+
+    def recolor(
+        self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
+    ) -> None:
+        """Give an object one colour or texture instead of what it had, see `Scene.recolored`.
+
+        Raises:
+            SceneError: there is none of this name, or a colour or texture that is none.
+        """
+        self.scene = self.scene.recolored(name, base_color, texture)
