@@ -141,6 +141,16 @@ def test_mirror_writes_a_mesh(omnisim, tmp_path):
     assert not (tmp_path / "n.glb").exists()
 
 
+@pytest.mark.usefixtures("needs_opengl")
+def test_polygons_are_those_of_the_option_before_those_of_the_file(omnisim, tmp_path):
+    (tmp_path / "s.toml").write_text("[mirror]\npolygons = 64\n")
+    render = ("render", "rings", "-o", "a.png", "--size", 48, "--quality", "fast")
+    assert ", 484 polygons (auto), " in omnisim(*render)[1]
+    assert ", 64 polygons, " in omnisim(*render, "--sensor", "s.toml")[1]
+    assert ", 484 polygons (auto), " in omnisim(*render, "--sensor", "s.toml", "-n", "auto")[1]
+    assert ", exact, " in omnisim(*render, "-n", "exact")[1]
+
+
 def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
     status, out, _ = omnisim("sensor")
     assert status == 0
