@@ -18,6 +18,7 @@ from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.sweep import Sweep
 
 TYRE_M = 0.05  # half of the square under a wheel whose median height bears it
+SPOT_M = 1e-4  # a shorter step is a turn on the spot
 POSES_AT_ONCE = 256  # bounds the memory
 # Of a wheel's five points: the median is exact on slopes, and bridges joints and pebbles.
 _POINTS = np.array(((0.0, 0.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
@@ -71,6 +72,26 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
                 )
             heights[k] = last = found
     return dataclasses.replace(sweep, world_from_base=_on_wheels(poses, yaw, track, heights))
+
+
+def slow_on_slopes(sweep: Sweep) -> Sweep:
+    """Lengthen the durations of steps by what their way is longer than in the floor plan.
+
+    The robot then has the speed along the floor that it had in the plan, and no larger
+    acceleration.
+    """
+    poses, times = sweep.world_from_base[sweep.is_step], sweep.times_s[sweep.is_step]
+    moves = np.diff(poses[:, :3, 3], axis=0)
+    planar = np.linalg.norm(moves[:, :2], axis=1)
+    longer = np.ones(len(poses))
+    moving = np.flatnonzero(planar > SPOT_M)
+    longer[moving] = np.hypot(planar, moves[:, 2])[moving] / planar[moving]
+    if np.all(longer == 1.0):  # the same bytes
+        return sweep
+    ends = times[0] + np.cumsum(np.diff(times) * longer[:-1])
+    slowed = np.concatenate((times[:1], ends))
+    within_s = sweep.times_s - times[sweep.steps]
+    return dataclasses.replace(sweep, times_s=slowed[sweep.steps] + within_s * longer[sweep.steps])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,7 +17,7 @@ from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
 from omnisim.short_repr import short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
-from omnisim.simulation.floor_following import follow_floor
+from omnisim.simulation.floor_following import follow_floor, slow_on_slopes
 from omnisim.simulation.sweep import Sweep
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import Trajectory, check_continuous, parse_trajectory
@@ -103,10 +103,11 @@ def plan_route(
     path = Path(route.path)
     is_of_scene = any(path.name == route.path for path in scene.paths)
     if path.exists() if path.suffix else path.is_file() and not is_of_scene:
-        trajectory, has_heights = _from_file(path, vehicle, route, print_note)
+        trajectory, has_heights, has_times = _from_file(path, vehicle, route, print_note)
     else:
         _refuse_axes(route)
-        trajectory, has_heights = _from_scene(scene, vehicle, route), False
+        trajectory = _from_scene(scene, vehicle, route)
+        has_heights, has_times = False, False
     follows_floor = not has_heights and route.ground_m is None
     if not has_heights and route.ground_m is not None:
         trajectory = _at_height(trajectory, route.ground_m)
@@ -120,7 +121,9 @@ def plan_route(
     if not follows_floor:
         return PlannedRoute(trajectory, sweep, follows_floor=False)
     sweep = follow_floor(scene, sweep, box, route.path)
-    trajectory = Trajectory(trajectory.times_s, sweep.world_from_base[sweep.is_step])
+    if route.rate_hz is None and not has_times:
+        sweep = slow_on_slopes(sweep)
+    trajectory = sweep.trajectory
     if print_note is not None:
         low, high = trajectory.positions_m[:, 2].min(), trajectory.positions_m[:, 2].max()
         if max(abs(low), abs(high)) >= NOTED_M:
@@ -172,12 +175,12 @@ def _refuse_axes(route: Route) -> None:
 
 def _from_file(
     path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
-) -> tuple[Trajectory, bool]:
-    """Trajectory of a file, and true where the file has heights."""
+) -> tuple[Trajectory, bool, bool]:
+    """Trajectory of a file; true where the file has heights, and where it has times."""
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
         _refuse_axes(route)
-        return _along(waypoints_m, None, vehicle, route, str(path)), False
+        return _along(waypoints_m, None, vehicle, route, str(path)), False, False
     recording = parse_trajectory(path, axes=route.axes)
     if print_note is not None and recording.axes != "world":
         print_note(
@@ -208,7 +211,7 @@ def _from_file(
                 check_continuous(trajectory, math.inf, recording.source, LARGEST_SPEED_MPS, lines)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
-    return trajectory, recording.has_heights
+    return trajectory, recording.has_heights, recording.times_s is not None
 
 
 def _check_steps(recording: ParsedTrajectory) -> None:

@@ -36,6 +36,11 @@ class Sweep:
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.steps), "pose"))
 
+    @property
+    def trajectory(self) -> Trajectory:
+        """Trajectory whose poses are the steps."""
+        return Trajectory(self.times_s[self.is_step], self.world_from_base[self.is_step])
+
     @classmethod
     def along(cls, trajectory: Trajectory, reach_m: float) -> Sweep:
         """Fill the steps: straight, about one axis, evenly.
@@ -61,4 +66,6 @@ class Sweep:
         turned = scipy.spatial.transform.Slerp(np.arange(len(poses)), rotations)(at).as_matrix()
         filled = pose_from_rotation(turned, between)
         filled[within == 0] = poses
-        return cls(filled, steps, within == 0, np.interp(at, range(len(poses)), times))
+        stamps = np.interp(at, range(len(poses)), times)
+        stamps[within == 0] = times
+        return cls(filled, steps, within == 0, stamps)

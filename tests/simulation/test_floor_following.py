@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import pose
-from omnisim.robot.kinematics import GRADE, find_drift
+from omnisim.robot.kinematics import GRADE, find_drift, find_violation
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, ScenePath
 from omnisim.simulation.route import Route, plan_route
@@ -124,6 +124,30 @@ def test_slopes_and_steps_are_no_slides(vehicle, rate_hz):
     steep = pose(pitch_deg=-np.degrees(np.arctan(GRADE)))
     slope = _drive(vehicle, [_slab(-3, 3, 0.0)], poses=[steep], rate_hz=rate_hz)
     assert find_drift(climbed) is find_drift(slope) is None
+
+
+@pytest.mark.parametrize("robot", ["p2at", "superscout"])
+@pytest.mark.parametrize("grade", [0.1, 0.4])
+def test_speeds_along_slopes_are_within_the_limits(robot, grade):
+    """From a level floor up a ramp: longer by the slope, and no faster than without."""
+    vehicle = Vehicle.load(robot)
+    ramp = _slab(0, 3, 0.0)
+    ramp.positions[:, 2] = grade * ramp.positions[:, 0]
+    found = _drive(vehicle, [_slab(-3, 0, 0.0), ramp])
+    level = _drive(vehicle, [_slab(-3, 3, 0.0)])
+    assert find_violation(found, vehicle.kinematics) is None
+    on_ramp = level.positions_m[:-1, 0] > 0.5
+    np.testing.assert_allclose(
+        (np.diff(found.times_s) / np.diff(level.times_s))[on_ramp],
+        np.hypot(1.0, grade),
+        rtol=ROUNDING_M / level.step_lengths_m.min(),
+    )
+
+
+def test_door_sills_are_within_the_limits(vehicle):
+    found = plan_route(load_scene("mapping"), vehicle, Route("round")).trajectory
+    assert found.positions_m[:, 2].max() == pytest.approx(0.003, abs=ROUNDING_M)  # two of 6 mm
+    assert find_violation(found, vehicle.kinematics) is None
 
 
 def test_a_robot_on_a_step_leans_back(vehicle):
