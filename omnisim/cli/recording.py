@@ -1,4 +1,4 @@
-"""Recording of a planned drive: progress bar, interruption, summary."""
+"""Recording of drives: settings from the command line, progress bar, interruption, summary."""
 
 from __future__ import annotations
 
@@ -16,7 +16,18 @@ from rich.progress import (
 from rich.text import Text
 
 from omnisim.cli.console import err, out, pluralize
-from omnisim.simulation.drive import PlannedDrive
+from omnisim.cli.inputs import (
+    load_labelled_scene,
+    parse_channel_format,
+    parse_polygons,
+    read_preset,
+)
+from omnisim.cli.picture_requests import RenderRequest
+from omnisim.cli.run_requests import DriveRequest
+from omnisim.ground_truth import parse_channels
+from omnisim.simulation.drive import Drive, PlannedDrive
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
 
 
 class _RateColumn(ProgressColumn):
@@ -24,6 +35,36 @@ class _RateColumn(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         return Text(f"{task.speed:.1f} steps/s" if task.speed else "", style="cyan")
+
+
+def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Route) -> Drive:
+    """Drive of a vehicle, with the scene and the settings of a request.
+
+    Raises:
+        OmnisimError: naming the option or the file.
+    """
+    channels = () if request.also is None else parse_channels(request.also)
+    scene = load_labelled_scene(
+        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
+    )
+    vehicle = vehicle.with_cameras(
+        size_px=request.size_px,
+        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
+        degradation=read_preset(request.preset),
+        quality=request.quality,
+    )
+    return Drive(
+        scene,
+        vehicle,
+        route,
+        seed=request.seed,
+        unlit=request.unlit,
+        device=request.device,
+        up_axis=request.up_axis,
+        channels=channels,
+        boxes_3d=request.boxes_3d,
+        channel_format=parse_channel_format(request.channel_format, channels),
+    )
 
 
 def record(plan: PlannedDrive, folder: Path, force: bool) -> None:

@@ -8,22 +8,12 @@ from omnisim.calibration import Calibration
 from omnisim.calibration.rig import Rig, RigCamera
 from omnisim.cli.calibration import read_calibration
 from omnisim.cli.console import print_note
-from omnisim.cli.inputs import (
-    check_calibration_path,
-    load_labelled_scene,
-    parse_channel_format,
-    parse_polygons,
-    read_camera,
-    read_preset,
-    refuse_options,
-)
+from omnisim.cli.inputs import check_calibration_path, read_camera, refuse_options
 from omnisim.cli.picture_requests import RenderRequest
-from omnisim.cli.recording import record
+from omnisim.cli.recording import drive_of, record
 from omnisim.errors import OutputError, RunError
-from omnisim.ground_truth import parse_channels
 from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
 from omnisim.poses import pose
-from omnisim.simulation.drive import Drive
 from omnisim.simulation.rig_trajectory import RigRoute
 from omnisim.simulation.rig_vehicle import rig_vehicle
 from omnisim.simulation.route import Route
@@ -55,37 +45,16 @@ def run(request: RenderRequest, path: Path) -> None:
     refuse_options(request, SINGLE_PICTURE, "expected a single viewpoint, got --trajectory")
     if request.output.suffix.lower() in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
         raise OutputError(f"{request.output}: expected a folder with --trajectory, got a picture")
-    channels = () if request.also is None else parse_channels(request.also)
     rig, vehicle = _rig(request, path)
-    scene = load_labelled_scene(
-        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
-    )
-    vehicle = vehicle.with_cameras(
-        size_px=request.size_px,
-        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
-        degradation=read_preset(request.preset),
-        quality=request.quality,
-    )
     world_from_file = pose(
         request.at or (0.0, 0.0, 0.0), request.roll_deg, request.pitch_deg, request.yaw_deg or 0.0
     )
     axes: Axes | None = None if request.axes is None else request.axes.value
     route = RigRoute(path, request.trajectory_frame, axes, request.rate_hz, world_from_file)
     truth, is_timed = route.read(rig, print_note)
+    drive = drive_of(request, vehicle, Route(str(path)))
     if not is_timed:
-        _refuse_time(vehicle, path)
-    drive = Drive(
-        scene,
-        vehicle,
-        Route(str(path)),
-        seed=request.seed,
-        unlit=request.unlit,
-        device=request.device,
-        up_axis=request.up_axis,
-        channels=channels,
-        boxes_3d=request.boxes_3d,
-        channel_format=parse_channel_format(request.channel_format, channels),
-    )
+        _refuse_time(drive.vehicle, path)
     record(drive.along(truth), request.output, request.force)
 
 
