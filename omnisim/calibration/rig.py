@@ -8,7 +8,6 @@ chains them to poses on one body: the frame that the file names beside its camer
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,11 +75,13 @@ class Rig:
         return Rig(self.body, (self.cameras[names.index(name)],))
 
     @classmethod
-    def of(cls, calibration: Calibration) -> Rig:
+    def of(cls, calibration: Calibration, name: str | None = None) -> Rig:
         """Rig of all cameras of a calibration.
 
         Args:
             calibration: with the extrinsics of its cameras.
+            name: of the camera that is needed, or None: all. Others may lack extrinsics then, and
+                it may itself: it is a rig of its own then.
 
         Raises:
             CalibrationError: a camera whose pose on the body is not in the file, or two ways to a
@@ -96,18 +97,21 @@ class Rig:
         _check_consistent(poses, calibration.source)
         frames = [frame for pose in poses for frame in (pose.target, pose.source)]
         body = next((frame for frame in frames if frame not in names), names[0])
-        return cls(body, tuple(_mounted(calibration, poses, body)))
-
-
-def _mounted(calibration: Calibration, poses: list[NamedPose], body: str) -> Iterator[RigCamera]:
-    for camera in calibration.cameras:
-        pose = find_pose(poses, body, camera.name)
-        if pose is None:
-            raise CalibrationError(
-                f"{calibration.source}: {camera.name}: expected its pose from {body}, got no "
-                "extrinsics"
-            )
-        yield RigCamera(camera.name, camera.camera, pose)
+        cameras = []
+        for camera in calibration.cameras:
+            pose = find_pose(poses, body, camera.name)
+            if pose is not None:
+                cameras.append(RigCamera(camera.name, camera.camera, pose))
+            elif name is None:
+                raise CalibrationError(
+                    f"{calibration.source}: {camera.name}: expected its pose from {body}, got no "
+                    "extrinsics: --camera-name takes one camera"
+                )
+            elif name == camera.name:
+                return cls.of(calibration.only(name))
+        if name is not None:
+            calibration.camera(name)  # or there is none
+        return cls(body, tuple(cameras))
 
 
 def _check_consistent(poses: list[NamedPose], source: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnisim.calibration import Calibration
 from omnisim.calibration.rig import Rig, RigCamera
 from omnisim.cli.calibration import read_calibration
 from omnisim.cli.console import print_note
@@ -70,21 +69,8 @@ def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
     check_calibration_path(source, request.sensor)
     calibration = read_calibration(source, None, None, request.mirrored)
     name = None if request.camera_name == ALL else request.camera_name
-    rig = Rig.of(_connected(calibration, name))
+    rig = Rig.of(calibration, name)
     return rig, rig_vehicle(_name(source), rig if name is None else rig.only(name))
-
-
-def _connected(calibration: Calibration, name: str | None) -> Calibration:
-    """Calibration with all cameras, but of one alone where the file has no extrinsics of it."""
-    if name is None or calibration.camera(name).poses:
-        return calibration
-    frames = {
-        frame
-        for camera in calibration.cameras
-        for pose in camera.poses
-        for frame in (pose.target, pose.source)
-    }
-    return calibration if name in frames else calibration.only(name)
 
 
 def _name(source: Path | None) -> str:

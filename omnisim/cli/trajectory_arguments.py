@@ -12,7 +12,7 @@ TrajectoryOption = Annotated[
         metavar="FILE",
         help="Poses to render at, instead of one viewpoint: TUM, KITTI, EuRoC, .csv, or "
         "nerfstudio's transforms.json, also with its camera. --at, --yaw, --pitch and --roll place "
-        "the file's origin in the scene.",
+        "the file's origin in the scene, at 0 without them.",
     ),
 ]
 TrajectoryFrameOption = Annotated[

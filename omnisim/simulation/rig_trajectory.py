@@ -65,7 +65,7 @@ class RigRoute:
         Raises:
             OmnisimError: a file that cannot be read, or a frame that the rig has not.
         """
-        poses = self._parse()
+        poses = self._parse(rig)
         frame = self._frame(rig, poses.format)
         body_from_posed, label = _posed_frame(rig, frame, self.path)
         moved = self.world_from_file @ poses.upright() @ inverse(body_from_posed)
@@ -85,11 +85,11 @@ class RigRoute:
             raise TrajectoryError(f"{self.path}: {reason}") from None
         return trajectory, is_timed
 
-    def _parse(self) -> _FilePoses:
+    def _parse(self, rig: Rig) -> _FilePoses:
         if self.path.suffix.lower() == ".json":
             if self.axes is not None:
                 raise TrajectoryError(f"{self.path}: --axes: expected a text file of poses")
-            return _FilePoses(NERFSTUDIO, None, _nerfstudio_poses(self.path), "world")
+            return _FilePoses(NERFSTUDIO, None, _nerfstudio_poses(self.path, rig), "world")
         parsed = parse_trajectory(self.path, axes="world")
         axes = self.axes or ("kitti" if parsed.format == "kitti" else "world")
         if parsed.format == "csv" and axes != "world":
@@ -159,16 +159,19 @@ def _posed_frame(rig: Rig, frame: str, path: Path) -> tuple[NDArray[np.float64],
     return chosen.body_from_camera, f"{chosen.name} ({OPTICAL_AXES})"
 
 
-def _nerfstudio_poses(path: Path) -> NDArray[np.float64]:
+def _nerfstudio_poses(path: Path, rig: Rig) -> NDArray[np.float64]:
+    """Poses (n, 4, 4) of the frames; of several cameras' those of the rig's only one."""
     calibration = load_calibration(path, NERFSTUDIO)
+    camera = calibration.cameras[0]
     if len(calibration.cameras) > 1:
-        raise TrajectoryError(
-            f"{path}: expected frames of one camera, got {len(calibration.cameras)} cameras with "
-            "intrinsics of their own"
-        )
-    poses = [
-        pose.target_from_source for pose in calibration.cameras[0].poses if pose.target == WORLD
-    ]
+        names = [camera.name for camera in rig.cameras]
+        if len(names) > 1 or names[0] not in calibration.names:
+            raise TrajectoryError(
+                f"{path}: expected frames of one camera, got {len(calibration.cameras)} cameras "
+                "with intrinsics of their own: --camera-name takes one"
+            )
+        camera = calibration.camera(names[0])
+    poses = [pose.target_from_source for pose in camera.poses if pose.target == WORLD]
     if not poses:
         raise TrajectoryError(f"{path}: frames: expected frames with a transform_matrix, got none")
     return np.array(poses)

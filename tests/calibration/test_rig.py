@@ -85,6 +85,14 @@ def test_a_camera_without_extrinsics_is_refused():
         Rig.of(_calibration(cam0=(), cam1=()))
 
 
+def test_a_camera_that_is_taken_alone_needs_no_extrinsics():
+    calibration = _calibration(cam0=(), cam1=(), cam2=[NamedPose("cam2", "cam0", pose())])
+    assert Rig.of(calibration, "cam1").body == "cam1"
+    assert [camera.name for camera in Rig.of(calibration, "cam2").cameras] == ["cam0", "cam2"]
+    with pytest.raises(CalibrationError, match=r"expected one of cam0, cam1, cam2, got 'cam7'"):
+        Rig.of(calibration, "cam7")
+
+
 def test_extrinsics_that_contradict_each_other_are_refused():
     poses = [NamedPose("cam0", "imu", pose()), NamedPose("cam1", "cam0", pose((0.1, 0.0, 0.0)))]
     agreeing = NamedPose("cam1", "imu", pose((0.1, 0.0, 0.0)))

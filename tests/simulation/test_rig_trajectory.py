@@ -1,5 +1,6 @@
 """Poses of a file as poses of a rig's body, in each format's convention."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,19 @@ def test_nerfstudios_frames_are_the_cameras_in_opengls_axes():
     np.testing.assert_allclose(poses[1, :3, 2], (-1.0, 0.0, 0.0))
     np.testing.assert_allclose(poses[1, :3, 3], (1.5, -2.0, 1.25))
     assert "poses of camera (x right, y down, z forward)" in notes[0]
+
+
+def test_frames_of_several_cameras_are_those_of_the_one_taken(tmp_path):
+    content = json.loads((SAMPLES / "transforms.json").read_text())
+    content["frames"][1]["fl_x"] = 900.0
+    path = tmp_path / "transforms.json"
+    path.write_text(json.dumps(content))
+    calibration = load_calibration(path)
+    second = calibration.names[1]
+    poses, _, _ = _read(path, Rig.of(calibration, second))
+    np.testing.assert_allclose(poses[:, :3, 3], [(1.5, -2.0, 1.25)])
+    with pytest.raises(OmnisimError, match=r"2 cameras with intrinsics of their own"):
+        _read(path, ON_IMU)
 
 
 @pytest.mark.parametrize(
