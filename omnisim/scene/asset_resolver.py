@@ -18,33 +18,57 @@ class AssetResolver(Mapping[str, bytes]):
     Attributes:
         file_name: the scene file's; trimesh names the meshes of an OBJ by it.
         given: content of files that need not be found, by name.
-        missing: names of the files that were asked for and are not there.
+        read: names of the files that were asked for and read.
+        faults: reasons by the names of the files that were asked for and cannot be read.
     """
 
     def __init__(self, scene_file: Path):
         self.file_name = scene_file.name
         self.given: dict[str, bytes] = {}
-        self.missing: list[str] = []
+        self.read: set[str] = set()
+        self.faults: dict[str, str] = {}
         self._folder = scene_file.parent
 
     def __contains__(self, name: object) -> bool:
-        return name in self.given or self._find(str(name)) is not None
+        try:
+            return name in self.given or self._find(str(name)) is not None
+        except OSError:  # a folder without permission, a name too long
+            return False
 
     def __getitem__(self, name: str) -> bytes:
         if name in self.given:
             return self.given[name]
-        found = self._find(name)
-        if found is None:
-            if name not in self.missing:
-                self.missing.append(name)
-            raise FileNotFoundError(f"{name}: no such file")
-        return found.read_bytes()
+        try:
+            data = self._read(name)
+        except FileNotFoundError as reason:
+            self.faults.setdefault(name, str(reason))
+            raise
+        self.read.add(name)
+        return data
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each file that cannot be read."""
+        return [f"{name} {reason}: drawn without it" for name, reason in self.faults.items()]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.given)
 
     def __len__(self) -> int:
         return len(self.given)
+
+    def _read(self, name: str) -> bytes:
+        """Content of a file; a FileNotFoundError with the reason for whatever keeps it unread."""
+        try:
+            found = self._find(name)
+            data = b"" if found is None else found.read_bytes()
+        except OSError as reason:  # no permission, a bad disk, a name too long
+            raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
+        if found is None:
+            raise FileNotFoundError("is not there")
+        if not data:
+            raise FileNotFoundError("is an empty file")
+        return data
 
     def _find(self, name: str) -> Path | None:
         plain = unquote(name).strip().removeprefix("file://").replace("\\", "/")

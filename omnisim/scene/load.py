@@ -139,8 +139,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str 
     instances = place(read, axes)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
-    missing = [f"{asset} is not there: drawn without it" for asset in assets.missing]
-    notices = [*missing, *textures.notices, *read.notices]
+    notices = [*assets.notices, *textures.notices, *read.notices]
     return Scene(
         name=name,
         meshes=read.meshes,

@@ -20,7 +20,7 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.imported import ImportedScene
 from omnisim.scene.mesh_faults import mesh_fault
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
-from omnisim.scene.textures import TextureStore
+from omnisim.scene.textures import NO_PICTURE, TextureStore
 from omnisim.scene.trimesh_import import import_trimesh
 
 _COLLADA = {".dae", ".zae"}
@@ -49,8 +49,12 @@ def read_other(
     if path.suffix.lower() == ".obj":
         plain, names = plain_obj(data)
         assets.given[MATERIAL_FILES] = _material_files(names, assets)
+    texts = set(assets.read)
     loaded = _load_with_trimesh(path, data, plain, assets)
-    return import_trimesh(loaded, textures, assets)
+    imported = import_trimesh(loaded, textures, assets)
+    for asset in sorted(assets.read - texts):
+        _check_picture(asset, assets)
+    return imported
 
 
 def _load_with_trimesh(
@@ -71,8 +75,20 @@ def _load_with_trimesh(
             message = f"it needs {reason.name}: pip install {reason.name}"
         else:  # trimesh guesses encodings with charset_normalizer
             message = mesh_fault(kind, data)
-        missing = f"{assets.missing[-1]} is not there; " if assets.missing else ""
-        raise SceneError(f"cannot be read as {kind}: {missing}{message}") from None
+        faults = "".join(f"{name} {fault}; " for name, fault in [*assets.faults.items()][-1:])
+        raise SceneError(f"cannot be read as {kind}: {faults}{message}") from None
+
+
+def _check_picture(name: str, assets: AssetResolver) -> None:
+    """Note a picture that cannot be opened: trimesh goes on without a word."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a large picture
+            Image.open(io.BytesIO(assets[name])).close()
+    except MemoryError:
+        raise
+    except Exception:  # Pillow's readers raise all kinds
+        assets.faults[name] = NO_PICTURE
 
 
 def _material_files(names: list[str], assets: AssetResolver) -> bytes:
@@ -82,5 +98,8 @@ def _material_files(names: list[str], assets: AssetResolver) -> bytes:
         # "a.mtl b.mtl" is two files, "my file.mtl" is one
         for name in [line] if line in assets else line.split():
             with suppress(FileNotFoundError):
-                parts.append(plain_mtl(assets[name]))
+                part = plain_mtl(assets[name])
+                if b"newmtl" not in part:
+                    assets.faults[name] = "has no materials"
+                parts.append(part)
     return b"\n".join(parts)

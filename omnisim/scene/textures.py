@@ -9,6 +9,7 @@ from PIL.Image import Image
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
 MAX_SIDE_PX = 32768
+NO_PICTURE = "is not a picture that can be read"  # of an image file
 
 
 class TextureStore:

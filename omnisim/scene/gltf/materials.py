@@ -14,7 +14,7 @@ from omnisim.scene.gltf.accessors import Accessors, read_uri
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import Primitive
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
-from omnisim.scene.textures import TextureStore
+from omnisim.scene.textures import NO_PICTURE, TextureStore
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
@@ -31,7 +31,7 @@ class Materials:
     def __init__(
         self, root: JsonObject, accessors: Accessors, textures: TextureStore, assets: AssetResolver
     ):
-        """Open all images; those that are not there are then in `assets.missing`."""
+        """Open all images; those that cannot be read are then in `assets.faults`."""
         self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
         self._store, self._assets = textures, assets
@@ -98,7 +98,7 @@ class Materials:
             u, v = self._wraps(info)
             mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
             return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored)
-        if uri not in self._assets.missing:
+        if uri not in self._assets.faults:
             self.notices.append(
                 f"texture of {material!r} cannot be decoded: its plain colour is drawn"
             )
@@ -106,11 +106,14 @@ class Materials:
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
         """Image, not yet decoded; None where it is missing or of an unknown format."""
+        uri = entry.text("uri", "")
         with suppress(Exception):  # Pillow's readers raise all kinds
             if entry.has("bufferView"):
                 return Image.open(io.BytesIO(accessors.view(entry)))
-            if entry.has("uri"):
-                return Image.open(io.BytesIO(read_uri(entry.text("uri", ""), self._assets)))
+            if uri:
+                return Image.open(io.BytesIO(read_uri(uri, self._assets)))
+        if uri in self._assets.read:
+            self._assets.faults[uri] = NO_PICTURE
         return None
 
 

@@ -1,0 +1,147 @@
+"""Files beside a scene that cannot be read: noted as missing ones are, or refused."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from omnisim.errors import SceneError
+from omnisim.scene import load_scene
+from tests.scene.gltf_builder import GltfBuilder, png
+
+OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
+PICTURE = png(np.full((2, 2, 3), 9))
+
+
+def _obj(folder, mtl):
+    (folder / "a.mtl").write_text(mtl)
+    (folder / "a.obj").write_text(OBJ)
+    return folder / "a.obj"
+
+
+def _obj_with_texture(folder):
+    return _obj(folder, "newmtl m\nKd 0.8 0.4 0.2\nmap_Kd asset\n"), PICTURE
+
+
+def _obj_with_hole_map(folder):
+    return _obj(folder, "newmtl m\nKd 0.8 0.4 0.2\nmap_d asset\n"), PICTURE
+
+
+def _obj_with_material_file(folder):
+    path = folder / "a.obj"
+    path.write_text(OBJ.replace("a.mtl", "asset"))
+    return path, b"newmtl m\nKd 0.8 0.4 0.2\n"
+
+
+def _collada(folder):
+    box = trimesh.creation.box()
+    material = trimesh.visual.material.SimpleMaterial(image=Image.new("RGB", (2, 2)))
+    box.visual = trimesh.visual.TextureVisuals(np.zeros((len(box.vertices), 2)), material)
+    path = folder / "a.dae"
+    path.write_text(_with_picture(box.export(file_type="dae").decode()))
+    return path, PICTURE
+
+
+def _with_picture(text):
+    """COLLADA whose effects have a picture for a diffuse colour; trimesh writes colours only."""
+    surface = (
+        '<newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>'
+        '<newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam>'
+    )
+    text = re.sub(r"(<profile_COMMON>)", r"\1" + surface, text)
+    text = re.sub(
+        r"<diffuse>.*?</diffuse>",
+        '<diffuse><texture texture="t" texcoord="u"/></diffuse>',
+        text,
+        flags=re.DOTALL,
+    )
+    images = '<library_images><image id="i"><init_from>asset</init_from></image></library_images>'
+    return text.replace("<library_effects>", images + "<library_effects>")
+
+
+def _gltf(folder):
+    gltf = GltfBuilder()
+    gltf.tree["images"] = [{"uri": "asset"}]
+    gltf.tree["textures"] = [{"source": 0}]
+    color = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": color}]
+    uv = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=uv))
+    return gltf.write(folder / "a.gltf"), PICTURE
+
+
+FORMATS = (_obj_with_texture, _obj_with_hole_map, _obj_with_material_file, _collada, _gltf)
+
+
+def _missing(path, content, monkeypatch):
+    return "is not there"
+
+
+def _folder(path, content, monkeypatch):
+    path.mkdir()
+    return "is not there"
+
+
+def _empty(path, content, monkeypatch):
+    path.write_bytes(b"")
+    return "is an empty file"
+
+
+def _damaged(path, content, monkeypatch):
+    path.write_bytes(b"\x89PNG\r\n\x1a\n not really")
+    return "is not a picture that can be read|has no materials"
+
+
+def _forbidden(path, content, monkeypatch):
+    """As root may read all files, a stand-in for the system's refusal."""
+    path.write_bytes(content)
+    read = Path.read_bytes
+
+    def read_bytes(self):
+        if self == path:
+            raise PermissionError(13, "Permission denied", str(self))
+        return read(self)
+
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+    return "cannot be read: Permission denied"
+
+
+FAULTS = (_missing, _folder, _empty, _damaged, _forbidden)
+
+
+@pytest.mark.parametrize("make", FORMATS, ids=lambda make: make.__name__)
+def test_readable_assets_need_no_notice(make, tmp_path):
+    path, content = make(tmp_path)
+    (tmp_path / "asset").write_bytes(content)
+    assert load_scene(path).notices == ()
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+@pytest.mark.parametrize("make", FORMATS, ids=lambda make: make.__name__)
+def test_assets_that_cannot_be_read_are_noticed(make, fault, tmp_path, monkeypatch):
+    path, content = make(tmp_path)
+    reason = fault(tmp_path / "asset", content, monkeypatch)
+    scene = load_scene(path)
+    assert scene.triangle_count > 0
+    assert scene.materials[0].texture is None
+    (notice,) = scene.notices
+    assert re.fullmatch(rf"{path.name}: asset ({reason}): drawn without it", notice)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+def test_buffers_that_cannot_be_read_are_refused(fault, tmp_path, monkeypatch):
+    gltf = GltfBuilder()
+    gltf.node(mesh=gltf.triangle())
+    path = gltf.write(tmp_path / "a.gltf")
+    gltf.tree["buffers"][0]["uri"] = "asset"
+    path.write_text(json.dumps(gltf.tree))
+    reason = fault(tmp_path / "asset", gltf.blob, monkeypatch)
+    words = rf"buffers\[0\].uri: asset {reason}$"
+    if fault is _damaged:  # which shows by its length alone
+        words = "expected 36 bytes in its buffer"
+    with pytest.raises(SceneError, match=words):
+        load_scene(path)
