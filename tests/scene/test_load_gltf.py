@@ -1,5 +1,6 @@
 """glTF as files have it: exact factors, transforms, instances, textures, lights."""
 
+import base64
 import json
 import math
 import sys
@@ -422,6 +423,19 @@ def test_glb_data_in_a_gltf_file(tmp_path):
     assert load_scene(tmp_path / "a.gltf").triangle_count == load_scene(SOCCER).triangle_count
 
 
+def _compressed(gltf, data, **ids):
+    """Compress the only mesh of a builder: attributes by their ids in Draco's `data`."""
+    primitive = gltf.tree["meshes"][0]["primitives"][0]
+    primitive["indices"] = gltf.accessor(np.arange(3, dtype="u1"), "SCALAR")
+    for accessor in gltf.tree["accessors"]:
+        del accessor["bufferView"]
+    gltf.tree["bufferViews"] = [{"buffer": 0, "byteLength": len(data), "byteOffset": 2}]
+    gltf.blob = b".." + data
+    gltf.tree["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": ids}}
+    gltf.node(mesh=0)
+
+
 def test_draco(gltf, tmp_path, monkeypatch):
     """A stand-in for DracoPy: ids of its own choice, faces beside the attributes."""
     corners = np.array([[0, 0, 0], [0, 0, 2], [0, 3, 0]], "<f4")
@@ -431,18 +445,8 @@ def test_draco(gltf, tmp_path, monkeypatch):
         attributes = [{"unique_id": 7, "data": corners}, {"unique_id": 8, "data": corners}]
         return SimpleNamespace(attributes=attributes, faces=np.array([[2, 1, 0]]))
 
-    mesh = gltf.triangle()
-    primitive = gltf.tree["meshes"][mesh]["primitives"][0]
-    primitive["indices"] = gltf.accessor(np.arange(3, dtype="u1"), "SCALAR")
-    for accessor in gltf.tree["accessors"]:
-        del accessor["bufferView"]
-    gltf.tree["bufferViews"] = [{"buffer": 0, "byteLength": 10, "byteOffset": 2}]
-    gltf.blob = b"..compressed"
-    gltf.tree["extensionsRequired"] = ["KHR_draco_mesh_compression"]
-    primitive["extensions"] = {
-        "KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 7}}
-    }
-    gltf.node(mesh=mesh)
+    gltf.triangle()
+    _compressed(gltf, b"compressed", POSITION=7)
     path = gltf.write(tmp_path / "a.gltf")
     monkeypatch.setitem(sys.modules, "DracoPy", None)
     with pytest.raises(SceneError, match="is compressed with Draco: pip install DracoPy"):
@@ -451,3 +455,29 @@ def test_draco(gltf, tmp_path, monkeypatch):
     scene = load_scene(path, up_axis="z")
     np.testing.assert_allclose(_world(scene), corners)
     assert scene.meshes[0].triangles.tolist() == [[2, 1, 0]]
+
+
+# Of DracoPy 2.2: a triangle with colours of 16 bits, which its decoder gives in 32.
+DRACO_COLORS = (
+    "RFJBQ08CAgEAAAABAwEAAQIBAgQEBAABAAkDAAIBAgABAQARA60qN1UVA69agQEA//8AAAEAAAAAAAD//wAAAAEBAA"
+    "MDrSpVFQOgeoGIAQAAAAD/PwAAAAAAAAAAAAAAAAAAAACAPw4="
+)
+
+
+@pytest.mark.parametrize("decoder", ["DracoPy", "a stand-in"])
+def test_draco_with_vertex_colours(gltf, tmp_path, monkeypatch, decoder):
+    """Colours of 16 bits were divided by the 32 bits in which they are decoded: black."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+    colors = np.array([[65535, 32768, 0, 65535]] * 3, "<u2")
+    if decoder == "DracoPy":
+        pytest.importorskip("DracoPy", reason="DracoPy is not installed")
+    else:
+        ids = {1: colors.astype("<u4"), 2: corners}
+        attributes = [{"unique_id": i, "data": data} for i, data in ids.items()]
+        found = SimpleNamespace(attributes=attributes, faces=np.array([[0, 1, 2]]))
+        monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=lambda data: found))
+    gltf.triangle(COLOR_0=gltf.accessor(colors, "VEC4", normalized=True))
+    _compressed(gltf, base64.b64decode(DRACO_COLORS), COLOR_0=1, POSITION=2)
+    mesh = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z").meshes[0]
+    np.testing.assert_allclose(mesh.colors, [[1.0, 0.5, 0.0, 1.0]] * 3, atol=1e-4)
+    assert sorted(map(tuple, mesh.positions)) == sorted(map(tuple, corners - [0.5, 0.5, 0.0]))

@@ -44,12 +44,15 @@ class Accessors:
         self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
         self._decoded: dict[int, NDArray[Any]] = {}
         self._buffers: list[memoryview] = []
-        for buffer in root.objects("buffers"):
-            data, uri = chunk, buffer.text("uri", "")
+        for index, buffer in enumerate(root.objects("buffers")):
+            # the chunk is the first buffer's; others without a URI are empty
+            data, uri = chunk if index == 0 else memoryview(b""), buffer.text("uri", "")
             if uri:
                 try:
                     data = memoryview(read_uri(uri, assets))
-                except (OSError, ValueError) as reason:
+                except OSError as reason:
+                    raise SceneError(f"{buffer.place}.uri: {uri:.80} {reason}") from None
+                except ValueError as reason:
                     raise SceneError(f"{buffer.place}: cannot be read: {reason!s:.80}") from None
             self._buffers.append(data[: buffer.integer("byteLength")])
 
@@ -75,9 +78,12 @@ class Accessors:
         values = self._values(owner, key)
         with np.errstate(invalid="ignore"):  # signalling NaNs
             floats = values.astype(np.float64)
-        is_normalized = self._accessors[owner.index(key, self._accessors)].flag("normalized")
-        if is_normalized and values.dtype.kind in "iu":
-            return np.maximum(floats / np.iinfo(values.dtype).max, -1.0)
+        accessor = self._accessors[owner.index(key, self._accessors)]
+        if accessor.flag("normalized") and values.dtype.kind in "iu":
+            # by the accessor's type: Draco's decoder widens 16 bits to 32
+            stored = np.dtype(accessor.choice("componentType", _COMPONENT_TYPES))
+            if stored.kind in "iu":
+                return np.maximum(floats / np.iinfo(stored).max, -1.0)
         return floats
 
     def integers(self, owner: JsonObject, key: str) -> NDArray[np.int64]:
