@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import struct
 
 import numpy as np
 from PIL import Image
@@ -12,6 +13,14 @@ def png(pixels):
     data = io.BytesIO()
     Image.fromarray(np.asarray(pixels, dtype=np.uint8)).save(data, "PNG")
     return data.getvalue()
+
+
+def glb(tree, blob):
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    size = 28 + len(text) + len(blob)
+    head = struct.pack("<5I", 0x46546C67, 2, size, len(text), 0x4E4F534A)
+    return head + text + struct.pack("<2I", len(blob), 0x4E4942) + blob
 
 
 class GltfBuilder:
@@ -71,6 +80,10 @@ class GltfBuilder:
         return len(self.tree["textures"]) - 1
 
     def write(self, path):
+        if path.suffix == ".glb":
+            self.tree["buffers"] = [{"byteLength": len(self.blob)}]
+            path.write_bytes(glb(self.tree, self.blob))
+            return path
         uri = "data:application/octet-stream;base64," + base64.b64encode(self.blob).decode()
         self.tree["buffers"] = [{"byteLength": len(self.blob), "uri": uri}]
         path.write_text(json.dumps(self.tree))

@@ -348,7 +348,8 @@ def test_texture_file_is_found_by_its_decoded_name(gltf, tmp_path):
     coordinates = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
     gltf.tree["images"] = [{"uri": "red%20brick.png"}]
     gltf.tree["textures"] = [{"source": 0}]
-    gltf.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    values = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": values}]
     gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=coordinates))
     scene = load_scene(gltf.write(tmp_path / "a.gltf"))
     assert scene.materials[0].texture.pixels[0, 0].tolist() == [9, 9, 9, 255]
@@ -415,7 +416,7 @@ def test_nodes_below_a_mesh_of_lines_are_drawn(gltf, tmp_path):
     gltf.tree["nodes"].append({"mesh": gltf.triangle()})
     scene = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z")
     np.testing.assert_allclose(_world(scene), [[1, 0, 0], [2, 0, 0], [1, 1, 0]])
-    assert scene.notices == ("a.gltf: points and lines are not drawn",)
+    assert scene.notices == ("a.gltf: points and lines are not drawn (1 primitive)",)
 
 
 def test_glb_data_in_a_gltf_file(tmp_path):

@@ -75,7 +75,7 @@ class Materials:
             alpha_mode=_ALPHA_MODES.get(entry.text("alphaMode", ""), AlphaMode.OPAQUE),
             alpha_cutoff=entry.number("alphaCutoff", 0.5),
             double_sided=entry.flag("doubleSided"),
-            unlit=entry.extension("KHR_materials_unlit") is not None,
+            unlit=is_unlit(entry),
         )
 
     def _texture(self, info: JsonObject) -> JsonObject:
@@ -115,6 +115,11 @@ class Materials:
         if uri in self._assets.read:
             self._assets.faults[uri] = NO_PICTURE
         return None
+
+
+def is_unlit(material: JsonObject) -> bool:
+    """True for a material that is drawn in its base colour, without lights."""
+    return material.extension("KHR_materials_unlit") is not None
 
 
 def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:

@@ -12,26 +12,16 @@ from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.gltf.accessors import Accessors
 from omnisim.scene.gltf.container import read_container
+from omnisim.scene.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.lights import read_lights
-from omnisim.scene.gltf.materials import Materials
+from omnisim.scene.gltf.materials import Materials, is_unlit
 from omnisim.scene.gltf.nodes import file_from_nodes
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
 from omnisim.scene.gltf.skins import joint_matrices, skin_vertices
 from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
-
-# Extensions that a file may require: without the others it cannot be drawn right.
-SUPPORTED_EXTENSIONS = {
-    "KHR_draco_mesh_compression",  # where DracoPy is installed
-    "KHR_lights_punctual",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_unlit",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-    "EXT_texture_webp",
-}
 
 
 def read_gltf(
@@ -57,31 +47,38 @@ def read_gltf(
     materials = Materials(root, accessors, textures, assets)
     meshes = _Meshes(root, accessors, materials)
     instances = tuple(meshes.instantiate(nodes, poses))
+    drawn = _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1])
+    extensions = [str(name) for name in root.array("extensionsUsed")]
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
         instances,
-        [*materials.notices, *_notices(root)],
+        [*materials.notices, *feature_notices(drawn, extensions)],
         read_lights(root, nodes, {index: world_from_file @ pose for index, pose in poses.items()}),
     )
 
 
-def _notices(root: JsonObject) -> list[str]:
-    """One line for each feature of the file that is not drawn."""
+def _drawn_objects(
+    root: JsonObject, nodes: list[JsonObject], materials: list[JsonObject]
+) -> DrawnObjects:
+    """Objects that the nodes of the scene draw."""
     meshes = root.objects("meshes")
-    primitives = [primitive for mesh in meshes for primitive in mesh.objects("primitives")]
-    modes = {primitive.integer("mode", TRIANGLES) for primitive in primitives}
-    holders = [*meshes, *root.objects("nodes")]
-    checks = (
-        (modes & POINTS_AND_LINES, "points and lines are not drawn"),
-        (root.array("animations"), "animations are not played"),
-        (any(any(each.array("weights")) for each in holders), "morph targets are not applied"),
-        (
-            "EXT_mesh_gpu_instancing" in root.array("extensionsUsed"),
-            "EXT_mesh_gpu_instancing is not read: one of each is drawn",
-        ),
+    drawn = [(node, meshes[node.index("mesh", meshes)]) for node in nodes if node.has("mesh")]
+    primitives = [
+        entry
+        for mesh in {mesh.place: mesh for _, mesh in drawn}.values()
+        for entry in mesh.objects("primitives")
+    ]
+    used = {entry.index("material", materials) for entry in primitives if entry.has("material")}
+    lit = [index for index in sorted(used) if not is_unlit(materials[index])]
+    return DrawnObjects(
+        nodes=nodes,
+        weights=[node if node.has("weights") else mesh for node, mesh in drawn],
+        primitives=primitives,
+        materials=[materials[index] for index in lit],
+        samplers=root.objects("samplers"),
+        animations=root.objects("animations"),
     )
-    return [notice for found, notice in checks if found]
 
 
 class _Part(NamedTuple):

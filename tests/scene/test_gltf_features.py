@@ -1,0 +1,315 @@
+"""Every feature of the table: a small GLB that uses it, and what becomes of it."""
+
+import dataclasses
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from omnisim.errors import SceneError
+from omnisim.resources import SCENES
+from omnisim.scene import load_scene
+from omnisim.scene.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
+from omnisim.simulation.fingerprint import fingerprint
+from tests.scene.gltf_builder import GltfBuilder
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+IMAGE = [[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [9, 9, 9]]]
+
+
+class Plain:
+    """A triangle with a matt white material and texture coordinates, to be changed."""
+
+    def __init__(self):
+        self.gltf = gltf = GltfBuilder()
+        uv = gltf.accessor(np.array([[0, 0], [1.5, 0], [0, 1.5]], "<f4"), "VEC2")
+        self.material = {"pbrMetallicRoughness": {"metallicFactor": 0.0}}
+        gltf.tree["materials"] = [self.material]
+        gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=uv))
+        (self.node,), (self.mesh,) = gltf.tree["nodes"], gltf.tree["meshes"]
+        (self.primitive,) = self.mesh["primitives"]
+        self.pbr = self.material["pbrMetallicRoughness"]
+
+    def attribute(self, name, values, kind, **options):
+        self.primitive["attributes"][name] = self.gltf.accessor(values, kind, **options)
+
+    def extend(self, holder, name, **values):
+        holder.setdefault("extensions", {})[name] = values
+        self.gltf.tree.setdefault("extensionsUsed", []).append(name)
+
+    def textured(self, pixels=IMAGE, **sampler):
+        self.pbr["baseColorTexture"] = {"index": self.gltf.texture(pixels, **sampler)}
+        return self.gltf.tree["textures"][0]
+
+    def skin(self):
+        self.attribute("JOINTS_0", np.zeros((3, 4), "u1"), "VEC4")
+        self.attribute("WEIGHTS_0", np.array([[1, 0, 0, 0]] * 3, "<f4"), "VEC4")
+        self.gltf.tree["skins"] = [{"joints": [1]}]
+        self.node["skin"] = 0
+        self.gltf.node(translation=[0, 0, 3])
+
+    def require(self, name):
+        self.gltf.tree.setdefault("extensionsRequired", []).append(name)
+
+
+def _sparse(plain):
+    places = plain.gltf.accessor(np.array([2], "<u2"), "SCALAR")
+    values = plain.gltf.accessor(np.array([[5, 5, 0]], "<f4"), "VEC3")
+    places, values = (plain.gltf.tree["accessors"][i]["bufferView"] for i in (places, values))
+    position = plain.gltf.tree["accessors"][plain.primitive["attributes"]["POSITION"]]
+    position["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": places, "componentType": 5123},
+        "values": {"bufferView": values},
+    }
+
+
+def _animate(plain):
+    times = plain.gltf.accessor(np.array([0, 1], "<f4"), "SCALAR")
+    moves = plain.gltf.accessor(np.array([[0, 0, 0], [0, 5, 0]], "<f4"), "VEC3")
+    channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+    samplers = [{"input": times, "output": moves}]
+    plain.gltf.tree["animations"] = [{"channels": [channel], "samplers": samplers}]
+
+
+def _camera(plain):
+    lens = {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.0}
+    plain.gltf.tree["cameras"] = [{"type": "perspective", "perspective": lens}]
+    plain.node["camera"] = 0
+
+
+def _webp(plain):
+    texture = plain.textured()
+    plain.extend(texture, "EXT_texture_webp", source=texture.pop("source"))
+
+
+def _transform(plain):
+    plain.textured()
+    plain.extend(plain.pbr["baseColorTexture"], "KHR_texture_transform", scale=[2, 2])
+
+
+def _light(plain):
+    plain.extend(plain.gltf.tree, "KHR_lights_punctual", lights=[{"type": "point"}])
+    plain.extend(plain.node, "KHR_lights_punctual", light=0)
+
+
+def _draco(plain):
+    """As `test_draco` of test_load_gltf, whose stand-in for DracoPy gives one corner elsewhere."""
+    plain.primitive["indices"] = plain.gltf.accessor(np.arange(3, dtype="u1"), "SCALAR")
+    plain.extend(
+        plain.primitive, "KHR_draco_mesh_compression", bufferView=0, attributes={"POSITION": 7}
+    )
+    plain.require("KHR_draco_mesh_compression")
+
+
+def _morph(plain):
+    moved = plain.gltf.accessor(CORNERS + 1, "VEC3")
+    plain.primitive["targets"] = [{"POSITION": moved}]
+    plain.mesh["weights"] = [0.5]
+
+
+def _instances(plain):
+    places = plain.gltf.accessor(CORNERS, "VEC3")
+    plain.extend(plain.node, "EXT_mesh_gpu_instancing", attributes={"TRANSLATION": places})
+
+
+def _glossy(plain, **values):
+    plain.extend(plain.material, "KHR_materials_pbrSpecularGlossiness", **values)
+
+
+def _emitting_strongly(plain):
+    plain.material["emissiveFactor"] = [1, 1, 1]
+    plain.extend(plain.material, "KHR_materials_emissive_strength", emissiveStrength=3)
+
+
+def _map(name, **values):
+    def change(plain):
+        index = plain.gltf.texture(IMAGE)
+        plain.material[name] = {"index": index, **values}
+
+    return change
+
+
+def _extension(name, **values):
+    return lambda plain: plain.extend(plain.material, name, **values)
+
+
+def _quantized(plain):
+    corners = np.array([[0, 0, 0], [32767, 0, 0], [0, 16384, 0]], "<i2")
+    plain.attribute("POSITION", corners, "VEC3", normalized=True)
+    plain.require("KHR_mesh_quantization")
+
+
+def _more_joints(plain):
+    plain.skin()
+    plain.attribute("JOINTS_1", np.zeros((3, 4), "u1"), "VEC4")
+    plain.attribute("WEIGHTS_1", np.zeros((3, 4), "<f4"), "VEC4")
+
+
+USES = {
+    "translation, rotation, scale, matrix": lambda p: p.node.update(translation=[1, 2, 3]),
+    "mode: 4, 5, 6": lambda p: (
+        p.attribute("POSITION", np.concatenate((CORNERS, [[1, 1, 0]])).astype("<f4"), "VEC3"),
+        p.primitive.update(mode=5),
+    ),
+    "mode: 0, 1, 2, 3": lambda p: p.mesh["primitives"].append({**p.primitive, "mode": 1}),
+    "sparse": _sparse,
+    "NORMAL": lambda p: p.attribute("NORMAL", np.array([[0, 0, 1]] * 3, "<f4"), "VEC3"),
+    "COLOR_0": lambda p: p.attribute("COLOR_0", np.array([[1, 0, 0]] * 3, "<f4"), "VEC3"),
+    "skins": Plain.skin,
+    "JOINTS_1": _more_joints,
+    "weights": _morph,
+    "animations": _animate,
+    "camera": _camera,
+    "baseColorFactor": lambda p: p.pbr.update(baseColorFactor=[1, 0, 0, 1]),
+    "baseColorTexture": Plain.textured,
+    "wrapS, wrapT": lambda p: p.textured(wrapS=33071),
+    "magFilter: 9728": lambda p: p.textured(magFilter=9728),
+    "alphaMode, alphaCutoff": lambda p: p.material.update(alphaMode="BLEND"),
+    "doubleSided": lambda p: p.material.update(doubleSided=True),
+    "metallicFactor": lambda p: p.pbr.update(metallicFactor=0.5),
+    "roughnessFactor": lambda p: p.pbr.update(roughnessFactor=0.1),
+    "metallicRoughnessTexture": lambda p: p.pbr.update(
+        metallicRoughnessTexture={"index": p.gltf.texture(IMAGE)}
+    ),
+    "normalTexture": _map("normalTexture"),
+    "occlusionTexture": _map("occlusionTexture"),
+    "emissiveFactor, emissiveTexture": lambda p: p.material.update(emissiveFactor=[0, 1, 0]),
+    "KHR_texture_transform": _transform,
+    "EXT_texture_webp": _webp,
+    "KHR_texture_basisu": lambda p: p.require("KHR_texture_basisu"),
+    "KHR_mesh_quantization": _quantized,
+    "KHR_draco_mesh_compression": _draco,
+    "EXT_meshopt_compression": lambda p: p.require("EXT_meshopt_compression"),
+    "KHR_meshopt_compression": lambda p: p.require("KHR_meshopt_compression"),
+    "EXT_mesh_gpu_instancing": _instances,
+    "KHR_node_visibility": lambda p: p.extend(p.node, "KHR_node_visibility", visible=False),
+    "KHR_lights_punctual": _light,
+    "KHR_materials_unlit": _extension("KHR_materials_unlit"),
+    "KHR_materials_pbrSpecularGlossiness": lambda p: _glossy(
+        p, diffuseFactor=[1, 0, 0, 1], specularFactor=[0, 0, 0]
+    ),
+    "specularFactor, specularGlossinessTexture": _glossy,
+    "KHR_materials_anisotropy": _extension("KHR_materials_anisotropy", anisotropyStrength=1),
+    "KHR_materials_clearcoat": _extension("KHR_materials_clearcoat", clearcoatFactor=1),
+    "KHR_materials_diffuse_transmission": _extension(
+        "KHR_materials_diffuse_transmission", diffuseTransmissionFactor=1
+    ),
+    "KHR_materials_dispersion": _extension("KHR_materials_dispersion", dispersion=1),
+    "KHR_materials_emissive_strength": _emitting_strongly,
+    "KHR_materials_ior": _extension("KHR_materials_ior", ior=1.33),
+    "KHR_materials_iridescence": _extension("KHR_materials_iridescence", iridescenceFactor=1),
+    "KHR_materials_sheen": _extension("KHR_materials_sheen", sheenColorFactor=[1, 0, 0]),
+    "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=0),
+    "KHR_materials_transmission": _extension("KHR_materials_transmission", transmissionFactor=1),
+    "KHR_materials_volume": _extension("KHR_materials_volume", thicknessFactor=1),
+    "KHR_materials_variants": lambda p: p.extend(p.primitive, "KHR_materials_variants"),
+}
+# What a feature's use is compared with, where that is not the plain triangle.
+WITHOUT = {
+    "KHR_texture_transform": Plain.textured,
+    "wrapS, wrapT": Plain.textured,
+    "magFilter: 9728": Plain.textured,
+    "JOINTS_1": Plain.skin,
+}
+SILENT = {
+    "normalTexture": _map("normalTexture", scale=0),
+    "occlusionTexture": _map("occlusionTexture", strength=0),
+    "emissiveFactor, emissiveTexture": _map("emissiveTexture"),  # times a factor of 0
+    "weights": lambda p: p.mesh.update(weights=[0.0]),
+    "KHR_node_visibility": lambda p: p.extend(p.node, "KHR_node_visibility", visible=True),
+    "KHR_materials_clearcoat": _extension("KHR_materials_clearcoat"),
+    "KHR_materials_ior": _extension("KHR_materials_ior", ior=1.5),
+    "KHR_materials_emissive_strength": _extension(
+        "KHR_materials_emissive_strength", emissiveStrength=3
+    ),
+    "KHR_materials_sheen": _extension("KHR_materials_sheen"),
+    "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=1),
+    "metallicFactor": lambda p: p.material.pop("pbrMetallicRoughness"),
+    "unlit": lambda p: (
+        p.pbr.update(metallicFactor=1.0),
+        p.extend(p.material, "KHR_materials_unlit"),
+    ),
+    "metadata": lambda p: p.extend(p.gltf.tree, "KHR_xmp_json_ld"),
+}
+
+
+@pytest.fixture
+def draco(monkeypatch):
+    """A stand-in for DracoPy that gives one corner elsewhere."""
+    attributes = [{"unique_id": 7, "data": CORNERS * 2}]
+    found = SimpleNamespace(attributes=attributes, faces=np.array([[0, 1, 2]]))
+    monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=lambda data: found))
+
+
+def _load(folder, change):
+    plain = Plain()
+    change(plain)
+    return load_scene(plain.gltf.write(folder / "a.glb"))
+
+
+def _contents(scene):
+    return fingerprint(dataclasses.replace(scene, notices=()))
+
+
+def test_every_feature_has_a_file():
+    assert list(USES) == [feature.name for feature in FEATURES]
+
+
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.name)
+@pytest.mark.usefixtures("draco")
+def test_feature(feature, tmp_path):
+    use = USES[feature.name]
+    if feature.support is Support.REFUSED:
+        with pytest.raises(SceneError, match=f"requires the glTF extension {feature.name}"):
+            _load(tmp_path, use)
+        return
+    scene, without = _load(tmp_path, use), _load(tmp_path, WITHOUT.get(feature.name, id))
+    assert without.notices == ()
+    is_applied = feature.support is Support.APPLIED
+    assert (_contents(scene) != _contents(without)) == is_applied
+    notice = f"a.glb: {feature.effect} (1 "
+    if is_applied or not feature.group:
+        assert scene.notices == ()
+    else:
+        assert [line[: len(notice)] for line in scene.notices].count(notice) == 1
+        assert len(scene.notices) == 1 + (feature.name == "KHR_materials_emissive_strength")
+
+
+@pytest.mark.parametrize("name", SILENT)
+def test_values_that_change_nothing_are_not_noticed(name, tmp_path):
+    assert _load(tmp_path, SILENT[name]).notices == ()
+
+
+def test_notices_count_what_the_scene_draws(tmp_path):
+    plain = Plain()
+    coat = {"KHR_materials_clearcoat": {"clearcoatFactor": 1.0}}
+    plain.gltf.tree["materials"] += [{"extensions": coat} for _ in range(3)]
+    for material in (1, 2):
+        plain.gltf.node(mesh=plain.gltf.triangle(material=material))
+    plain.gltf.triangle(material=3)  # of no node
+    scene = load_scene(plain.gltf.write(tmp_path / "a.glb"))
+    assert scene.notices == ("a.glb: clear coats are not drawn (2 materials)",)
+
+
+def test_unknown_extensions_are_noticed(tmp_path):
+    scene = _load(tmp_path, _extension("ACME_materials_glitter", glitter=1))
+    assert scene.notices == ("a.glb: ACME_materials_glitter is not read",)
+
+
+def test_a_damaged_value_of_a_feature_that_is_left_out_is_no_error(tmp_path):
+    scene = _load(tmp_path, _extension("KHR_materials_clearcoat", clearcoatFactor="much"))
+    assert scene.notices == ("a.glb: clear coats are not drawn (1 material)",)
+
+
+def test_a_required_extension_is_refused_unless_it_is_applied(tmp_path):
+    for feature in FEATURES:
+        if feature.is_extension and feature.name not in SUPPORTED_EXTENSIONS:
+            with pytest.raises(SceneError, match=rf"{feature.name}, which omnisim does not read"):
+                _load(tmp_path, lambda plain, name=feature.name: plain.require(name))
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*/*.glb")), ids=lambda path: path.stem)
+def test_built_in_scenes_use_no_feature_that_is_left_out(path):
+    assert load_scene(path).notices == ()
