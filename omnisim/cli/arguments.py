@@ -119,6 +119,15 @@ UpOption = Annotated[
         show_default="its format's",
     ),
 ]
+UnitOption = Annotated[
+    float | None,
+    typer.Option(
+        "--meters-per-unit",
+        metavar="M",
+        help="Metres in a unit of the scene file: 0.001 for millimetres. [dim]as its format has "
+        "it[/]",
+    ),
+]
 PresetOption = Annotated[
     str | None,
     typer.Option(

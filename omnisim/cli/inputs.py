@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.cli.console import print_note
 from omnisim.cli.picture_requests import RenderRequest, ScanRequest
+from omnisim.cli.run_requests import DriveRequest
 from omnisim.errors import CalibrationError, OpticsError, OutputError
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.poses import pose
@@ -128,32 +129,37 @@ def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: s
 
 
 def load_labelled_scene(
-    source: str,
-    up_axis: str | None,
-    labels: Path | None,
-    channels: Collection[str],
-    boxes_3d: bool = False,
+    request: RenderRequest | DriveRequest, channels: Collection[str]
 ) -> Scene:
-    """Load a scene with its labels, or with those of a file; print its notices.
+    """Load a scene with its labels, or with those of --labels; print its notices.
 
     Args:
-        source: path or built-in name.
-        up_axis: see `load_scene`.
-        labels: a label file; by default the scene's own labels.
-        channels, boxes_3d: requested ground truth; notices of labels are for those with classes
-            only.
+        request: names the scene.
+        channels: requested ground truth; notices of labels are for those with classes only.
 
     Raises:
         OutputError: a label file that no channel needs.
         SceneError: from the scene, or from the label file.
     """
-    is_labelled = boxes_3d or not LABELLED.isdisjoint(channels)
-    if labels is not None and not is_labelled:
+    is_labelled = request.boxes_3d or not LABELLED.isdisjoint(channels)
+    if request.labels is not None and not is_labelled:
         raise OutputError("--labels: requires --also semantic")
-    scene = load_scene(source, up_axis)
-    if labels is not None:
-        scene = dataclasses.replace(scene, labels=read_label_file(labels))
-    for notice in (*scene.notices, *(find_labels(scene).notices() if is_labelled else ())):
+    scene = load_requested_scene(request)
+    if request.labels is not None:
+        scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
+    for notice in find_labels(scene).notices() if is_labelled else ():
+        print_note(notice)
+    return scene
+
+
+def load_requested_scene(request: RenderRequest | ScanRequest | DriveRequest) -> Scene:
+    """Load a scene in the axes and the unit of the options; print its notices.
+
+    Raises:
+        SceneError: it cannot be read.
+    """
+    scene = load_scene(request.scene, request.up_axis, request.meters_per_unit)
+    for notice in scene.notices:
         print_note(notice)
     return scene
 

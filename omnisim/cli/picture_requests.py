@@ -25,6 +25,7 @@ from omnisim.cli.arguments import (
     RollOption,
     SceneArgument,
     SizeOption,
+    UnitOption,
     UnlitOption,
     UpOption,
     YawOption,
@@ -155,6 +156,7 @@ class RenderRequest:
         typer.Option("--calibration", metavar="FILE", help="Also write camera and pose: .json."),
     ] = None
     up_axis: UpOption = None
+    meters_per_unit: UnitOption = None
     device: DeviceOption = None
 
 
@@ -309,6 +311,7 @@ class ScanRequest:
         int, typer.Option("--seed", metavar="N", help="Seed of the device's errors.")
     ] = 0
     up_axis: UpOption = None
+    meters_per_unit: UnitOption = None
     device: DeviceOption = None
 
 

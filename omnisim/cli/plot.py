@@ -67,7 +67,7 @@ def _scene(run: RunFolder, scene: str | None) -> Scene | None:
     """Load the run's scene; None with a note where it is missing."""
     recorded = run.manifest.scene
     try:
-        found = load_scene(scene or recorded.file, recorded.up_axis)
+        found = load_scene(scene or recorded.file, recorded.up_axis, recorded.meters_per_unit)
     except SceneError as reason:
         if scene is not None:
             raise

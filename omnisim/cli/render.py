@@ -63,9 +63,7 @@ def run(request: RenderRequest) -> None:
     camera = _camera(request)
     _check_channel_options(request, channels)
     channel_format = parse_channel_format(request.channel_format, channels)
-    scene = load_labelled_scene(
-        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
-    )
+    scene = load_labelled_scene(request, channels)
     viewpoint = Viewpoint.in_scene(scene, request)
     base = viewpoint.base_of(camera)
     others = _other_viewpoints(request, viewpoint, channels)

@@ -22,6 +22,7 @@ from omnisim.cli.arguments import (
     RunSceneOption,
     SceneArgument,
     SizeOption,
+    UnitOption,
     UnlitOption,
     UpOption,
 )
@@ -103,6 +104,7 @@ class DriveRequest:
     force: ForceOption = False
     preset: PresetOption = None
     up_axis: UpOption = None
+    meters_per_unit: UnitOption = None
     device: DeviceOption = None
 
 

@@ -27,7 +27,7 @@ def run(request: ScanRequest) -> None:
     scanner = LaserScanner.lms200(request.resolution_deg, request.mode, request.seed)
     if not request.noise:
         scanner = scanner.without_noise()
-    scene = load_scene(request.scene, request.up_axis)
+    scene = load_scene(request.scene, request.up_axis, request.meters_per_unit)
     for notice in scene.notices:
         print_note(notice)
     viewpoint = Viewpoint.in_scene(scene, request)

@@ -22,17 +22,25 @@ _METERS_OF_FORMAT = {".3mf": 0.001}  # its default; all others: 1
 
 
 def world_from_file(
-    suffix: str, data: bytes, settings: SceneFile, up_axis: str | None
+    suffix: str,
+    data: bytes,
+    settings: SceneFile,
+    up_axis: str | None,
+    meters_per_unit: float | None,
 ) -> NDArray[np.float64]:
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
-    `up_axis` overrules `settings`, which overrules the file, which overrules its format.
+    `up_axis` and `meters_per_unit` overrule `settings`, which overrule the file, which overrules
+    its format.
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
     if suffix == ".dae":
         axis, unit = _collada(data)
-    return world_from_axes(up_axis or settings.up_axis or axis, settings.meters_per_unit or unit)
+    unit = settings.meters_per_unit or unit
+    return world_from_axes(
+        up_axis or settings.up_axis or axis, unit if meters_per_unit is None else meters_per_unit
+    )
 
 
 def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]:

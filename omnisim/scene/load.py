@@ -36,7 +36,9 @@ _GLTF = {".glb", ".gltf"}
 MAX_NOTICE = 300
 
 
-def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
+def load_scene(
+    source: str | Path, up_axis: str | None = None, meters_per_unit: float | None = None
+) -> Scene:
     """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
 
     The world is in metres with z up: a Y-up point (x, y, z) becomes (x, −z, y).
@@ -45,6 +47,8 @@ def load_scene(source: str | Path, up_axis: str | None = None) -> Scene:
         source: path or name.
         up_axis: the file's axis that points up, "x", "y" or "z"; by default its format's
             (glTF and OBJ: y; COLLADA: as it states; others: z).
+        meters_per_unit: metres in a unit of the file, by default its format's (COLLADA: as it
+            states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in metres.
 
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
@@ -117,16 +121,23 @@ def _load_mesh_file(source: str | Path, found: SceneSource, up_axis: str | None)
     if not data:
         raise SceneError(f"{path}: is an empty file")
     try:
-        return _load(str(source), path, data, settings, up_axis)
+        return _load(str(source), path, data, settings, up_axis, meters_per_unit)
     except SceneError as reason:
         raise SceneError(f"{path}: {reason}") from None
     except MemoryError:
         raise SceneError(f"{path}: asks for more memory than there is") from None
 
 
-def _load(name: str, path: Path, data: bytes, settings: SceneFile, up_axis: str | None) -> Scene:
+def _load(
+    name: str,
+    path: Path,
+    data: bytes,
+    settings: SceneFile,
+    up_axis: str | None,
+    meters_per_unit: float | None,
+) -> Scene:
     suffix = path.suffix.lower()
-    axes = world_from_file(suffix, data, settings, up_axis)
+    axes = world_from_file(suffix, data, settings, up_axis, meters_per_unit)
     textures, assets = TextureStore(), AssetResolver(path)
     if suffix in _GLTF:
         read = read_gltf(data, textures, assets, axes)

@@ -13,10 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from PIL import Image
 
 from omnisim.errors import SceneError
 from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
+from omnisim.scene.conversions import conversion_hint
 from omnisim.scene.imported import ImportedScene
 from omnisim.scene.mesh_faults import mesh_fault
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
@@ -35,6 +37,8 @@ def check_format(path: Path) -> None:
     if path.suffix.lower() in _COLLADA:
         require_extra("collada", str(path), SceneError)
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
+        if hint := conversion_hint(path):
+            raise SceneError(f"{path}: {hint}")
         raise SceneError(
             f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae, or a scene's "
             f".toml, got {path.suffix or '(no suffix)'!r}"

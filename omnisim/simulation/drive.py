@@ -56,7 +56,7 @@ class Drive:
             robot file.
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
-        up_axis: that the scene was loaded with, for the record, or None.
+        up_axis, meters_per_unit: that the scene was loaded with, for the record, or None.
         channels: of ground truth, as `check_channels` gives them.
         channel_format: of their files.
         boxes_3d: also record the oriented boxes of the visible instances.
@@ -69,6 +69,7 @@ class Drive:
     unlit: bool = False
     device: int | None = None
     up_axis: str | None = None
+    meters_per_unit: float | None = None
     channels: tuple[str, ...] = ()
     channel_format: ChannelFormat = ChannelFormat.AUTO
     boxes_3d: bool = False
@@ -197,6 +198,7 @@ class PlannedDrive:
             renderer: OpenGL's name of it: others round differently.
         """
         drive, vehicle = self.drive, self.drive.vehicle
+        unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
         content = {
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
@@ -204,6 +206,7 @@ class PlannedDrive:
                 "name": _with_short_name(drive.scene).name,
                 "file": _file_or_name(drive.scene.name),
                 "up_axis": drive.up_axis,
+                **unit,
                 "contents": scene_contents(drive.scene),
             },
             "sensors": {

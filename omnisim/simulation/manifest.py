@@ -31,6 +31,7 @@ class _Scene(_OpenTable):
     name: str
     file: str
     up_axis: str | None
+    meters_per_unit: float | None = None
     contents: str
 
 

@@ -110,7 +110,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     run = RunFolder.read(folder)
     name = run.camera(camera)
     recorded = run.manifest.scene
-    found = load_scene(scene or recorded.file, recorded.up_axis)
+    found = load_scene(scene or recorded.file, recorded.up_axis, recorded.meters_per_unit)
     if not found.landmarks:
         raise RunError(
             f"{folder}: its scene {found.name} has no [[landmarks]]: expected a scene with some"

@@ -1,0 +1,111 @@
+"""Formats that omnisim does not read, and the way to convert each."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+SOURCE, TARGET = "{source}", "{target}"  # of a conversion's command
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """Conversion of a format to one that omnisim reads.
+
+    Attributes:
+        suffixes: of the format's files, lower case.
+        format: its name.
+        advice: the way, in words.
+        command: a shell's, with `{source}` and `{target}` for the two files; empty: there is none.
+    """
+
+    suffixes: tuple[str, ...]
+    format: str
+    advice: str
+    command: str = ""
+
+
+def _blender(operator: str) -> str:
+    """Command that imports a file into an empty Blender and exports all of it."""
+    return (
+        'blender -b --python-expr "import bpy, sys; '
+        "bpy.ops.wm.read_factory_settings(use_empty=True); "
+        f"{operator}(filepath=sys.argv[-2]); "
+        f'bpy.ops.export_scene.gltf(filepath=sys.argv[-1], export_lights=True)" -- '
+        f"{SOURCE} {TARGET}"
+    )
+
+
+_BLENDER = "convert it to glTF with Blender"
+_ASSIMP = f"assimp export {SOURCE} {TARGET} -fglb2"
+CONVERSIONS = (
+    Conversion(
+        (".blend",),
+        "Blender",
+        _BLENDER,
+        f'blender -b {SOURCE} --python-expr "import bpy, sys; '
+        f'bpy.ops.export_scene.gltf(filepath=sys.argv[-1], export_lights=True)" -- {TARGET}',
+    ),
+    Conversion((".fbx",), "FBX", _BLENDER, _blender("bpy.ops.import_scene.fbx")),
+    Conversion(
+        (".usd", ".usda", ".usdc", ".usdz"), "USD", _BLENDER, _blender("bpy.ops.wm.usd_import")
+    ),
+    Conversion((".abc",), "Alembic", _BLENDER, _blender("bpy.ops.wm.alembic_import")),
+    Conversion(
+        (".3ds", ".ase", ".lwo", ".ms3d", ".x", ".x3d", ".wrl"),
+        "an older exchange format",
+        "convert it to glTF with Assimp",
+        _ASSIMP,
+    ),
+    Conversion((".max",), "3ds Max", "export it from 3ds Max as glTF"),
+    Conversion((".ma", ".mb"), "Maya", "export it from Maya as FBX, and that with Blender as glTF"),
+    Conversion((".c4d",), "Cinema 4D", "export it from Cinema 4D as glTF"),
+    Conversion((".skp",), "SketchUp", "export it from SketchUp as glTF"),
+    Conversion((".umap", ".uasset"), "Unreal", "export it with Unreal Editor's glTF exporter"),
+    Conversion(
+        (".sdf", ".world"),
+        "SDFormat, Gazebo's worlds",
+        "let Gazebo write the world as COLLADA: add <plugin "
+        'filename="gz-sim-collada-world-exporter-system" '
+        'name="gz::sim::systems::ColladaWorldExporter"/> to its <world>',
+        f"gz sim -s -r --iterations 1 {SOURCE}",
+    ),
+    Conversion(
+        (".urdf",),
+        "URDF",
+        "convert its meshes to glTF with yourdfpy, and pass --up z",
+        'python -c "import sys, yourdfpy; '
+        f'yourdfpy.URDF.load(sys.argv[1]).scene.export(sys.argv[2])" {SOURCE} {TARGET}',
+    ),
+    Conversion((".xacro",), "xacro", "expand it to URDF", f"xacro {SOURCE} > {TARGET}"),
+    Conversion(
+        (".step", ".stp"),
+        "STEP",
+        "convert it to glTF with cascadio",
+        f'python -c "import sys, cascadio; cascadio.step_to_glb(*sys.argv[1:])" {SOURCE} {TARGET}',
+    ),
+    Conversion((".iges", ".igs", ".brep", ".fcstd"), "CAD", "export it from FreeCAD as glTF"),
+    Conversion((".ifc",), "IFC", "convert it to glTF", f"IfcConvert {SOURCE} {TARGET}"),
+    Conversion(
+        (".las", ".laz", ".pcd", ".e57", ".pts"),
+        "a point cloud without surfaces",
+        "make a mesh of it, with CloudCompare or Open3D, and save that as PLY",
+    ),
+)
+_BY_SUFFIX = {suffix: found for found in CONVERSIONS for suffix in found.suffixes}
+_TARGET_SUFFIX = {".xacro": ".urdf"}
+
+
+def conversion_hint(path: Path) -> str:
+    """One line that says how to convert a file; empty for a suffix that is not known."""
+    suffix = path.suffix.lower()
+    found = _BY_SUFFIX.get(suffix)
+    if found is None:
+        return ""
+    hint = f"is not read ({found.format}): {found.advice}"
+    if not found.command:
+        return hint
+    target = path.with_suffix(_TARGET_SUFFIX.get(suffix, ".glb"))
+    command = found.command.replace(SOURCE, shlex.quote(str(path)))
+    return f"{hint}: {command.replace(TARGET, shlex.quote(str(target)))}"
