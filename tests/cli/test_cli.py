@@ -72,6 +72,14 @@ def test_render_with_all_options(omnisim, tmp_path):
         (["courtyard", "-o", "a.png", "--yaw", "inf"], "expected finite numbers in degrees"),
         (["courtyard", "-o", "a.png", "--up", "w"], "up axis: expected x, y or z, got 'w'"),
         (
+            ["courtyard", "-o", "a.png", "--meters-per-unit", "0"],
+            "meters per unit: expected a number > 0, got 0",
+        ),
+        (
+            ["courtyard", "-o", "a.png", "--meters-per-unit", "nan"],
+            "meters per unit: expected a number > 0, got nan",
+        ),
+        (
             ["courtyard", "-o", "a.png", "--sensor", "bad.toml"],
             "bad.toml: mirror.k: expected a number ≥ 2, got 1",
         ),

@@ -1,7 +1,10 @@
 """`omnisim scan`: output, files and errors."""
 
+import json
+
 import numpy as np
 import pytest
+import trimesh
 
 
 def ranges_of(path):
@@ -74,3 +77,25 @@ def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, messa
 def test_wrong_usage_is_status_2(omnisim):
     assert omnisim("scan", "courtyard", "-o", "a.csv", "--mode", "km")[0] == 2
     assert omnisim("scan", "courtyard")[0] == 2
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_the_unit_of_a_scene_file_is_an_option_of_all_commands_that_take_a_scene(omnisim, tmp_path):
+    """A room of 4 m × 4 m × 3 m, in millimetres; ranges and a run say so."""
+    trimesh.creation.box(extents=(4000.0, 4000.0, 3000.0)).export(tmp_path / "room.stl")
+    room = ["room.stl", "--meters-per-unit", "0.001"]
+    status, out, _ = omnisim("scan", *room, "-o", "a.csv", "--no-noise", "--at", 0, 0, 0.5)
+    assert status == 0, out
+    assert np.nanmin(ranges_of(tmp_path / "a.csv")[:, 2]) == pytest.approx(2.0, abs=1e-3)
+    status, out, _ = omnisim(
+        "render", *room, "-o", "a.exr", "--size", 32, "--at", 0, 0, 0, "--also", "range"
+    )
+    assert status == 0, out
+    (tmp_path / "path.csv").write_text("x_m,y_m\n-1,0\n1,0\n")
+    drive = ["drive", *room, "--robot", "superscout", "--path", "path.csv", "--size", "16"]
+    status, out, error = omnisim(*drive, "--step", "2", "-o", "run")
+    assert status == 0, error
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert manifest["scene"]["meters_per_unit"] == 0.001
+    status, out, error = omnisim("plot", "run")
+    assert (status, error) == (0, "")  # no note that the scene has changed
