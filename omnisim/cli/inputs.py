@@ -128,9 +128,7 @@ def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: s
             raise OutputError(f"{option}: {reason}")
 
 
-def load_labelled_scene(
-    request: RenderRequest | DriveRequest, channels: Collection[str]
-) -> Scene:
+def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collection[str]) -> Scene:
     """Load a scene with its labels, or with those of --labels; print its notices.
 
     Args:

@@ -44,9 +44,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
         OmnisimError: naming the option or the file.
     """
     channels = () if request.also is None else parse_channels(request.also)
-    scene = load_labelled_scene(
-        request.scene, request.up_axis, request.labels, channels, request.boxes_3d
-    )
+    scene = load_labelled_scene(request, channels)
     vehicle = vehicle.with_cameras(
         size_px=request.size_px,
         polygons="same" if request.polygons is None else parse_polygons(request.polygons),
@@ -61,6 +59,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
         unlit=request.unlit,
         device=request.device,
         up_axis=request.up_axis,
+        meters_per_unit=request.meters_per_unit,
         channels=channels,
         boxes_3d=request.boxes_3d,
         channel_format=parse_channel_format(request.channel_format, channels),

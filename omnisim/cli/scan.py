@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.atomic_file import check_target
-from omnisim.cli.console import out, print_note
-from omnisim.cli.inputs import Viewpoint
+from omnisim.cli.console import out
+from omnisim.cli.inputs import Viewpoint, load_requested_scene
 from omnisim.cli.picture_requests import ScanRequest
 from omnisim.errors import OutputError
 from omnisim.extras import require_extra
-from omnisim.scene import load_scene
 from omnisim.sensors import LaserRenderer, LaserScanner
 
 
@@ -27,9 +26,7 @@ def run(request: ScanRequest) -> None:
     scanner = LaserScanner.lms200(request.resolution_deg, request.mode, request.seed)
     if not request.noise:
         scanner = scanner.without_noise()
-    scene = load_scene(request.scene, request.up_axis, request.meters_per_unit)
-    for notice in scene.notices:
-        print_note(notice)
+    scene = load_requested_scene(request)
     viewpoint = Viewpoint.in_scene(scene, request)
     with LaserRenderer(scene, scanner, device=request.device) as renderer:
         scan = renderer.scan(viewpoint.pose)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +22,19 @@ _UP_AXIS_OF_FORMAT = {".glb": "y", ".gltf": "y", ".obj": "y"}
 _METERS_OF_FORMAT = {".3mf": 0.001}  # its default; all others: 1
 
 
+class FileAxes(NamedTuple):
+    """Up axis and unit that overrule those of a file; None: as the file has it."""
+
+    up_axis: str | None = None
+    meters_per_unit: float | None = None
+
+
 def world_from_file(
-    suffix: str,
-    data: bytes,
-    settings: SceneFile,
-    up_axis: str | None,
-    meters_per_unit: float | None,
+    suffix: str, data: bytes, settings: SceneFile, axes: FileAxes
 ) -> NDArray[np.float64]:
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
-    `up_axis` and `meters_per_unit` overrule `settings`, which overrule the file, which overrules
-    its format.
+    `axes` overrule `settings`, which overrule the file, which overrules its format.
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
@@ -39,7 +42,8 @@ def world_from_file(
         axis, unit = _collada(data)
     unit = settings.meters_per_unit or unit
     return world_from_axes(
-        up_axis or settings.up_axis or axis, unit if meters_per_unit is None else meters_per_unit
+        axes.up_axis or settings.up_axis or axis,
+        unit if axes.meters_per_unit is None else axes.meters_per_unit,
     )
 
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.errors import SceneError, printable
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import extend, with_objects
-from omnisim.scene.file_axes import world_from_file
+from omnisim.scene.file_axes import FileAxes, world_from_file
 from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import place
 from omnisim.scene.labels import label_rules
@@ -25,11 +22,10 @@ from omnisim.scene.model import (
     Scene,
     ScenePath,
     StartPose,
-    bounds_m,
 )
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import SceneSource, resolve_source
-from omnisim.scene.start import default_start
+from omnisim.scene.start_pose import find_start
 from omnisim.scene.textures import TextureStore
 
 _GLTF = {".glb", ".gltf"}
@@ -53,28 +49,28 @@ def load_scene(
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
-    return _load_source(source, up_axis, ())
+    return _load_source(source, FileAxes(up_axis, meters_per_unit), ())
 
 
-def _load_source(source: str | Path, up_axis: str | None, outer: tuple[Path, ...]) -> Scene:
+def _load_source(source: str | Path, axes: FileAxes, outer: tuple[Path, ...]) -> Scene:
     """Load a scene that those of the outer TOMLs extend, or have as an object."""
     try:
         found = resolve_source(source)
     except OSError as reason:  # a name too long, a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if found.toml is None:
-        return _load_mesh_file(source, found, up_axis)
+        return _load_mesh_file(source, found, axes)
     path = found.toml.resolve()
     if path in outer:
         raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
     outer = (*outer, path)
     if found.settings.extends is None:
-        scene = _load_mesh_file(source, found, up_axis)
+        scene = _load_mesh_file(source, found, axes)
     else:
-        scene = _load_extended(str(source), found, up_axis, outer)
+        scene = _load_extended(str(source), found, axes, outer)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
-        return _load_source(path, axis, outer)
+        return _load_source(path, FileAxes(axis), outer)
 
     try:
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
@@ -83,21 +79,19 @@ def _load_source(source: str | Path, up_axis: str | None, outer: tuple[Path, ...
     return with_objects(scene, objects, str(found.toml))
 
 
-def _load_extended(
-    name: str, found: SceneSource, up_axis: str | None, outer: tuple[Path, ...]
-) -> Scene:
+def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[Path, ...]) -> Scene:
     """Load the scene that a TOML extends, and add what the TOML has."""
     settings, toml = found.settings, outer[-1]
     assert settings.extends is not None
     beside = toml.parent / settings.extends
-    base = _load_source(beside if beside.exists() else settings.extends, up_axis, outer)
+    base = _load_source(beside if beside.exists() else settings.extends, axes, outer)
     return extend(
         base,
         dataclasses.replace(
             base,
             name=name,
             background=settings.background or base.background,
-            start=base.start if settings.start is None else _start(settings, base.bounds_m()),
+            start=_start(settings) or base.start,
             starts=_starts(settings),
             paths=_paths(settings),
             landmarks=_landmarks(settings),
@@ -107,7 +101,7 @@ def _load_extended(
     )
 
 
-def _load_mesh_file(source: str | Path, found: SceneSource, up_axis: str | None) -> Scene:
+def _load_mesh_file(source: str | Path, found: SceneSource, axes: FileAxes) -> Scene:
     path, settings = found.mesh_file, found.settings
     assert path is not None
     try:
@@ -121,33 +115,26 @@ def _load_mesh_file(source: str | Path, found: SceneSource, up_axis: str | None)
     if not data:
         raise SceneError(f"{path}: is an empty file")
     try:
-        return _load(str(source), path, data, settings, up_axis, meters_per_unit)
+        return _load(str(source), path, data, settings, axes)
     except SceneError as reason:
         raise SceneError(f"{path}: {reason}") from None
     except MemoryError:
         raise SceneError(f"{path}: asks for more memory than there is") from None
 
 
-def _load(
-    name: str,
-    path: Path,
-    data: bytes,
-    settings: SceneFile,
-    up_axis: str | None,
-    meters_per_unit: float | None,
-) -> Scene:
+def _load(name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxes) -> Scene:
     suffix = path.suffix.lower()
-    axes = world_from_file(suffix, data, settings, up_axis, meters_per_unit)
+    matrix = world_from_file(suffix, data, settings, axes)
     textures, assets = TextureStore(), AssetResolver(path)
     if suffix in _GLTF:
-        read = read_gltf(data, textures, assets, axes)
+        read = read_gltf(data, textures, assets, matrix)
     else:
         from omnisim.scene.other_formats import read_other  # slow to import
 
         read = read_other(path, data, textures, assets)
     if not read.instances:
         raise SceneError("has no triangles to draw")
-    instances = place(read, axes)
+    instances = place(read, matrix)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
     notices = [*assets.notices, *textures.notices, *read.notices]
@@ -158,7 +145,7 @@ def _load(
         instances=instances,
         lighting=expose(read.lights, read.meshes, instances),
         background=settings.background or DEFAULT_BACKGROUND,
-        start=_start(settings, bounds_m(read.meshes, instances)),
+        start=_start(settings) or find_start(read.meshes, instances),
         notices=tuple(
             printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in dict.fromkeys(notices)
         ),
@@ -169,10 +156,9 @@ def _load(
     )
 
 
-def _start(settings: SceneFile, bounds: NDArray[np.float64]) -> StartPose:
-    if settings.start is not None:
-        return StartPose(settings.start.position_m, settings.start.yaw_deg)
-    return default_start(bounds)
+def _start(settings: SceneFile) -> StartPose | None:
+    start = settings.start
+    return None if start is None else StartPose(start.position_m, start.yaw_deg)
 
 
 def _starts(settings: SceneFile) -> tuple[NamedStart, ...]:

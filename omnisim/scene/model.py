@@ -36,7 +36,7 @@ from omnisim.scene.parts import (
     Wrap,
     bounds_m,
 )
-from omnisim.scene.start import default_start
+from omnisim.scene.start_pose import find_start
 from omnisim.short_repr import counted, short_repr
 
 __all__ = [
@@ -286,7 +286,7 @@ class Scene:
             instances=instances,
             lighting=expose(read.lights, read.meshes, instances),
             background=DEFAULT_BACKGROUND,
-            start=default_start(bounds_m(read.meshes, instances)),
+            start=find_start(read.meshes, instances),
             notices=tuple(read.notices),
         )
 

@@ -310,10 +310,18 @@ def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArr
     """Smallest and largest corner (2, 3) of the instances' bounding boxes in the world."""
     if not instances:
         return np.array([[np.inf] * 3, [-np.inf] * 3])
+    boxes = instance_bounds_m(meshes, instances)
+    return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
+
+
+def instance_bounds_m(
+    meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
+) -> NDArray[np.float64]:
+    """Smallest and largest corner (n, 2, 3) of each instance's bounding box in the world."""
     boxes = np.array(
         [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in meshes], np.float64
     )[[instance.mesh for instance in instances]]
     corners = boxes[:, np.indices((2, 2, 2)).reshape(3, 8).T, [0, 1, 2]]  # (instances, 8, 3)
     world_from_mesh = np.array([instance.world_from_mesh for instance in instances])
     world = corners @ world_from_mesh[:, :3, :3].swapaxes(1, 2) + world_from_mesh[:, None, :3, 3]
-    return np.stack((world.min(axis=(0, 1)), world.max(axis=(0, 1))))
+    return np.stack((world.min(axis=1), world.max(axis=1)), axis=1)

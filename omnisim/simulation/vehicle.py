@@ -13,6 +13,7 @@ from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_file import Footprint, Robot, file_beside, load_robot
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.enclosure import enclosing_nodes
+from omnisim.scene.start_pose import default_start
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.omnicamera import Polygons
 from omnisim.short_repr import short_repr
@@ -165,8 +166,10 @@ def _load_body(robot: Robot) -> Scene | None:
         return None
     path = file_beside(robot.folder, robot.body, f"{robot.source}: body")
     try:
-        # pictures and fingerprints name the body: not by where this machine has it
-        return dataclasses.replace(load_scene(path), name=robot.body)
+        body = load_scene(path)
+        # pictures and fingerprints name the body: not by where this machine has it; it is no scene
+        # to look around in, and has its middle for a start
+        return dataclasses.replace(body, name=robot.body, start=default_start(body.bounds_m()))
     except SceneError as reason:
         words = str(reason).removeprefix(f"{path}: ")
         raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
