@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 from omnisim.image_files import read_image, write_image
+from tests.scene.gltf_builder import glb
 
 NUMBERS = (
     "nan", "inf", "-inf", "NaN", "1e300", "-1e300", "1e-300", "1e30", "-1", "0", "-0.0", "0.5", "7",
@@ -200,15 +201,6 @@ def _inline(value: object) -> str:
     if isinstance(value, float):
         return repr(value)
     return "{}" if value is None else json.dumps(value, default=str)
-
-
-def glb(tree: object, blob: bytes) -> bytes:
-    """GLB file of a JSON value and a binary block."""
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    size = 28 + len(text) + len(blob)
-    head = struct.pack("<5I", 0x46546C67, 2, size, len(text), 0x4E4F534A)
-    return head + text + struct.pack("<2I", len(blob), 0x4E4942) + blob
 
 
 def _glb(data: bytes, rng: Random) -> bytes:
