@@ -25,7 +25,7 @@ def run(request: VideoRequest) -> None:
     name = recorded.camera(request.camera_name)
     done = recorded.steps_done()
     if done == 0:
-        raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
+        raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
 
     if notice := recorded.unfinished():
         print_note(notice)

@@ -145,7 +145,7 @@ class PlannedDrive:
             force: throw another run away that is there.
 
         Raises:
-            RunError: another run is there, or another drive is writing to it.
+            RunError: another run is there, or another command is writing to it.
             OmnisimError: OpenGL is not there, or a file cannot be written.
         """
         drive, vehicle = self.drive, self.drive.vehicle

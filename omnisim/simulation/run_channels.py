@@ -44,4 +44,4 @@ def _read(path: Path) -> dict[str, Any]:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         return content
     except (OSError, ValueError):
-        raise RunError(f"{path}: cannot be read: remove it, and drive again") from None
+        raise RunError(f"{path}: cannot be read: remove it, and record the run again") from None

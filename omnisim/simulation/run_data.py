@@ -117,7 +117,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
         )
     steps = run.steps_done()
     if steps == 0:
-        raise RunError(f"{folder}: has no pictures yet: run drive again to go on")
+        raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
     if run.manifest.is_rig:
         raise RunError(f"{folder}: expected the run of a robot with wheels, got that of a rig")
     odometry = read_odometry(folder / ODOMETRY)

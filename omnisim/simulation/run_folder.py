@@ -83,7 +83,7 @@ class RunFolder:
         Raises:
             RunError: there is none.
         """
-        expected = "expected the folder of a run, as drive makes it"
+        expected = "expected the folder of a run, as drive and render --trajectory make it"
         if not path.is_dir():
             raise RunError(f"{path}: no such folder: {expected}")
         content = read_manifest(path / MANIFEST)
@@ -126,7 +126,7 @@ class RunFolder:
         if count != self.manifest.steps:
             raise RunError(
                 f"{self.path / name}: has {count} steps, the run has {self.manifest.steps}: "
-                "delete it, and drive again to have it back"
+                "delete it, and record the run again to have it back"
             )
 
     def steps_done(self) -> int:
@@ -145,7 +145,7 @@ class RunFolder:
             return None
         return (
             f"{missing[0]}: is missing: the first {self.steps_done()} of {total} steps are looked "
-            f"at; drive again to have the others, {len(missing)} without all their files"
+            f"at; record the run again to have the others, {len(missing)} without all their files"
         )
 
     def is_done(self, step: int) -> bool:
@@ -185,7 +185,7 @@ def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterat
         force: throw another run away that is there.
 
     Raises:
-        RunError: another run is there, or files that are none of ours, another drive is writing to
+        RunError: another run is there, or files that are none of ours, another command is writing to
             it, or it cannot be written to.
         OutputError: the manifest cannot be written.
     """
@@ -221,7 +221,7 @@ def _locked(path: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise RunError(
-                    f"{path}: another drive is writing to it: wait for its end"
+                    f"{path}: another command is writing to it: wait for its end"
                 ) from None
         yield
     finally:

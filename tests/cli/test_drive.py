@@ -86,7 +86,7 @@ def test_a_gap_in_a_video_is_said(omnisim, run_folder, tmp_path):
     assert "run.mp4: 2 pictures" in out
     assert error == (
         f"note: run/omnicam/000002.png: is missing: the first 2 of {steps} steps are looked at; "
-        "drive again to have the others, 1 without all their files\n"
+        "record the run again to have the others, 1 without all their files\n"
     )
 
 
@@ -98,7 +98,7 @@ def test_a_run_with_truncated_records(omnisim, run_folder, tmp_path, name):
     status, _, error = omnisim("plot", "run")
     assert status == 1
     assert error.startswith(f"error: run/{name}: has ")
-    assert error.endswith(": delete it, and drive again to have it back\n")
+    assert error.endswith(": delete it, and record the run again to have it back\n")
     path.unlink()
     assert omnisim(*DRIVE, "-o", "run")[0] == 0
     assert path.read_text() == whole

@@ -219,7 +219,7 @@ def test_a_picture_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_
 def test_a_run_with_a_picture_missing_says_which(run, model, tmp_path):
     broken = shutil.copytree(run, tmp_path / "broken")
     (broken / "omnicam" / "000003.png").unlink()
-    message = "000003.png: is missing: the first 3 of 5 steps are looked at; drive again"
+    message = "000003.png: is missing: the first 3 of 5 steps are looked at; record the run again"
     for words in (
         ("localize", broken, "-o", tmp_path / "out", "--model", model),
         ("landmarks", "detect", broken, "--model", model),
