@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import pose_from_rotation, yaw_from_rotation
-from omnisim.robot.kinematics import GRADE
 from omnisim.robot.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.scene import Scene
 from omnisim.scene.floor import HeightField
 from omnisim.simulation.body_boxes import BodyBoxes
-from omnisim.simulation.sweep import Sweep
+from omnisim.simulation.sweep import SPACING_M, Sweep
 
 TYRE_M = 0.05  # half of the square under a wheel whose median height bears it
 SPOT_M = 1e-4  # a shorter step is a turn on the spot
@@ -46,32 +45,35 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
     """
     poses = sweep.world_from_base
     clearance_m = DEFAULT_CLEARANCE_M if box is None else box.clearance_m
-    track = _Track.of(box)
-    yaw = yaw_from_rotation(poses)
-    points = _points_under(track, poses[:, :2, 3], yaw)
-    flat = points.reshape(-1, 2)
-    field = HeightField(scene, flat.min(axis=0), flat.max(axis=0))
-    heights = np.empty((len(poses), len(_PLACES)))
+    track, yaw = _Track.of(box), yaw_from_rotation(poses)
+    places = poses[:, :2, 3]
+    reach_m = 0.0 if box is None else box.reach_m
+    field = HeightField(scene, places.min(axis=0) - reach_m, places.max(axis=0) + reach_m)
+    # at the start the wheels are spread from the middle outwards, each along the floor
+    spread = np.linspace(0.0, 1.0, math.ceil(track.radius_m / SPACING_M), endpoint=False)
+    at = np.concatenate((np.zeros(len(spread), dtype=np.intp), np.arange(len(poses))))
+    spread = np.concatenate((spread, np.ones(len(poses))))
+    heights = np.empty((len(at), len(_PLACES)))
     last: NDArray[np.float64] | None = None
-    for begin in range(0, len(poses), POSES_AT_ONCE):
-        part = points[begin : begin + POSES_AT_ONCE]
-        surfaces = field.heights_m(part.reshape(-1, len(_POINTS), 2))
-        surfaces = surfaces.reshape(len(part), len(_PLACES), len(_POINTS), -1)
+    for begin in range(0, len(at), POSES_AT_ONCE):
+        part = slice(begin, begin + POSES_AT_ONCE)
+        points = _points_under(track, places[at[part]], yaw[at[part]], spread[part])
+        surfaces = field.heights_m(points.reshape(-1, len(_POINTS), 2))
+        surfaces = surfaces.reshape(len(points), len(_PLACES), len(_POINTS), -1)
         for k, columns in enumerate(surfaces, start=begin):
-            reach_m = clearance_m
             if last is None:
                 last = np.full(len(_PLACES), _nearest_to_zero(columns))
-                reach_m += GRADE * track.diagonal_m
-            found = _floor_heights(columns, last, reach_m)
+            found = _floor_heights(columns, last, clearance_m)
             if found is None:
-                x, y = poses[k, :2, 3].tolist()
+                x, y = places[at[k]].tolist()
                 raise TrajectoryError(
-                    f"{where}: leaves the floor at step {sweep.steps[k]}, ({x:.2f}, {y:.2f}) m: "
-                    f"expected floor within {clearance_m:g} m of {last[_MIDDLE]:.2f} m: "
+                    f"{where}: leaves the floor at step {sweep.steps[at[k]]}, ({x:.2f}, {y:.2f}) m:"
+                    f" expected floor within {clearance_m:g} m of {last[_MIDDLE]:.2f} m: "
                     "--ground M drives at one height"
                 )
             heights[k] = last = found
-    return dataclasses.replace(sweep, world_from_base=_on_wheels(poses, yaw, track, heights))
+    grounded = _on_wheels(poses, yaw, track, heights[-len(poses) :])
+    return dataclasses.replace(sweep, world_from_base=grounded)
 
 
 def slow_on_slopes(sweep: Sweep) -> Sweep:
@@ -111,16 +113,26 @@ class _Track:
         return cls(0.5 * (box.low_m + box.high_m)[:2], half - tyre_m, tyre_m)
 
     @property
-    def diagonal_m(self) -> float:
-        return 2.0 * math.hypot(*self.half_m)
+    def radius_m(self) -> float:
+        """Distance of the wheels from the middle."""
+        return math.hypot(*self.half_m)
 
 
 def _points_under(
-    track: _Track, positions_m: NDArray[np.float64], yaw_rad: NDArray[np.float64]
+    track: _Track,
+    positions_m: NDArray[np.float64],
+    yaw_rad: NDArray[np.float64],
+    spread: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Points (n, 5, 5, 2) under the wheels and the middle at positions (n, 2) and headings (n,)."""
-    places = track.middle_m + track.half_m * _PLACES
-    local = places[:, None] + track.tyre_m * _POINTS
+    """Points (n, 5, 5, 2) under the wheels and the middle at positions (n, 2) and headings (n,).
+
+    Args:
+        track: of the wheels.
+        positions_m, yaw_rad: of the base.
+        spread: (n,) shares of the wheels' distances from the middle.
+    """
+    places = track.middle_m + spread[:, None, None] * track.half_m * _PLACES
+    local = places[:, :, None] + track.tyre_m * _POINTS
     cos, sin = np.cos(yaw_rad)[:, None, None], np.sin(yaw_rad)[:, None, None]
     x, y = local[..., 0], local[..., 1]
     turned = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)

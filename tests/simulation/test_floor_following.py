@@ -62,6 +62,14 @@ def test_the_floor_nearest_to_0_is_the_first(vehicle):
     np.testing.assert_array_equal(_drive(vehicle, floors).positions_m[:, 2], 0.3)
 
 
+def test_objects_beside_the_start_are_no_floor(vehicle):
+    """A shelf nearer to 0 than the floor, and a kerb under the wheels of one side."""
+    floor = _slab(-3, 3, -0.2)
+    for other in (_slab(-1.3, -1.0, 0.0), _slab(-3, 3, -0.1, 0.15, 3.0)):
+        found = _drive(vehicle, [floor, other])
+        np.testing.assert_allclose(found.positions_m[:, 2], -0.2, atol=ROUNDING_M)
+
+
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0.0, -11.0), (4.0, 0.0), (-6.0, 9.0)])
 def test_slopes_tilt_the_robot(vehicle, roll_deg, pitch_deg):
     world_from_slope = pose((0.0, 0.0, 0.05), roll_deg, pitch_deg)
