@@ -185,8 +185,8 @@ def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterat
         force: throw another run away that is there.
 
     Raises:
-        RunError: another run is there, or files that are none of ours, another command is writing to
-            it, or it cannot be written to.
+        RunError: another run is there, or files that are none of ours, another command is writing
+            to it, or it cannot be written to.
         OutputError: the manifest cannot be written.
     """
     run = RunFolder(path, parse_manifest(content, str(path / MANIFEST)))

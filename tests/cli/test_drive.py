@@ -149,7 +149,7 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
         ),
         (
             ["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"],
-            "size: expected at least 1, got 0",
+            "size: expected 1 to 32768, got 0",
         ),
         (
             ["soccer", "--robot", "p2at", "--path", "lap", "-n", "7"],
