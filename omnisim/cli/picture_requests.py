@@ -30,6 +30,7 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
+from omnisim.cli.completion import complete_channels
 from omnisim.cli.trajectory_arguments import (
     PictureOrRunOption,
     RigCameraOption,
@@ -188,6 +189,7 @@ class UnwarpRequest:
             "--also",
             metavar="CHANNELS",
             help="Ground-truth channels of the picture to take along, comma-separated, or all.",
+            autocompletion=complete_channels,
         ),
     ] = None
     channel_format: ChannelFormatOption = None

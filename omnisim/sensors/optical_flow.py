@@ -12,11 +12,8 @@ from omnisim.cameras import Pixels, period_px, pixel_grid
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
 from omnisim.sensors.hit_source import HitSource
-from omnisim.sensors.scene_flow import other_from_current, transform_points
+from omnisim.sensors.scene_flow import POINTS_PER_BATCH, other_from_current, transform_points
 
-# Points projected at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
-# products on threads that then keep the cores from whatever comes next, on one.
-_POINTS_PER_BATCH = 1 << 14
 VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
 
 
@@ -107,8 +104,8 @@ class OpticalFlow:
         has_objects = len(other_optical_from_current) > 1
         objects = self._object_of_draw[draws_plus_one] if has_objects else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
-        for first in range(0, len(points_m), _POINTS_PER_BATCH):
-            batch = slice(first, first + _POINTS_PER_BATCH)
+        for first in range(0, len(points_m), POINTS_PER_BATCH):
+            batch = slice(first, first + POINTS_PER_BATCH)
             optical_m = transform_points(
                 points_m[batch],
                 None if objects is None else objects[batch],

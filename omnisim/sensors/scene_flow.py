@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
 
+# Points transformed at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
+# products on threads that then keep the cores from whatever comes next, on one.
+POINTS_PER_BATCH = 1 << 14
+
 
 def moved_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
     """Motions (objects, 4, 4) of the objects from one time to another, in the viewpoint frame."""
@@ -69,13 +73,23 @@ def scene_flow(
         objects_of_draws: (n + 1,), see `HitSource.objects_of_draws`.
         transforms: (objects, 3, 4) from a point to its motion, see `in_world` and `in_optical`.
     """
-    flow = np.full((hits.draws_plus_one.size, 3), np.nan, dtype=np.float32)
+    points = hits.points_and_ranges_m.reshape(-1, 4)
+    # float32 as the points are; a range, infinite where nothing is hit, makes the motion NaN
+    matrices = np.zeros((len(transforms), 4, 3), dtype=np.float32)
+    matrices[:, :3] = np.swapaxes(transforms[:, :, :3], 1, 2)
+    offsets = transforms[:, :, 3].astype(np.float32)
+    flow = np.empty((len(points), 3), dtype=np.float32)
     draws_plus_one = hits.draws_plus_one.ravel()
-    hit = np.flatnonzero(draws_plus_one)
-    points = np.take(hits.points_and_ranges_m.reshape(-1, 4), hit, axis=0).astype(np.float64)
-    points[:, 3] = 1.0
-    objects = objects_of_draws[draws_plus_one[hit]] if len(transforms) > 1 else None
-    flow[hit] = transform_points(points, objects, transforms)
+    with np.errstate(invalid="ignore"):
+        for first in range(0, len(points), POINTS_PER_BATCH):
+            batch = slice(first, first + POINTS_PER_BATCH)
+            flow[batch] = points[batch] @ matrices[0] + offsets[0]
+            if len(transforms) == 1:
+                continue
+            objects = objects_of_draws.take(draws_plus_one[batch])
+            for index in np.unique(objects[objects > 0]).tolist():
+                on_it = np.flatnonzero(objects == index)
+                flow[first + on_it] = points[batch][on_it] @ matrices[index] + offsets[index]
     return flow.reshape(hits.points_m.shape)
 
 
