@@ -1,0 +1,57 @@
+"""Processor time of ground truth relative to the picture: `python -m benchmarks.ground_truth_cost
+[SCENE]`, the soccer field by default.
+
+Medians of interleaved rounds; processor time, as other programs do not change it much.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+
+from omnisim import OmniCamera, Renderer, load_scene, pose
+from omnisim.ground_truth import CHANNELS
+
+ROUNDS = 9  # after one to warm up
+BACKWARD_AND_SCENE = tuple(n for n in CHANNELS if "backward" in n or "scene_flow" in n)
+VARIANTS: dict[str, tuple[str, ...]] = {
+    "picture": (),
+    "range, instance": ("range", "instance"),
+    "all but flows": tuple(name for name in CHANNELS if not CHANNELS[name].other),
+    "all but backward and scene flow": tuple(n for n in CHANNELS if n not in BACKWARD_AND_SCENE),
+    "all but backward flow": tuple(name for name in CHANNELS if "backward" not in name),
+    "all": tuple(CHANNELS),
+    "3-D boxes": (),
+}
+
+
+def main(source: str) -> None:
+    """Print the times of all variants, in both qualities."""
+    scene = load_scene(source)
+    for quality in ("default", "fast"):
+        camera = OmniCamera().with_quality(quality)
+        now = camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
+        there = now @ pose((0.1, 0.0, 0.0), yaw_deg=4.0)
+        times_s: dict[str, list[float]] = {name: [] for name in VARIANTS}
+        with Renderer(scene, camera) as renderer:
+            for _ in range(1 + ROUNDS):
+                for name, also in VARIANTS.items():
+                    start_s = time.process_time()
+                    renderer.render(
+                        now,
+                        also=also,
+                        next_state=there,
+                        previous_state=there,
+                        boxes_3d=name == "3-D boxes",
+                    )
+                    times_s[name].append(time.process_time() - start_s)
+        medians_s = {name: float(np.median(all_s[1:])) for name, all_s in times_s.items()}
+        for name, median_s in medians_s.items():
+            share = median_s / medians_s["picture"]
+            print(f"{quality:8} {name:32} {1e3 * median_s:6.1f} ms  {share:.2f} ×")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else "soccer")
