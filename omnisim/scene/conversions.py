@@ -18,12 +18,20 @@ class Conversion:
         format: its name.
         advice: the way, in words.
         command: a shell's, with `{source}` and `{target}` for the two files; empty: there is none.
+        target_suffix: of the file that the command writes.
     """
 
     suffixes: tuple[str, ...]
     format: str
     advice: str
     command: str = ""
+    target_suffix: str = ".glb"
+
+    def command_for(self, source: Path) -> str:
+        """Command that converts a file into one beside it."""
+        target = source.with_suffix(self.target_suffix)
+        command = self.command.replace(SOURCE, shlex.quote(str(source)))
+        return command.replace(TARGET, shlex.quote(str(target)))
 
 
 def _blender(operator: str) -> str:
@@ -78,7 +86,7 @@ CONVERSIONS = (
         'python -c "import sys, yourdfpy; '
         f'yourdfpy.URDF.load(sys.argv[1]).scene.export(sys.argv[2])" {SOURCE} {TARGET}',
     ),
-    Conversion((".xacro",), "xacro", "expand it to URDF", f"xacro {SOURCE} > {TARGET}"),
+    Conversion((".xacro",), "xacro", "expand it to URDF", f"xacro {SOURCE} > {TARGET}", ".urdf"),
     Conversion(
         (".step", ".stp"),
         "STEP",
@@ -94,18 +102,12 @@ CONVERSIONS = (
     ),
 )
 _BY_SUFFIX = {suffix: found for found in CONVERSIONS for suffix in found.suffixes}
-_TARGET_SUFFIX = {".xacro": ".urdf"}
 
 
 def conversion_hint(path: Path) -> str:
     """One line that says how to convert a file; empty for a suffix that is not known."""
-    suffix = path.suffix.lower()
-    found = _BY_SUFFIX.get(suffix)
+    found = _BY_SUFFIX.get(path.suffix.lower())
     if found is None:
         return ""
     hint = f"is not read ({found.format}): {found.advice}"
-    if not found.command:
-        return hint
-    target = path.with_suffix(_TARGET_SUFFIX.get(suffix, ".glb"))
-    command = found.command.replace(SOURCE, shlex.quote(str(path)))
-    return f"{hint}: {command.replace(TARGET, shlex.quote(str(target)))}"
+    return f"{hint}: {found.command_for(path)}" if found.command else hint
