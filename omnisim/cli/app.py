@@ -19,6 +19,7 @@ from omnisim.cli.picture_requests import (
     MirrorRequest,
     RenderRequest,
     ScanRequest,
+    SceneRequest,
     SensorRequest,
     UnwarpRequest,
 )
@@ -72,6 +73,14 @@ def info() -> None:
     from omnisim.cli.info import run
 
     run()
+
+
+@command(app, SceneRequest)
+def scene(request: SceneRequest) -> None:
+    """Show what is in a scene: instances, bounds, floors, starts, paths, lights, classes."""
+    from omnisim.cli.scene import run
+
+    run(request)
 
 
 @command(app, RenderRequest)

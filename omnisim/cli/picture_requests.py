@@ -358,3 +358,26 @@ class SensorRequest:
             help="Sensor file to check, instead of printing the default one.",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class SceneRequest:
+    """Parameters of `omnisim scene`."""
+
+    scene: SceneArgument
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot",
+            metavar="FILE",
+            help="Also plot the scene from above: .png .pdf .svg.",
+        ),
+    ] = None
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON, with all instances, and nothing else.")
+    ] = False
+    all: Annotated[
+        bool, typer.Option("--all", help="List all instances, not only the largest.")
+    ] = False
+    labels: LabelsOption = None
+    up_axis: UpOption = None

@@ -56,7 +56,7 @@ def run_figure(
     if scene is not None:
         draw_scene_map(axes, scene, low, high, float(np.median(truth.positions_m[:, 2])))
         for landmark in scene.landmarks:
-            _draw_landmark(axes, landmark)
+            draw_landmark(axes, landmark)
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     if reckoned is not None:
         axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
@@ -119,7 +119,7 @@ def _extent(
     return low, high
 
 
-def _draw_landmark(axes: Axes, landmark: Landmark) -> None:
+def draw_landmark(axes: Axes, landmark: Landmark) -> None:
     """Draw its bands from the lowest, outside, to the highest, inside; its name below."""
     for index, band in enumerate(landmark.bands):
         axes.plot(

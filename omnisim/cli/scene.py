@@ -1,0 +1,191 @@
+"""`omnisim scene`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from omnisim.cli.console import out, pluralize
+from omnisim.cli.picture_requests import SceneRequest
+from omnisim.errors import printable
+from omnisim.extras import require_extra
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.scene.model import LightKind
+from omnisim.scene.summary import floors, instance_summaries, memory_bytes, start_places
+
+SHOWN = 20  # instances of a table
+
+
+def run(request: SceneRequest) -> None:
+    """Print what is in a scene, as a table or as JSON, and plot it where that is asked for."""
+    if request.plot is not None:
+        require_extra("plots", "--plot")
+        from omnisim.plots.plot_file import check_plot_target
+
+        check_plot_target(request.plot)
+    scene = load_scene(request.scene, request.up_axis)
+    if request.labels is not None:
+        scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
+    document = describe(scene)
+    if request.json:
+        out.print(json.dumps(document, indent=2, ensure_ascii=False), markup=False)
+    else:
+        _print_tables(document, request.all)
+    if request.plot is not None:
+        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.scene_plot import scene_figure
+
+        write_plot(request.plot, scene_figure(scene))
+        if not request.json:
+            out.print(f"{request.plot}: the scene from above", markup=False)
+
+
+def describe(scene: Scene) -> dict[str, Any]:
+    """Describe a scene by numbers, texts, lists and dictionaries of them."""
+    labels = find_labels(scene)
+    mesh_bytes, texture_bytes = memory_bytes(scene)
+    low, high = scene.bounds_m()
+    paths = [(one.name, np.array(one.waypoints_m)) for one in scene.paths]
+    return {
+        "scene": scene.name,
+        "bounds_m": [low.tolist(), high.tolist()],
+        "triangles": scene.triangle_count,
+        "meshes": len(scene.meshes),
+        "materials": len(scene.materials),
+        "mesh_bytes": mesh_bytes,
+        "texture_bytes": texture_bytes,
+        "floors": [dataclasses.asdict(one) for one in floors(scene)],
+        "starts": [dataclasses.asdict(one) for one in start_places(scene)],
+        "paths": [
+            {
+                "name": name,
+                "waypoints": len(points),
+                "length_m": float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()),
+            }
+            for name, points in paths
+        ],
+        "ambient": list(scene.lighting.ambient),
+        "exposure": scene.lighting.exposure,
+        "lights": [
+            {
+                "kind": one.kind.value,
+                "intensity": one.intensity,
+                "color": list(one.color),
+                "direction" if one.kind is LightKind.DIRECTIONAL else "position_m": (
+                    one.direction if one.kind is LightKind.DIRECTIONAL else one.position_m
+                ).tolist(),
+            }
+            for one in scene.lighting.lights
+        ],
+        "background": list(scene.background),
+        "classes": [
+            {
+                "id": one.id,
+                "name": one.name,
+                "instances": sum(label.class_id == one.id for label in labels.instances),
+            }
+            for one in labels.classes
+        ],
+        "classes_from": labels.source,
+        "landmarks": [
+            {"name": one.name, "position_m": list(one.position_m)} for one in scene.landmarks
+        ],
+        "dynamic_objects": [
+            {"name": one.name, "triangles": one.shape.triangle_count} for one in scene.objects
+        ],
+        "instances": [dataclasses.asdict(one) for one in instance_summaries(scene)],
+        "notices": list(scene.notices),
+    }
+
+
+def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
+    for name, text in _lines(document):
+        out.print(f"{name:11}{printable(text)}", markup=False)
+    ranked = sorted(document["instances"], key=lambda one: -one["triangles"])
+    shown = ranked if shows_all else ranked[:SHOWN]
+    rows = [_row(one) for one in shown]
+    table = Table(box=None, pad_edge=False)
+    table.add_column("instance", no_wrap=True)  # the only one that a narrow console cuts
+    for index, title in enumerate(("class", "triangles", "size (m)", "centre (m)", "textures"), 1):
+        width = max([len(title), *(len(row[index]) for row in rows)])
+        table.add_column(title, no_wrap=True, min_width=width, justify="right")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    out.print(table)
+    if len(shown) < len(ranked):
+        out.print(f"and {len(ranked) - len(shown)} smaller ones: --all", markup=False)
+    for notice in document["notices"]:
+        out.print(f"note: {printable(notice)}", markup=False)
+
+
+def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and values of everything but the instances."""
+    low, high = np.array(document["bounds_m"])
+    lights = [one["kind"] for one in document["lights"]]
+    kinds = [f"{lights.count(kind)} {kind}" for kind in dict.fromkeys(lights)]
+    classes = [f"{one['name']} {one['instances']}" for one in document["classes"]]
+    lines = [
+        ("scene", document["scene"]),
+        ("instances", f"{len(document['instances'])}, {document['triangles']:,} triangles"),
+        (
+            "memory",
+            f"meshes {_megabytes(document['mesh_bytes'])}, "
+            f"textures {_megabytes(document['texture_bytes'])}",
+        ),
+        ("bounds", f"{_point(low)} to {_point(high)} m"),
+        ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),
+    ]
+    for one in document["starts"]:
+        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:.2f} m"
+        what = one["name"] or "of the camera"
+        lines.append(
+            ("start", f"{what}: {_point(one['position_m'])} m, yaw {one['yaw_deg']:g}°, {floor}")
+        )
+    for one in document["paths"]:
+        count = pluralize(one["waypoints"], "waypoint")
+        lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
+    lines += [
+        ("lights", ", ".join(kinds) or "none"),
+        ("classes", f"{', '.join(classes)} (from a {document['classes_from']})"),
+    ]
+    names = (("landmarks", "landmarks"), ("moving", "dynamic_objects"))
+    return lines + [
+        (title, ", ".join(one["name"] for one in document[key]))
+        for title, key in names
+        if document[key]
+    ]
+
+
+def _row(one: dict[str, Any]) -> tuple[str, ...]:
+    """Cells of an instance."""
+    low, high = np.array(one["min_m"]), np.array(one["max_m"])
+    return (
+        printable(one["name"]),
+        printable(one["class_name"]),
+        f"{one['triangles']:,}",
+        "×".join(f"{size:.3g}" for size in high - low),
+        " ".join(f"{value:.3g}" for value in 0.5 * (low + high)),
+        _textures(one["textures_px"]),
+    )
+
+
+def _textures(sizes_px: list[tuple[int, int]]) -> str:
+    """The first texture's size, and how many more there are."""
+    if not sizes_px:
+        return ""
+    width, height = sizes_px[0]
+    return f"{width}×{height}" + (f" +{len(sizes_px) - 1}" if len(sizes_px) > 1 else "")
+
+
+def _point(values: Any) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in values) + ")"
+
+
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:.1f} MB"

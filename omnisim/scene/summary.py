@@ -1,0 +1,160 @@
+"""Summary of a scene: what is in it, where, and how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.floor import floor_height_m
+from omnisim.scene.labels import find_labels
+from omnisim.scene.model import Mesh, Scene, bounds_m
+from omnisim.scene.triangles import triangles_within
+
+# Surfaces this flat, whose heights are within a step, are one floor.
+MAX_FLOOR_SLOPE_DEG = 10.0
+FLOOR_STEP_M = 0.05
+MIN_FLOOR_SHARE = 0.05  # of all flat surfaces seen from above
+Vector = tuple[float, ...]
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True)
+class InstanceSummary:
+    """One instance: all parts of one name.
+
+    Attributes:
+        name, class_name: names.
+        parts, triangles: counts.
+        min_m, max_m: corners of its bounds, world.
+        materials: names.
+        textures_px: width and height of each texture.
+    """
+
+    name: str
+    class_name: str
+    parts: int
+    triangles: int
+    min_m: Vector
+    max_m: Vector
+    materials: tuple[str, ...]
+    textures_px: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Flat surfaces at one height, seen from above.
+
+    Attributes:
+        height_m: mean height.
+        area_m2: of all of them.
+    """
+
+    height_m: float
+    area_m2: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """Start pose, of the camera or of a vehicle.
+
+    Attributes:
+        name: of the start; empty: the camera's.
+        position_m, yaw_deg: of the pose.
+        floor_m: height of the floor below or next to it; None: there is none.
+    """
+
+    name: str
+    position_m: Vector
+    yaw_deg: float
+    floor_m: float | None
+
+
+def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
+    """Summaries of the instances, in the order of their IDs."""
+    labels = find_labels(scene)
+    classes = {one.id: one.name for one in labels.classes}
+    class_of = {one.name: classes[one.class_id] for one in labels.instances}
+    parts: dict[str, list[int]] = {}
+    for number, one in enumerate(scene.instances):
+        parts.setdefault(one.name, []).append(number)
+    summaries = []
+    for name, numbers in parts.items():
+        own = tuple(scene.instances[number] for number in numbers)
+        meshes = [scene.meshes[one.mesh] for one in own]
+        materials = _distinct([scene.materials[mesh.material] for mesh in meshes])
+        textures = _distinct([one.texture for one in materials if one.texture is not None])
+        low, high = bounds_m(scene.meshes, own)
+        summaries.append(
+            InstanceSummary(
+                name,
+                class_of[name],
+                len(own),
+                sum(len(mesh.triangles) for mesh in meshes),
+                tuple(low.tolist()),
+                tuple(high.tolist()),
+                tuple(one.name for one in materials),
+                tuple((one.pixels.shape[1], one.pixels.shape[0]) for one in textures),
+            )
+        )
+    return tuple(summaries)
+
+
+def floors(scene: Scene) -> tuple[Floor, ...]:
+    """Floors, the largest first: heights where much of the flat surface is, seen from above."""
+    low, high = scene.bounds_m()
+    triangles = triangles_within(scene, low[:2], high[:2])
+    corners = triangles.corners_m[triangles.seen_from_above]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(normals, axis=1)
+    up = 0.5 * np.abs(normals[:, 2])
+    flat = up > np.cos(np.radians(MAX_FLOOR_SLOPE_DEG)) * areas
+    heights, areas = corners[flat, :, 2].mean(axis=1), up[flat]
+    order = np.argsort(heights)
+    heights, areas = heights[order], areas[order]
+    found, first = [], 0
+    while first < len(heights):
+        end = int(np.searchsorted(heights, heights[first] + FLOOR_STEP_M, side="right"))
+        area = float(areas[first:end].sum())
+        if area > MIN_FLOOR_SHARE * areas.sum():
+            height = float(heights[first:end] @ areas[first:end]) / area
+            found.append(Floor(round(height, 3) + 0.0, area))  # no -0.0
+        first = end
+    return tuple(sorted(found, key=lambda one: -one.area_m2))
+
+
+def start_places(scene: Scene) -> tuple[Place, ...]:
+    """Start poses: the camera's, then those of vehicles."""
+    starts = [("", scene.start.position_m, scene.start.yaw_deg)]
+    starts += [(one.name, one.position_m, one.yaw_deg) for one in scene.starts]
+    return tuple(
+        Place(name, position_m, yaw_deg, floor_height_m(scene, position_m[:2], position_m[2]))
+        for name, position_m, yaw_deg in starts
+    )
+
+
+def memory_bytes(scene: Scene) -> tuple[int, int]:
+    """Bytes of the arrays of all meshes, and of all textures without mip levels."""
+    arrays: dict[int, NDArray[np.generic]] = {}
+    for mesh in scene.meshes:
+        for array in _arrays(mesh):
+            arrays[id(array)] = array
+    pixels = {
+        id(one.texture): one.texture.pixels.nbytes
+        for one in scene.materials
+        if one.texture is not None
+    }
+    return sum(array.nbytes for array in arrays.values()), sum(pixels.values())
+
+
+def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
+    optional = (mesh.normals, mesh.texture_coordinates, mesh.colors)
+    return [mesh.positions, mesh.triangles, *(one for one in optional if one is not None)]
+
+
+def _distinct(items: Sequence[Item]) -> list[Item]:
+    """Items, each once."""
+    return list({id(item): item for item in items}.values())
