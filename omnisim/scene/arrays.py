@@ -25,15 +25,15 @@ def import_arrays(
     base_color: ArrayLike | None,
     double_sided: bool,
 ) -> ImportedScene:
-    """Import one object, see `Scene.from_arrays`."""
+    """Import one instance, see `Scene.from_arrays`."""
     vertices = _numbers(name, "vertices_m", vertices_m, ("n", 3))
     corners = _numbers(name, "triangles", triangles, ("m", 3))
     if not (len(corners) and (corners == np.floor(corners)).all()):
-        raise SceneError(f"object {name!r}: triangles: expected whole numbers (m, 3), m ≥ 1")
+        raise SceneError(f"instance {name!r}: triangles: expected whole numbers (m, 3), m ≥ 1")
     count = len(vertices)
     coordinates = None if uv is None else _numbers(name, "uv", uv, (count, 2))
     if texture is not None and coordinates is None:
-        raise SceneError(f"object {name!r}: texture: expected uv beside it, got none")
+        raise SceneError(f"instance {name!r}: texture: expected uv beside it, got none")
     mesh, center = make_mesh(
         name,
         vertices,
@@ -59,18 +59,18 @@ def color_material(
     """Material of a linear RGB or RGBA colour, times a texture; sides and light as another's.
 
     Args:
-        name: of the object, for errors.
+        name: of the instance, for errors.
         base_color: (3,) or (4,), from 0 to 1.
         texture: (height, width, 3 or 4) uint8 sRGB, or None.
         like: another material.
 
     Raises:
-        SceneError: naming the object, what was expected and what was got.
+        SceneError: naming the instance, what was expected and what was got.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:
         raise SceneError(
-            f"object {name!r}: base_color: expected three or four numbers from 0 to 1, "
+            f"instance {name!r}: base_color: expected three or four numbers from 0 to 1, "
             f"got {rgba.tolist()}"
         )
     red, green, blue, alpha = (*rgba.tolist(), 1.0)[:4]
@@ -90,17 +90,17 @@ def color_material(
     )
 
 
-def object_pose(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
-    """Pose (4, 4) of an object.
+def instance_pose(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
+    """Pose (4, 4) of an instance.
 
     Raises:
-        SceneError: naming the object, what was expected and what was got.
+        SceneError: naming the instance, what was expected and what was got.
     """
     checked = _numbers(name, "pose", matrix, (4, 4))
     try:
         return check_pose(checked)
     except OmnisimError as reason:
-        raise SceneError(f"object {name!r}: {reason}") from None
+        raise SceneError(f"instance {name!r}: {reason}") from None
 
 
 def _texture(name: str, texture: ArrayLike) -> Texture:
@@ -112,7 +112,7 @@ def _texture(name: str, texture: ArrayLike) -> Texture:
         or not pixels.size
     ):
         raise SceneError(
-            f"object {name!r}: texture: expected (height, width, 3 or 4) uint8, "
+            f"instance {name!r}: texture: expected (height, width, 3 or 4) uint8, "
             f"got {pixels.shape} {pixels.dtype}"
         )
     rgba = np.full((*pixels.shape[:2], 4), 255, dtype=np.uint8)
@@ -130,7 +130,7 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float
         )
     if values.size and (values.min() < 0.0 or values.max() > 1.0):
         raise SceneError(
-            f"object {name!r}: colors: expected uint8, or numbers from 0 to 1, "
+            f"instance {name!r}: colors: expected uint8, or numbers from 0 to 1, "
             f"got {values.min():g} to {values.max():g}"
         )
     rgba = np.ones((count, 4))
@@ -145,13 +145,15 @@ def _numbers(
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise SceneError(f"object {name!r}: {key}: expected numbers, got {values!r:.40}") from None
+        raise SceneError(
+            f"instance {name!r}: {key}: expected numbers, got {values!r:.40}"
+        ) from None
     if shape is not None and (
         array.ndim != len(shape)
         or any(got != n for got, n in zip(array.shape, shape, strict=True) if isinstance(n, int))
     ):
         expected = "(" + ", ".join(map(str, shape)) + ")"
-        raise SceneError(f"object {name!r}: {key}: expected {expected}, got {array.shape}")
+        raise SceneError(f"instance {name!r}: {key}: expected {expected}, got {array.shape}")
     if not np.isfinite(array).all():
-        raise SceneError(f"object {name!r}: {key}: expected finite numbers, got NaN or infinity")
+        raise SceneError(f"instance {name!r}: {key}: expected finite numbers, got NaN or infinity")
     return array

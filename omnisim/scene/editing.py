@@ -1,7 +1,8 @@
-"""Edits of a scene's content: objects added, removed, moved and recoloured.
+"""Edits of a scene's content: instances added, removed, moved and recoloured.
 
-An object is all instances of one name. Content is never changed in place: an edit returns other
-content, which shares the arrays of whatever it leaves alone, so that a stage uploads only the rest.
+An instance is all parts of one name, as for ground truth. Content is never changed in place: an
+edit returns other content, which shares the arrays of whatever it leaves alone, so that a stage
+uploads only the rest.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError, did_you_mean
 from omnisim.poses import inverse, is_pose
-from omnisim.scene.arrays import color_material, object_pose
+from omnisim.scene.arrays import color_material, instance_pose
 from omnisim.scene.parts import Instance, Material, Mesh
 
 
@@ -27,7 +28,7 @@ class Content(NamedTuple):
 
 
 def find(content: Content, name: str) -> tuple[Instance, ...]:
-    """Instances of an object.
+    """Parts of an instance.
 
     Raises:
         SceneError: there is none of this name.
@@ -36,12 +37,12 @@ def find(content: Content, name: str) -> tuple[Instance, ...]:
     if not found:
         names = dict.fromkeys(one.name for one in content.instances)
         hint = did_you_mean(str(name), names, "the scene has")
-        raise SceneError(f"object {name!r}: unknown; {hint}")
+        raise SceneError(f"instance {name!r}: unknown; {hint}")
     return found
 
 
 def pose_of(content: Content, name: str) -> NDArray[np.float64]:
-    """Pose (4, 4) of an object's frame, without the scale of its node.
+    """Pose (4, 4) of an instance's frame, without the scale of its node.
 
     Raises:
         SceneError: there is none of this name.
@@ -58,14 +59,14 @@ def pose_of(content: Content, name: str) -> NDArray[np.float64]:
     return pose
 
 
-def move(content: Content, name: str, world_from_object: ArrayLike) -> Content:
-    """Put an object's frame at a pose (4, 4).
+def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content:
+    """Put an instance's frame at a pose (4, 4).
 
     Raises:
-        SceneError: an unknown object, or a matrix that is not a pose.
+        SceneError: an unknown instance, or a matrix that is not a pose.
     """
     before = pose_of(content, name)
-    displacement = object_pose(name, world_from_object) @ inverse(before)
+    displacement = instance_pose(name, world_from_instance) @ inverse(before)
     moved = tuple(
         dataclasses.replace(
             one,
@@ -80,18 +81,18 @@ def move(content: Content, name: str, world_from_object: ArrayLike) -> Content:
 
 
 def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) -> Content:
-    """Add all instances of other content as one object.
+    """Add all instances of other content as one instance.
 
     Raises:
         SceneError: a name that is taken or empty, or a matrix that is not a pose.
     """
     if not isinstance(name, str) or not name:
-        raise SceneError(f"object: expected a name, got {name!r}")
+        raise SceneError(f"instance: expected a name, got {name!r}")
     if any(one.name == name for one in content.instances):
-        raise SceneError(f"object {name!r}: expected a new name, got that of another object")
-    pose = object_pose(name, world_from_part)
+        raise SceneError(f"instance {name!r}: expected a new name, got that of another instance")
+    pose = instance_pose(name, world_from_part)
     meshes, materials = list(content.meshes), list(content.materials)
-    # what another object has already is shared
+    # what another instance has already is shared
     mesh_at = {_geometry(mesh, content.materials): i for i, mesh in enumerate(meshes)}
     material_at = {id(material): i for i, material in enumerate(materials)}
     instances = list(content.instances)
@@ -109,7 +110,7 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
 
 
 def remove(content: Content, name: str) -> Content:
-    """Remove an object.
+    """Remove an instance.
 
     Raises:
         SceneError: there is none of this name.
@@ -122,10 +123,10 @@ def remove(content: Content, name: str) -> Content:
 def recolor(
     content: Content, name: str, base_color: ArrayLike, texture: ArrayLike | None
 ) -> Content:
-    """Give an object one colour, or a texture times a colour, in place of what it had.
+    """Give an instance one colour, or a texture times a colour, in place of what it had.
 
     Raises:
-        SceneError: an unknown object, or a colour or texture that is none.
+        SceneError: an unknown instance, or a colour or texture that is none.
     """
     meshes, materials = list(content.meshes), list(content.materials)
     mesh_at: dict[int, int] = {}
@@ -134,7 +135,7 @@ def recolor(
         mesh = meshes[number]
         if texture is not None and mesh.texture_coordinates is None:
             raise SceneError(
-                f"object {name!r}: texture: expected texture coordinates in mesh {mesh.name!r}"
+                f"instance {name!r}: texture: expected texture coordinates in mesh {mesh.name!r}"
             )
         if mesh.material not in material_at:
             like = content.materials[mesh.material]
@@ -156,7 +157,7 @@ def _geometry(mesh: Mesh, materials: tuple[Material, ...]) -> tuple[int, ...]:
 
 
 def _without_unused(before: Content, after: Content) -> Content:
-    """Content after an edit without meshes and materials that only the edited object had used."""
+    """Content after an edit without meshes and materials that only the edited instance had used."""
     lost = {one.mesh for one in before.instances} - {one.mesh for one in after.instances}
     if not lost:
         return after

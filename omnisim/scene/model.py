@@ -139,36 +139,37 @@ class Scene:
         return instance_boxes(self.instances, self.meshes)
 
     @property
-    def object_names(self) -> tuple[str, ...]:
-        """Names of the objects: all instances of one name are one object."""
+    def instance_names(self) -> tuple[str, ...]:
+        """Names of the instances, each once: all parts of one name are one instance."""
         return tuple(dict.fromkeys(instance.name for instance in self.instances))
 
     def bounds_m(self, name: str | None = None) -> NDArray[np.float64]:
-        """Smallest and largest corner (2, 3) of all instances, or of one object, in the world.
+        """Smallest and largest corner (2, 3) of all instances, or of one, in the world.
 
         Raises:
-            SceneError: there is no object of this name.
+            SceneError: there is no instance of this name.
         """
         instances = self.instances if name is None else editing.find(self._content, name)
         return bounds_m(self.meshes, instances)
 
     def pose_of(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) world_from_object of an object's frame.
+        """Pose (4, 4) world_from_instance of an instance's frame.
 
-        It is that of its node, z up where the node is not turned; an object that was added has the
-        frame of what was added.
+        It is that of its node, z up where the node is not turned; one that was added has the frame
+        of what was added.
 
         Raises:
-            SceneError: there is no object of this name.
+            SceneError: there is no instance of this name.
         """
         return editing.pose_of(self._content, name)
 
     def added(self, name: str, part: Scene, world_from_part: ArrayLike | None = None) -> Scene:
-        """Scene with all of another scene as one more object.
+        """Scene with all of another scene as one more instance.
 
         Args:
-            name: of the object, new to the scene.
-            part: its lights, background, starts, paths and landmarks count for nothing.
+            name: of the instance, new to the scene.
+            part: its lights, background, starts, paths, landmarks and dynamic objects count for
+                nothing.
             world_from_part: (4, 4) pose; by default where it is in its own scene.
 
         Raises:
@@ -178,33 +179,33 @@ class Scene:
         return self._with(editing.add(self._content, name, part._content, pose))
 
     def removed(self, name: str) -> Scene:
-        """Scene without an object.
+        """Scene without an instance.
 
         Raises:
-            SceneError: there is no object of this name.
+            SceneError: there is no instance of this name.
         """
         return self._with(editing.remove(self._content, name))
 
-    def moved(self, name: str, world_from_object: ArrayLike) -> Scene:
-        """Scene with an object at another pose (4, 4), see `pose_of`; its scale stays.
+    def moved(self, name: str, world_from_instance: ArrayLike) -> Scene:
+        """Scene with an instance at another pose (4, 4), see `pose_of`; its scale stays.
 
         Raises:
-            SceneError: there is no object of this name, or a matrix that is not a pose.
+            SceneError: there is no instance of this name, or a matrix that is not a pose.
         """
-        return self._with(editing.move(self._content, name, world_from_object))
+        return self._with(editing.move(self._content, name, world_from_instance))
 
     def recolored(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
     ) -> Scene:
-        """Scene with an object of one colour, or with one texture, instead of what it had.
+        """Scene with an instance of one colour, or with one texture, instead of what it had.
 
         Args:
-            name: of the object.
+            name: of the instance.
             base_color: linear RGB or RGBA from 0 to 1; it multiplies the texture.
             texture: (height, width, 3 or 4) uint8 sRGB, for a mesh with texture coordinates.
 
         Raises:
-            SceneError: there is no object of this name, or a colour or texture that is none.
+            SceneError: there is no instance of this name, or a colour or texture that is none.
         """
         return self._with(editing.recolor(self._content, name, base_color, texture))
 
@@ -222,10 +223,10 @@ class Scene:
         base_color: ArrayLike | None = None,
         double_sided: bool = True,
     ) -> Scene:
-        """Scene of one object from arrays, in daylight; `added` joins several.
+        """Scene of one instance from arrays, in daylight; `added` joins several.
 
         Args:
-            name: of the object, and of the scene.
+            name: of the instance, and of the scene.
             vertices_m: (n, 3), z up.
             triangles: (m, 3) vertices, counter-clockwise seen from the front.
             normals: (n, 3) at the vertices; None: flat triangles.
@@ -258,10 +259,10 @@ class Scene:
 
         Nothing is taken from its cameras and lights: the scene is in daylight. Colours and textures
         are sRGB, but for the base colour of a `PBRMaterial`, which is linear. Nodes of the graph
-        are objects of the scene.
+        are instances of the scene.
 
         Args:
-            source: it is not changed; a mesh that stands alone is an object of the scene's name.
+            source: it is not changed; a mesh that stands alone is an instance of the scene's name.
             name: of the scene.
             up_axis: "x", "y" or "z". trimesh turns nothing: what it loaded from glTF is "y".
             meters_per_unit: by default by its `units`; 1 where it has none.

@@ -114,7 +114,7 @@ class CameraBackend(ABC):
     def _find_labels(self) -> Labels:
         """Labels of the scene, found anew where names or rules are other ones."""
         scene = self.world.scene
-        of = scene.object_names, scene.labels
+        of = scene.instance_names, scene.labels
         if self._labels is None or self._labels[0] != of:
             self._labels = of, find_labels(scene, self.world.objects)
         return self._labels[1]

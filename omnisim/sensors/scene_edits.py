@@ -31,7 +31,7 @@ class EditableScene(ABC):
     def add(
         self, name: str, part: Scene | str | Path, world_from_part: ArrayLike | None = None
     ) -> None:
-        """Add all of a scene as one object, see `Scene.added`; it may be a path or built-in name.
+        """Add all of a scene as one instance, see `Scene.added`; it may be a path or built-in name.
 
         Raises:
             SceneError: a scene that cannot be read, a name that is taken, or a matrix that is not a
@@ -41,27 +41,27 @@ class EditableScene(ABC):
         self.scene = self.scene.added(name, part, world_from_part)
 
     def remove(self, name: str) -> None:
-        """Remove an object.
+        """Remove an instance.
 
         Raises:
             SceneError: there is none of this name.
         """
         self.scene = self.scene.removed(name)
 
-    def move(self, name: str, world_from_object: ArrayLike) -> None:
-        """Put an object at another pose (4, 4), see `Scene.moved`.
+    def move(self, name: str, world_from_instance: ArrayLike) -> None:
+        """Put an instance at another pose (4, 4), see `Scene.moved`.
 
         It is elsewhere at once: for flow and motion blur make it a dynamic object.
 
         Raises:
             SceneError: there is none of this name, or a matrix that is not a pose.
         """
-        self.scene = self.scene.moved(name, world_from_object)
+        self.scene = self.scene.moved(name, world_from_instance)
 
     def recolor(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
     ) -> None:
-        """Give an object one colour or texture instead of what it had, see `Scene.recolored`.
+        """Give an instance one colour or texture instead of what it had, see `Scene.recolored`.
 
         Raises:
             SceneError: there is none of this name, or a colour or texture that is none.

@@ -29,7 +29,7 @@ def world_corners(scene, name):
 def test_arrays_become_a_scene():
     uv, colors = np.zeros((4, 2)), np.array([[0.2, 0.4, 0.6]] * 4)
     scene = tetrahedron(normals=TETRAHEDRON, uv=uv, colors=colors, texture=WHITE)
-    assert scene.object_names == ("part",)
+    assert scene.instance_names == ("part",)
     np.testing.assert_allclose(world_corners(scene, "part"), TETRAHEDRON, atol=1e-7)
     (mesh,), (material,) = scene.meshes, scene.materials
     np.testing.assert_array_equal(mesh.colors, np.float32([[0.2, 0.4, 0.6, 1.0]] * 4))
@@ -52,7 +52,7 @@ def test_a_clear_color_is_blended():
 def test_objects_are_added_moved_and_removed():
     part = tetrahedron()
     scene = part.added("second", part, pose((5, 0, 0))).added("third", part)
-    assert scene.object_names == ("part", "second", "third")
+    assert scene.instance_names == ("part", "second", "third")
     assert len(scene.meshes) == 1  # shared
     moved = scene.moved("second", pose((0, 7, 0), yaw_deg=90.0))
     expected = np.array([[0, 7, 0], [0, 8, 0], [-1, 7, 0], [0, 7, 1]])
@@ -61,7 +61,7 @@ def test_objects_are_added_moved_and_removed():
     assert moved.instances[0] is scene.instances[0]
     np.testing.assert_allclose(world_corners(scene, "second")[0], [5, 0, 0], atol=1e-6)  # as it was
     rest = moved.removed("part").removed("second")
-    assert rest.object_names == ("third",)
+    assert rest.instance_names == ("third",)
     assert len(rest.meshes) == 1
     empty = rest.removed("third")
     assert (empty.meshes, empty.materials, empty.instances) == ((), (), ())
@@ -94,17 +94,17 @@ def test_a_loaded_object_turns_about_its_node_and_keeps_its_scale():
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda s: s.moved("prt", np.eye(4)), "object 'prt': unknown; did you mean 'part'?"),
-        (lambda s: s.removed(3), "object 3: unknown; the scene has part"),
+        (lambda s: s.moved("prt", np.eye(4)), "instance 'prt': unknown; did you mean 'part'?"),
+        (lambda s: s.removed(3), "instance 3: unknown; the scene has part"),
         (lambda s: s.moved("part", np.eye(3)), r"'part': pose: expected \(4, 4\), got \(3, 3\)"),
         (lambda s: s.moved("part", np.full((4, 4), np.nan)), "pose: expected finite numbers, got"),
         (lambda s: s.moved("part", 2 * np.eye(4)), "pose: expected a rotation and a translation"),
-        (lambda s: s.moved("part", "here"), "object 'part': pose: expected numbers, got 'here'"),
-        (lambda s: s.added("part", s), "object 'part': expected a new name"),
-        (lambda s: s.added("", s), "object: expected a name, got ''"),
+        (lambda s: s.moved("part", "here"), "instance 'part': pose: expected numbers, got 'here'"),
+        (lambda s: s.added("part", s), "instance 'part': expected a new name"),
+        (lambda s: s.added("", s), "instance: expected a name, got ''"),
         (lambda s: s.recolored("part", (255, 0, 0)), "base_color: expected three or four numbers"),
         (lambda s: s.recolored("part", texture=WHITE), "texture: expected texture coordinates"),
-        (lambda s: s.bounds_m("other"), "object 'other': unknown; the scene has part"),
+        (lambda s: s.bounds_m("other"), "instance 'other': unknown; the scene has part"),
     ],
 )
 def test_faulty_edits_are_refused(edit, message):

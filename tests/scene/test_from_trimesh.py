@@ -46,9 +46,9 @@ def test_a_scene_is_that_of_its_glb_file(tmp_path):
     source.export(tmp_path / "scene.glb")
     expected = load_scene(tmp_path / "scene.glb")
     scene = Scene.from_trimesh(source, "boxes", up_axis="y")
-    assert set(scene.object_names) == {"box", "twin"} == set(expected.object_names)
+    assert set(scene.instance_names) == {"box", "twin"} == set(expected.instance_names)
     assert len(scene.meshes) == 1
-    for name in scene.object_names:
+    for name in scene.instance_names:
         np.testing.assert_allclose(
             world_triangles(scene, name), world_triangles(expected, name), atol=1e-6
         )
@@ -67,7 +67,7 @@ def test_a_mesh_alone_has_the_name_and_unit_it_is_given():
     box = trimesh.creation.box((10.0, 20.0, 30.0))
     box.units = "centimeters"
     scene = Scene.from_trimesh(box, "parcel")
-    assert scene.object_names == ("parcel",)
+    assert scene.instance_names == ("parcel",)
     np.testing.assert_allclose(np.ptp(scene.bounds_m(), axis=0), (0.1, 0.2, 0.3), atol=1e-7)
     scene = Scene.from_trimesh(box, meters_per_unit=1.0, up_axis="y")
     np.testing.assert_allclose(np.ptp(scene.bounds_m(), axis=0), (10.0, 30.0, 20.0), atol=1e-5)

@@ -107,7 +107,7 @@ def test_many_edits_are_as_good_as_one():
     with Renderer(scene, LENS) as renderer:
         before = draw(renderer)
         for step in range(40):
-            names = renderer.scene.object_names
+            names = renderer.scene.instance_names
             name = str(rng.choice(names[1:]))
             place = pose(rng.uniform((-2, -2, 0), (2, 2, 2)), *rng.uniform(0, 360, 3))
             kind = rng.integers(4)
@@ -242,7 +242,7 @@ def test_another_world_is_refused():
             renderer.scene = dataclasses.replace(yard(), background=(1.0, 0.0, 0.0))
         with pytest.raises(SceneError, match="scene: expected a Scene, got str"):
             renderer.scene = "courtyard"
-        with pytest.raises(SceneError, match="object 'bx_0': unknown; did you mean"):
+        with pytest.raises(SceneError, match="instance 'bx_0': unknown; did you mean"):
             renderer.move("bx_0", HERE)
         np.testing.assert_array_equal(renderer.render(HERE).rgb, before.rgb)
 
@@ -253,7 +253,7 @@ def test_rays_see_edits_too():
         draw(renderer)
         for edit in EDITS.values():
             edit(renderer)
-            renderer.scene = yard() if "glass" in renderer.scene.object_names else renderer.scene
+            renderer.scene = yard() if "glass" in renderer.scene.instance_names else renderer.scene
         renderer.move("box_1", pose((1.0, 0.2, 1.1), 10.0, 20.0, 30.0))
         frame = draw(renderer)
         with Renderer(renderer.scene, LENS, backend="rays") as fresh:
