@@ -80,11 +80,9 @@ class RayPicture:
         camera = self._rays.camera
         rays = self._limits.aim(band.rig_directions(camera), world_from_rig)
         world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
-        footprints = np.einsum("nsj,ij->nsi", band.footprints, world_from_optical)
+        footprints = band.world_footprints(world_from_optical)
         samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
-        samples[band.valid, :3] = self._scene.radiance(
-            rays, footprints.astype(np.float32), objects, self._unlit
-        )
+        samples[band.valid, :3] = self._scene.radiance(rays, footprints, objects, self._unlit)
         samples[band.valid, 3] = 1.0
         return samples
 

@@ -116,7 +116,8 @@ class PixelHits:
         geometry, shading = scene.caster.geometry, scene.shading
         world_from_optical = world_from_rig[:3, :3] @ self._pixels.camera.rig_from_optical
         rays = self._limits.aim(band.rig_directions(self._pixels.camera), world_from_rig)
-        first = scene.first_hits(rays, objects)
+        footprints = band.world_footprints(world_from_optical)
+        first = scene.first_hits(rays, objects, footprints=footprints)
         hit = np.flatnonzero(first.triangles != NO_TRIANGLE)
         some = rays.take(hit)
         exact = scene.caster.exact(some, first.take(hit), poses)
@@ -132,8 +133,7 @@ class PixelHits:
         if normals:
             found[0][hit] = shading.normals(exact, poses)
         if albedos:
-            footprints = np.einsum("nsj,ij->nsi", band.footprints[hit], world_from_optical)
-            colors = shading.base_colors(some, exact, poses, footprints.astype(np.float32))
+            colors = shading.base_colors(some, exact, poses, footprints[hit])
             found[1][hit] = colors[:, :3]
         return _BandHits(Hits(points, draws_plus_one, triangles, *found), first.triangles)
 

@@ -32,6 +32,12 @@ class Band(NamedTuple):
         rig: NDArray[np.float64] = np.einsum("nj,ij->ni", self.directions, camera.rig_from_optical)
         return rig
 
+    def world_footprints(self, world_from_optical: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Footprints (n, 2, 3) in the world, by the camera's rotation (3, 3)."""
+        rotation = world_from_optical.astype(np.float32)
+        world: NDArray[np.float32] = np.einsum("nsj,ij->nsi", self.footprints, rotation)
+        return world
+
 
 class PixelRays:
     """Rays of a picture of samples; they start at the effective viewpoint.

@@ -119,6 +119,7 @@ class RayScene:
         rays: Rays,
         objects: ObjectState = _NO_OBJECTS,
         behind: NDArray[np.int32] | None = None,
+        footprints: NDArray[np.float32] | None = None,
     ) -> RayHits:
         """Nearest surfaces along rays (n,) that are no holes, and not clearer than half.
 
@@ -126,6 +127,7 @@ class RayScene:
             rays: (n,).
             objects: the dynamic objects.
             behind: (n,) triangles that are not hit.
+            footprints: (n, 2, 3), see `radiance`, of the textures' holes.
         """
         geometry, shading = self.caster.geometry, self.shading
         found = self.caster.cast(rays, objects.world_from_objects, objects.hidden, behind)
@@ -136,7 +138,8 @@ class RayScene:
             if len(active) == 0:
                 break
             hits, some = found.take(active), rays.take(active)
-            alphas = shading.base_colors(some, hits, objects.world_from_objects)[:, 3]
+            widths = None if footprints is None else footprints[active]
+            alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
             clear = np.flatnonzero(alphas < shading.hit_cutoff[shading.surfaces(hits)])
             active = active[clear]
             some, hits = _behind(some.take(clear), hits.ranges_m[clear]), hits.take(clear)
