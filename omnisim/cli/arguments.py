@@ -23,6 +23,21 @@ class PoseAxes(StrEnum):
     WORLD = "world"
 
 
+class Backend(StrEnum):
+    """Back ends of `Renderer`."""
+
+    CUBE = "cube"
+    RAYS = "rays"
+
+
+BackendOption = Annotated[
+    Backend,
+    typer.Option(
+        "--backend",
+        help="Renderer: virtual cameras on the faces of a cube, by OpenGL; or rays cast by Embree, "
+        "slower and without OpenGL.",
+    ),
+]
 SceneArgument = Annotated[
     str,
     typer.Argument(

@@ -11,6 +11,8 @@ from omnisim.cli.arguments import (
     AlsoOption,
     AtOption,
     AxesOption,
+    Backend,
+    BackendOption,
     Boxes3dOption,
     ChannelFormatOption,
     DeviceOption,
@@ -158,6 +160,7 @@ class RenderRequest:
     ] = None
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
+    backend: BackendOption = Backend.CUBE
     device: DeviceOption = None
 
 

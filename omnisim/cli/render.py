@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.atomic_file import check_distinct, check_target
+from omnisim.cli.arguments import Backend
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.inputs import (
     Viewpoint,
@@ -25,6 +26,7 @@ from omnisim.cli.inputs import (
 from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import FACE_NAMES, unfolded_cube
 from omnisim.errors import OutputError
+from omnisim.extras import require_extra
 from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.files import (
     BOXES_3D,
@@ -47,6 +49,7 @@ TRAJECTORY_OPTIONS = {
     "--rate": "rate_hz",
     "--force": "force",
 }
+CUBE_OPTIONS = {"--faces": "faces", "--device": "device"}
 DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
 
 
@@ -57,6 +60,9 @@ def run(request: RenderRequest) -> None:
 
         return run_trajectory(request, request.trajectory)
     refuse_options(request, TRAJECTORY_OPTIONS, "requires --trajectory")
+    if request.backend is Backend.RAYS:
+        refuse_options(request, CUBE_OPTIONS, "expected --backend cube, got --backend rays")
+        require_extra("rays", "--backend rays")
     _check_motion(request)
     is_float = is_float_format(request.output)
     channels = _check_outputs(request)
@@ -70,7 +76,12 @@ def run(request: RenderRequest) -> None:
     bases = {other: there.base_of(camera) for other, there in others.items()}
     twist = _twist(request, camera)
     with Renderer(
-        scene, camera, unlit=request.unlit, device=request.device, seed=request.seed
+        scene,
+        camera,
+        unlit=request.unlit,
+        device=request.device,
+        seed=request.seed,
+        backend="rays" if request.backend is Backend.RAYS else "cube",
     ) as renderer:
         frame = renderer.render(
             base,

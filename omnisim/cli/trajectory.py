@@ -22,6 +22,7 @@ from omnisim.trajectories.formats.parsed_trajectory import Axes
 ALL = "all"
 SINGLE_PICTURE = {
     "--faces": "faces",
+    "--backend": "backend",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",
     "--previous": "previous_at",

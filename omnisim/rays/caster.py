@@ -96,6 +96,7 @@ class RayCaster:
         world_from_objects: Poses = (),
         hidden: frozenset[ObjectPart] = frozenset(),
         behind: NDArray[np.int32] | None = None,
+        both_sides: bool = False,
     ) -> RayHits:
         """Find the nearest triangles that show the rays their front, or are double-sided.
 
@@ -104,8 +105,9 @@ class RayCaster:
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             hidden: instances that are not there.
             behind: (n,) triangles that the rays have passed, which are not hit again.
+            both_sides: all triangles are double-sided.
         """
-        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, np.eye(4), behind)
+        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, np.eye(4), behind, both_sides)
         for part, pose in enumerate(world_from_objects, start=1):
             mesh = self._part_mesh(part, hidden)
             aimed = _near_sphere(rays, mesh, pose)
@@ -113,7 +115,8 @@ class RayCaster:
                 continue
             some = rays.take(aimed)
             some = some._replace(far_m=np.minimum(some.far_m, hits.ranges_m[aimed]))
-            found = self._cast_part(mesh, some, pose, None if behind is None else behind[aimed])
+            passed = None if behind is None else behind[aimed]
+            found = self._cast_part(mesh, some, pose, passed, both_sides)
             nearer = np.flatnonzero(found.triangles != NO_TRIANGLE)
             hits.put(aimed[nearer], found.take(nearer))
         return hits
@@ -145,6 +148,7 @@ class RayCaster:
         rays: Rays,
         world_from_part: NDArray[np.float64],
         behind: NDArray[np.int32] | None,
+        both_sides: bool,
     ) -> RayHits:
         """Cast rays (n,) at one part, and on through what they do not hit."""
         rotation = world_from_part[:3, :3]
@@ -166,7 +170,7 @@ class RayCaster:
             is_back = _dot(planes, aims[is_hit]) > 0.0
             rays_hit = active[is_hit]
             ranges_m = near_m[rays_hit] + found.ranges_m[is_hit]
-            shows = ~is_back
+            shows = ~is_back | both_sides
             shows |= is_double_sided[self.geometry.surface_of_triangle[triangles]]
             if behind is not None:
                 shows &= behind[rays_hit] != triangles

@@ -120,6 +120,7 @@ class RayScene:
         objects: ObjectState = _NO_OBJECTS,
         behind: NDArray[np.int32] | None = None,
         footprints: NDArray[np.float32] | None = None,
+        both_sides: bool = False,
     ) -> RayHits:
         """Nearest surfaces along rays (n,) that are no holes, and not clearer than half.
 
@@ -128,9 +129,16 @@ class RayScene:
             objects: the dynamic objects.
             behind: (n,) triangles that are not hit.
             footprints: (n, 2, 3), see `radiance`, of the textures' holes.
+            both_sides: all surfaces are double-sided.
         """
         geometry, shading = self.caster.geometry, self.shading
-        found = self.caster.cast(rays, objects.world_from_objects, objects.hidden, behind)
+
+        def cast(rays: Rays, behind: NDArray[np.int32] | None) -> RayHits:
+            return self.caster.cast(
+                rays, objects.world_from_objects, objects.hidden, behind, both_sides
+            )
+
+        found = cast(rays, behind)
         active = np.flatnonzero(found.triangles != NO_TRIANGLE)
         for _ in range(MAX_LAYERS):
             cutoffs = shading.hit_cutoff[geometry.surface_of_triangle[found.triangles[active]]]
@@ -143,9 +151,7 @@ class RayScene:
             clear = np.flatnonzero(alphas < shading.hit_cutoff[shading.surfaces(hits)])
             active = active[clear]
             some, hits = _behind(some.take(clear), hits.ranges_m[clear]), hits.take(clear)
-            further = self.caster.cast(
-                some, objects.world_from_objects, objects.hidden, hits.triangles
-            )
+            further = cast(some, hits.triangles)
             found.put(active, further)
             active = active[further.triangles != NO_TRIANGLE]
         return found

@@ -7,10 +7,10 @@ camera's. Which there are is in `omnisim.sensors.stage`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,17 @@ class CameraBackend(ABC):
         return self._labels[1]
 
 
+class RangeFinder(Protocol):
+    """Casts a scanner's beams."""
+
+    def cast(
+        self,
+        world_from_scanner: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+
+
 class SceneBackend(ABC):
     """Scene and its dynamic objects, ready for cameras."""
 
@@ -153,6 +164,18 @@ class SceneBackend(ABC):
 
         Raises:
             OmnisimError: something that this back end cannot do, by name.
+        """
+
+    @abstractmethod
+    def range_finder(
+        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+    ) -> RangeFinder:
+        """Beams of a scanner.
+
+        Args:
+            angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
+            max_range_m: surfaces farther away need not be found; may be infinite.
+            hidden: parts of the vehicle that beams go through.
         """
 
     @abstractmethod

@@ -35,6 +35,7 @@ from omnisim.gpu.pipeline import (
     check_picture_size,
 )
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
@@ -48,6 +49,7 @@ from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.quality import QUALITIES
 from omnisim.sensors.tiles import sensor_tiles
+from omnisim.world import ObjectPart
 
 # A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
 # warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5, and most of those are at
@@ -115,6 +117,12 @@ class CubeBackend(SceneBackend):
     def camera(self, setup: CameraSetup) -> CubeCamera:
         """Camera in the scene; its context is current, here and in all the camera's methods."""
         return CubeCamera(self, setup)
+
+    def range_finder(
+        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+    ) -> RangePass:
+        """Beams of a scanner; its context is current, here and in the pass's methods."""
+        return RangePass(self.buffers, angles_rad, max_range_m, hidden)
 
     def close(self) -> None:
         """Release the OpenGL context with everything in it."""

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
+from omnisim.sensors.backend import RangeFinder
 from omnisim.sensors.laser_scanner import LaserScanner
 from omnisim.sensors.scan import Scan
-from omnisim.sensors.stage import SensorRenderer, Stage
+from omnisim.sensors.stage import BackendName, SensorRenderer, Stage
 from omnisim.version import __version__
 from omnisim.world import ObjectPart, WorldState
 
 
-class LaserRenderer(SensorRenderer[RangePass]):
+class LaserRenderer(SensorRenderer[RangeFinder]):
     """Takes a scanner's scans of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
@@ -32,6 +32,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
         vehicle: name of the vehicle that carries the scanner, of a stage with several.
+        backend: "cube" casts beams by OpenGL, "rays" by Embree. A stage has chosen already.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
@@ -48,6 +49,7 @@ class LaserRenderer(SensorRenderer[RangePass]):
         hidden: Collection[str] = (),
         device: int | None = None,
         vehicle: str | None = None,
+        backend: BackendName | None = None,
     ):
         self.scanner = LaserScanner() if scanner is None else scanner
         self._base_from_scanner = check_pose(
@@ -55,10 +57,10 @@ class LaserRenderer(SensorRenderer[RangePass]):
         )
         self._angles_rad = np.radians(self.scanner.angles_deg)
 
-        def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> RangePass:
-            return RangePass(stage.graphics.buffers, self._angles_rad, self.scanner.reach_m, parts)
+        def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> RangeFinder:
+            return stage.backend.range_finder(self._angles_rad, self.scanner.reach_m, parts)
 
-        super().__init__(scene, body, hidden, device, make_passes, vehicle)
+        super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
 
     def _sensor_summary(self) -> str:
         return f"{len(self._angles_rad)} beams"

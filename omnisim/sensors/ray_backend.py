@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.ground_truth.hits import Hits
+from omnisim.rays.beams import Beams
 from omnisim.rays.picture import DepthLimits, RayPicture
 from omnisim.rays.pixel_hits import PixelHits
 from omnisim.rays.pixel_rays import PixelRays
@@ -30,6 +31,7 @@ from omnisim.sensors.degradations.picture_geometry import LinearPicture, Picture
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
 from omnisim.sensors.hit_source import HitSource
+from omnisim.world import ObjectPart
 
 
 class RayBackend(SceneBackend):
@@ -84,6 +86,12 @@ class RayBackend(SceneBackend):
     def camera(self, setup: CameraSetup) -> RayCamera:
         """Camera in the scene."""
         return RayCamera(self, setup)
+
+    def range_finder(
+        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+    ) -> Beams:
+        """Beams of a scanner."""
+        return Beams(self.rays, angles_rad, max_range_m, hidden)
 
     def close(self) -> None:
         """Free the memory."""
@@ -149,7 +157,7 @@ class RayCamera(CameraBackend):
         Raises:
             GraphicsError: always.
         """
-        raise GraphicsError("faces: back end 'rays' has no virtual cameras: expected 'cube'")
+        raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
 
     def _linear(self, poses: ScenePoses) -> LinearPicture:
         return self._picture.render(

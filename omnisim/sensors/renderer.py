@@ -187,6 +187,7 @@ class Renderer(SensorRenderer[CameraBackend]):
             "polygons": self.camera.mesh_polygons or "exact",
             "supersampling": self.camera.supersampling,
             "lit": not self._unlit,
+            **({} if self._stage.backend_name == "cube" else {"backend": self._stage.backend_name}),
             "exposure": self.scene.lighting.exposure,
             "world_from_base": state.world_from_object[self.vehicle].tolist(),
             "world_from_optical": world_from_optical.tolist(),

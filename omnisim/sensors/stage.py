@@ -95,6 +95,7 @@ class Stage(Closing, EditableScene):
         edits: number of times that the scene became another one.
         vehicles: bodies by name.
         objects: bodies and dynamic objects by name, in the order of `poses_in`.
+        backend_name: as given.
         backend: the scene's side of it.
 
     Raises:
@@ -125,6 +126,7 @@ class Stage(Closing, EditableScene):
                 raise SceneError(f"dynamic object {name!r}: expected each name once")
             self.objects[name] = shape
         self.edits = 0
+        self.backend_name = backend
         self.backend = open_backend(backend, self._scene, self.objects, device)
 
     def __repr__(self) -> str:

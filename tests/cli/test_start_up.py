@@ -11,10 +11,12 @@ from omnisim.cli.app import main
 # What only others need: plots, reports, other formats than glTF, oracles.
 RARE_LIBRARIES = (
     "trimesh", "networkx", "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba",
-    "pyrender", "pycolmap",
+    "pyrender", "pycolmap", "embreex",
 )  # fmt: skip
 # Modules of other commands: large tables that the paper's camera does not need.
-RARE_MODULES = ("omnisim.calibration", "omnisim.plots", "omnisim.sensors.sensor_file")
+RARE_MODULES = (
+    "omnisim.calibration", "omnisim.plots", "omnisim.rays", "omnisim.sensors.sensor_file",
+)  # fmt: skip
 
 
 @pytest.mark.usefixtures("needs_opengl")
