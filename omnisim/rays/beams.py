@@ -20,7 +20,6 @@ class Beams:
     hide less than half of what is behind, a beam goes on.
 
     Args:
-        scene: to cast them at.
         angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
         max_range_m: surfaces farther away are not found; may be infinite.
         hidden: parts of dynamic objects that beams go through.
@@ -28,21 +27,21 @@ class Beams:
 
     def __init__(
         self,
-        scene: RayScene,
         angles_rad: NDArray[np.float64],
         max_range_m: float,
         hidden: frozenset[ObjectPart],
     ):
-        self._scene, self._max_range_m, self._hidden = scene, max_range_m, hidden
+        self._max_range_m, self._hidden = max_range_m, hidden
         flat = np.zeros_like(angles_rad)
         self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), flat), axis=1)
 
     def cast(
         self,
+        scene: RayScene,
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in a scene in metres from a pose (4, 4), objects at theirs; +inf: no hit."""
         count = len(self._directions)
         rays = Rays(
             np.tile(world_from_scanner[:3, 3], (count, 1)),
@@ -51,9 +50,9 @@ class Beams:
             np.full(count, self._max_range_m),
         )
         objects = ObjectState(world_from_objects, self._hidden)
-        found = self._scene.first_hits(rays, objects, both_sides=True)
+        found = scene.first_hits(rays, objects, both_sides=True)
         ranges_m = np.full(count, np.inf)
         hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
-        exact = self._scene.caster.exact(rays.take(hit), found.take(hit), world_from_objects)
+        exact = scene.caster.exact(rays.take(hit), found.take(hit), world_from_objects)
         ranges_m[hit] = exact.ranges_m
         return ranges_m

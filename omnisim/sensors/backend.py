@@ -123,6 +123,9 @@ class CameraBackend(ABC):
 class RangeFinder(Protocol):
     """Casts a scanner's beams."""
 
+    def refresh(self) -> None:
+        """Work on what the scene's side has now, after an `update`."""
+
     def cast(
         self,
         world_from_scanner: NDArray[np.float64],

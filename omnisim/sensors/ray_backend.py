@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -89,9 +89,9 @@ class RayBackend(SceneBackend):
 
     def range_finder(
         self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
-    ) -> Beams:
+    ) -> RayRangeFinder:
         """Beams of a scanner."""
-        return Beams(self.rays, angles_rad, max_range_m, hidden)
+        return RayRangeFinder(self, angles_rad, max_range_m, hidden)
 
     def close(self) -> None:
         """Free the memory."""
@@ -163,6 +163,35 @@ class RayCamera(CameraBackend):
         return self._picture.render(
             poses.world_from_rig, ObjectState(poses.world_from_objects, self.setup.hidden)
         )
+
+
+class RayRangeFinder:
+    """Beams of a scanner, at what the scene has.
+
+    Args:
+        world: the scene.
+        angles_rad, max_range_m, hidden: see `Beams`.
+    """
+
+    def __init__(
+        self,
+        world: RayBackend,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+    ):
+        self._world, self._beams = world, Beams(angles_rad, max_range_m, hidden)
+
+    def refresh(self) -> None:
+        """Cast at what the scene has now: nothing is kept of what it had."""
+
+    def cast(
+        self,
+        world_from_scanner: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        return self._beams.cast(self._world.rays, world_from_scanner, world_from_objects)
 
 
 class _Development:

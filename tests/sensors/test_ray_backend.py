@@ -125,7 +125,7 @@ def test_back_ends_agree_at_default_quality(source, lens):
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize("name", slow_but(("dragonfly2", "bad-day"), "dragonfly2"))
 def test_degraded_pictures_are_those_of_the_gpu(name):
-    """Of the same light: electrons that fall on the other side differ, and edges."""
+    """Electrons that fall on the other side differ, and edges."""
     sensor = FISHEYE.resized(120).with_degradation(preset(name))
     scene = load_scene("mapping")
     now, _ = _poses(sensor, scene)
