@@ -85,7 +85,7 @@ def scene(request: SceneRequest) -> None:
 
 @command(app, RenderRequest)
 def render(request: RenderRequest) -> None:
-    """Render one frame of an omnidirectional camera, and its ground truth."""
+    """Render a frame, or a rig along a trajectory, with ground truth."""
     from omnisim.cli.render import run
 
     run(request)

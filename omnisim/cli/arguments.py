@@ -15,6 +15,10 @@ from omnisim.cli.completion import (
     one_of,
 )
 
+# Panels of a help page.
+CAMERA, VIEWPOINT, TRAJECTORY = "Camera", "Viewpoint", "Trajectory"
+GROUND_TRUTH = "Ground truth"
+
 
 class PoseAxes(StrEnum):
     """Axes of the poses of a trajectory file."""
@@ -63,6 +67,7 @@ AtOption = Annotated[
         metavar="X Y Z",
         help="Viewpoint in metres, z up.",
         show_default="the scene's start",
+        rich_help_panel=VIEWPOINT,
     ),
 ]
 YawOption = Annotated[
@@ -72,13 +77,20 @@ YawOption = Annotated[
         metavar="DEG",
         help="Heading, counter-clockwise from +x.",
         show_default="the scene's start",
+        rich_help_panel=VIEWPOINT,
     ),
 ]
 PitchOption = Annotated[
-    float, typer.Option("--pitch", metavar="DEG", help="Tilt of the front downwards.")
+    float,
+    typer.Option(
+        "--pitch", metavar="DEG", help="Tilt of the front downwards.", rich_help_panel=VIEWPOINT
+    ),
 ]
 RollOption = Annotated[
-    float, typer.Option("--roll", metavar="DEG", help="Tilt of the right side downwards.")
+    float,
+    typer.Option(
+        "--roll", metavar="DEG", help="Tilt of the right side downwards.", rich_help_panel=VIEWPOINT
+    ),
 ]
 AxesOption = Annotated[
     PoseAxes | None,
@@ -87,6 +99,7 @@ AxesOption = Annotated[
         help="Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, "
         "y left, z up).",
         show_default="kitti for KITTI's files, else world",
+        rich_help_panel=TRAJECTORY,
     ),
 ]
 ForceOption = Annotated[
@@ -100,6 +113,7 @@ PolygonsOption = Annotated[
         metavar="N|auto|exact",
         help="Polygons of the mirror's mesh; auto: as many as 0.1 px need.",
         show_default="auto, or the sensor file's",
+        rich_help_panel=CAMERA,
     ),
 ]
 SizeOption = Annotated[
@@ -109,6 +123,7 @@ SizeOption = Annotated[
         metavar="PX",
         help="Pixels of the picture's shorter side.",
         show_default="the camera's",
+        rich_help_panel=CAMERA,
     ),
 ]
 QualityOption = Annotated[
@@ -119,6 +134,7 @@ QualityOption = Annotated[
         autocompletion=one_of("fast", "default", "fine"),
         help="Samples per pixel and resolution of the virtual cameras.",
         show_default="the sensor file's",
+        rich_help_panel=CAMERA,
     ),
 ]
 UnlitOption = Annotated[
@@ -139,8 +155,8 @@ UnitOption = Annotated[
     typer.Option(
         "--meters-per-unit",
         metavar="M",
-        help="Metres in a unit of the scene file: 0.001 for millimetres. [dim]as its format has "
-        "it[/]",
+        help="Metres in a unit of the scene file: 0.001 for millimetres.",
+        show_default="as its format has it",
     ),
 ]
 PresetOption = Annotated[
@@ -151,6 +167,7 @@ PresetOption = Annotated[
         autocompletion=one_of(*PRESETS),
         help=f"Degradations of the camera: {', '.join(PRESETS)}, or a .toml file.",
         show_default="the sensor file's",
+        rich_help_panel=CAMERA,
     ),
 ]
 DeviceOption = Annotated[
@@ -170,6 +187,7 @@ AlsoOption = Annotated[
         metavar="CHANNELS",
         autocompletion=complete_channels,
         help=f"Ground-truth channels, comma-separated, or all: {' '.join(CHANNELS)}.",
+        rich_help_panel=GROUND_TRUTH,
     ),
 ]
 ChannelFormatOption = Annotated[
@@ -180,16 +198,25 @@ ChannelFormatOption = Annotated[
         autocompletion=one_of("auto", "npy", "both"),
         help="Files of the channels: layers of an EXR, or PNG and others; an .npy each; or both.",
         show_default="auto",
+        rich_help_panel=GROUND_TRUTH,
     ),
 ]
 Boxes3dOption = Annotated[
     bool,
-    typer.Option("--boxes-3d", help="Also write oriented 3-D boxes of the visible instances."),
+    typer.Option(
+        "--boxes-3d",
+        help="Also write oriented 3-D boxes of the visible instances.",
+        rich_help_panel=GROUND_TRUTH,
+    ),
 ]
 LabelsOption = Annotated[
     Path | None,
     typer.Option(
-        "--labels", metavar="FILE", help="Label file: .toml.", show_default="the scene's own labels"
+        "--labels",
+        metavar="FILE",
+        help="Label file: .toml.",
+        show_default="the scene's own labels",
+        rich_help_panel=GROUND_TRUTH,
     ),
 ]
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
@@ -220,6 +247,7 @@ CameraNameOption = Annotated[
         metavar="NAME",
         help="Camera of the calibration file.",
         show_default="the first",
+        rich_help_panel=CAMERA,
     ),
 ]
 MirroredOption = Annotated[
@@ -228,5 +256,6 @@ MirroredOption = Annotated[
         "--mirrored/--not-mirrored",
         help="The camera of the calibration file looks into a mirror, or not.",
         show_default="by the file's metadata, else not",
+        rich_help_panel=CAMERA,
     ),
 ]

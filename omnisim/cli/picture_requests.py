@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from omnisim.cli.arguments import (
+    CAMERA,
+    GROUND_TRUTH,
     AlsoOption,
     AtOption,
     AxesOption,
@@ -55,6 +57,7 @@ class RenderRequest:
             metavar="FILE",
             help="Sensor file: .toml.",
             show_default="the paper's camera",
+            rich_help_panel=CAMERA,
         ),
     ] = None
     camera: Annotated[
@@ -64,6 +67,7 @@ class RenderRequest:
             metavar="FILE",
             help="Calibration file instead of a sensor file: Kalibr, OpenCV, COLMAP, … "
             "(`omnisim calibration formats`), or KITTI-360's folder.",
+            rich_help_panel=CAMERA,
         ),
     ] = None
     camera_name: RigCameraOption = None
@@ -100,6 +104,7 @@ class RenderRequest:
             metavar="X Y Z",
             help="Viewpoint of the next frame, for flow.",
             show_default="0.1 m ahead",
+            rich_help_panel=GROUND_TRUTH,
         ),
     ] = None
     next_yaw_deg: Annotated[
@@ -109,6 +114,7 @@ class RenderRequest:
             metavar="DEG",
             help="Heading at the next viewpoint, for flow.",
             show_default="that of --yaw",
+            rich_help_panel=GROUND_TRUTH,
         ),
     ] = None
     previous_at: Annotated[
@@ -118,6 +124,7 @@ class RenderRequest:
             metavar="X Y Z",
             help="Viewpoint of the previous frame, for flow_backward.",
             show_default="0.1 m behind",
+            rich_help_panel=GROUND_TRUTH,
         ),
     ] = None
     previous_yaw_deg: Annotated[
@@ -127,19 +134,31 @@ class RenderRequest:
             metavar="DEG",
             help="Heading at the previous viewpoint, for flow_backward.",
             show_default="that of --yaw",
+            rich_help_panel=GROUND_TRUTH,
         ),
     ] = None
     preview: Annotated[
-        bool, typer.Option("--preview", help="Also write a preview picture of each channel.")
+        bool,
+        typer.Option(
+            "--preview",
+            help="Also write a preview picture of each channel.",
+            rich_help_panel=GROUND_TRUTH,
+        ),
     ] = False
     preset: PresetOption = None
     seed: Annotated[
-        int, typer.Option("--seed", metavar="N", help="Seed of the camera's noise.")
+        int,
+        typer.Option(
+            "--seed", metavar="N", help="Seed of the camera's noise.", rich_help_panel=CAMERA
+        ),
     ] = 0
     speed_mps: Annotated[
         float,
         typer.Option(
-            "--speed", metavar="M/S", help="Speed ahead, for motion blur and rolling shutter."
+            "--speed",
+            metavar="M/S",
+            help="Speed ahead, for motion blur and rolling shutter.",
+            rich_help_panel=CAMERA,
         ),
     ] = 0.0
     turn_rate_degps: Annotated[
@@ -148,6 +167,7 @@ class RenderRequest:
             "--turn-rate",
             metavar="DEG/S",
             help="Turn rate to the left, for motion blur and rolling shutter.",
+            rich_help_panel=CAMERA,
         ),
     ] = 0.0
     rays: Annotated[

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from omnisim.cli.arguments import (
+    TRAJECTORY,
     AlsoOption,
     AxesOption,
     Boxes3dOption,
@@ -64,10 +65,16 @@ class DriveRequest:
         typer.Option("--seed", metavar="N", help="Seed of the odometry's and the cameras' noise."),
     ] = 0
     step_m: Annotated[
-        float, typer.Option("--step", metavar="M", help="Longest step along waypoints.")
+        float,
+        typer.Option(
+            "--step", metavar="M", help="Longest step along waypoints.", rich_help_panel=TRAJECTORY
+        ),
     ] = 0.41
     turn_step_deg: Annotated[
-        float, typer.Option("--turn-step", metavar="DEG", help="Largest step of a turn.")
+        float,
+        typer.Option(
+            "--turn-step", metavar="DEG", help="Largest step of a turn.", rich_help_panel=TRAJECTORY
+        ),
     ] = 12.0
     rate_hz: Annotated[
         float | None,
@@ -75,6 +82,7 @@ class DriveRequest:
             "--rate",
             metavar="HZ",
             help="Steps per second, instead of --step and --turn-step, or of a file without times.",
+            rich_help_panel=TRAJECTORY,
         ),
     ] = None
     ground_m: Annotated[
@@ -84,13 +92,24 @@ class DriveRequest:
             metavar="M",
             help="Height of waypoints.",
             show_default="the scene's floor under the wheels",
+            rich_help_panel=TRAJECTORY,
         ),
     ] = None
     no_contact: Annotated[
-        bool, typer.Option("--no-contact", help="Refuse a path on which the body hits the scene.")
+        bool,
+        typer.Option(
+            "--no-contact",
+            help="Refuse a path on which the body hits the scene.",
+            rich_help_panel=TRAJECTORY,
+        ),
     ] = False
     ignore_limits: Annotated[
-        bool, typer.Option("--ignore-limits", help="Ignore the robot's kinematic limits.")
+        bool,
+        typer.Option(
+            "--ignore-limits",
+            help="Ignore the robot's kinematic limits.",
+            rich_help_panel=TRAJECTORY,
+        ),
     ] = False
     axes: AxesOption = None
     polygons: PolygonsOption = None

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from omnisim.cli.arguments import CAMERA, TRAJECTORY
+
 TrajectoryOption = Annotated[
     Path | None,
     typer.Option(
@@ -13,6 +15,7 @@ TrajectoryOption = Annotated[
         help="Poses to render at, instead of one viewpoint: TUM, KITTI, EuRoC, .csv, or "
         "nerfstudio's transforms.json, also with its camera. --at, --yaw, --pitch and --roll place "
         "the file's origin in the scene, at 0 without them.",
+        rich_help_panel=TRAJECTORY,
     ),
 ]
 TrajectoryFrameOption = Annotated[
@@ -23,6 +26,7 @@ TrajectoryFrameOption = Annotated[
         help="Frame that the poses of --trajectory are of: the rig's body, its first camera, or "
         "the camera of a name.",
         show_default="by the file's format, with a note",
+        rich_help_panel=TRAJECTORY,
     ),
 ]
 TrajectoryRateOption = Annotated[
@@ -32,6 +36,7 @@ TrajectoryRateOption = Annotated[
         metavar="HZ",
         help="Poses per second of a trajectory without times.",
         show_default="1, with a note",
+        rich_help_panel=TRAJECTORY,
     ),
 ]
 RigCameraOption = Annotated[
@@ -41,6 +46,7 @@ RigCameraOption = Annotated[
         metavar="NAME|all",
         help="Camera of the calibration file.",
         show_default="the first, or all with --trajectory",
+        rich_help_panel=CAMERA,
     ),
 ]
 PictureOrRunOption = Annotated[
