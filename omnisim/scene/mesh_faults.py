@@ -6,6 +6,7 @@ wrong, which only a damaged one pays for.
 
 from __future__ import annotations
 
+import itertools
 import re
 import struct
 from collections.abc import Callable, Iterator
@@ -21,18 +22,29 @@ _PLY_BYTES = {
     "float64": 8,
 }  # fmt: skip
 _COUNT = re.compile(r"\d{1,18}", re.ASCII)
+_HEAD = 4096  # bytes that a header of OFF is in
 _STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes
 
 
 def mesh_fault(kind: str, data: bytes) -> str:
-    """First fault of a file that cannot be read.
+    """First fault of a file that cannot be read, or has nothing to draw; empty: none found.
 
     Args:
         kind: suffix without its point.
         data: of the file.
     """
     find = _FINDERS.get(kind)
-    return (find(data) if find else "") or "is damaged, or of another format than its name says"
+    return find(data) if find else ""
+
+
+def early_end(kind: str, data: bytes) -> str:
+    """Fault of a file that ends too early, which trimesh reads as a smaller one; empty: none.
+
+    Args:
+        kind: suffix without its point.
+        data: of the file.
+    """
+    return {"ply": _ply_end, "off": _off_end}[kind](data) if kind in ("ply", "off") else ""
 
 
 def _numbered(data: bytes) -> Iterator[tuple[int, list[str]]]:
@@ -73,29 +85,49 @@ def _ply(data: bytes) -> str:
         return "expected 'ply' in its first line"
     if not end:
         return "its header has no end: expected end_header"
-    body = body.partition(b"\n")[2]
-    lines = [words for _, words in _numbered(head)]
-    elements: list[tuple[int, int]] = []  # count, and bytes of one at least
-    for key, *values in lines:
+    if fault := _ply_elements(head)[1] or _ply_end(data):
+        return fault
+    is_text = re.search(rb"format\s+ascii", head)
+    if is_text and (bad := _bad_number(decode_text(body).split())):
+        return f"expected numbers after its header, got {bad!r}"
+    return ""
+
+
+def _ply_elements(head: bytes) -> tuple[list[tuple[int, int]], str]:
+    """Counts of the elements, with the bytes of one at least; and the header's fault."""
+    elements: list[tuple[int, int]] = []
+    for _, (key, *values) in _numbered(head):
         if key == "element":
             if len(values) != 2 or not _COUNT.fullmatch(values[1]):
-                return f"element: expected a name and a count, got {' '.join(values)!r}"
+                return [], f"element: expected a name and a count, got {' '.join(values)!r}"
             elements.append((int(values[1]), 0))
         elif key == "property":
             kind = (values[1:] if values[:1] == ["list"] else values)[:1]  # a list's is its count's
             if not kind or kind[0] not in _PLY_BYTES or not elements:
-                return f"property: expected a type and a name, got {' '.join(values)!r}"
+                return [], f"property: expected a type and a name, got {' '.join(values)!r}"
             count, size = elements[-1]
             elements[-1] = (count, size + _PLY_BYTES[kind[0]])
-    is_text = ["format", "ascii", "1.0"] in lines
+    return elements, ""
+
+
+def _ply_end(data: bytes) -> str:
+    """Fault of a file with less than its header says."""
+    head, _, body = data.partition(b"end_header")
+    is_text = re.search(rb"format\s+ascii", head) is not None
+    body = body.partition(b"\n")[2]
+    elements, _ = _ply_elements(head)
     wanted = sum(count if is_text else count * size for count, size in elements)
-    got = len([line for line in body.split(b"\n") if line.strip()]) if is_text else len(body)
-    if got < wanted:
-        unit = "lines" if is_text else "bytes"
-        return f"is cut short: expected {wanted} {unit} or more after its header, got {got}"
-    if is_text and (bad := _bad_number(decode_text(body).split())):
-        return f"expected numbers after its header, got {bad!r}"
-    return ""
+    got = _line_count(body) if is_text else len(body)
+    return "" if got >= wanted else _cut(wanted, "lines" if is_text else "bytes", got)
+
+
+def _line_count(data: bytes) -> int:
+    """Number of lines with anything in them."""
+    return sum(1 for line in data.split(b"\n") if line.strip())
+
+
+def _cut(wanted: int, unit: str, got: int) -> str:
+    return f"is cut short: expected {wanted} {unit} or more after its header, got {got}"
 
 
 def _stl(data: bytes) -> str:
@@ -103,8 +135,7 @@ def _stl(data: bytes) -> str:
         for number, (key, *values) in _numbered(data):
             if key == "vertex" and (len(values) != 3 or _bad_number(values)):
                 return f"line {number}: vertex: expected 3 numbers, got {' '.join(values)!r}"
-        corners = sum(words[0] == "vertex" for _, words in _numbered(data))
-        return f"expected 3 vertices to a triangle, got {corners} in all" if corners % 3 else ""
+        return "" if b"endsolid" in data else "is cut short: expected endsolid at its end"
     if len(data) < _STL_HEADER:
         return f"is cut short: expected a header of {_STL_HEADER} bytes, got {len(data)}"
     (count,) = struct.unpack_from("<I", data, 80)
@@ -121,19 +152,33 @@ def _off(data: bytes) -> str:
     for number, words in lines[1:]:
         if bad := _bad_number(words):
             return f"line {number}: expected numbers, got {bad!r}"
-    counts = (lines[0][1][1:] or (lines[1][1] if lines[1:] else []))[:2]
-    if len(counts) < 2 or not all(map(_COUNT.fullmatch, counts)):
-        return f"expected the counts of vertices and faces first, got {' '.join(counts)!r}"
-    wanted = sum(map(int, counts))
-    got = len(lines) - (1 if lines[0][1][1:] else 2)
-    if got < wanted:
-        return f"is cut short: expected {wanted} lines of vertices and faces, got {got}"
-    vertices = int(counts[0])
-    for number, (count, *corners) in lines[len(lines) - got + vertices :][: int(counts[1])]:
+    first, counts = _off_counts(data)
+    if not counts:
+        return "expected the counts of vertices and faces after OFF"
+    vertices, faces = counts
+    for number, (count, *corners) in lines[first + vertices :][:faces]:
         for word in corners[: int(count) if _COUNT.fullmatch(count) else None]:
             if not (_COUNT.fullmatch(word) and int(word) < vertices):
                 return f"line {number}: expected vertices below {vertices}, got {word}"
-    return ""
+    return _off_end(data)
+
+
+def _off_counts(data: bytes) -> tuple[int, tuple[int, int] | None]:
+    """Lines before the first vertex, and the counts of vertices and faces, if they are there."""
+    heads = [words for _, words in itertools.islice(_numbered(data[:_HEAD]), 2)]
+    if not heads or not heads[0][0].upper().endswith("OFF"):
+        return 0, None
+    first, words = (1, heads[0][1:]) if heads[0][1:] else (2, heads[-1])
+    if len(words) < 2 or not all(map(_COUNT.fullmatch, words[:2])):
+        return first, None
+    return first, (int(words[0]), int(words[1]))
+
+
+def _off_end(data: bytes) -> str:
+    """Fault of a file with less than its counts say."""
+    first, counts = _off_counts(data)
+    wanted, got = sum(counts or ()), _line_count(data) - first
+    return "" if got >= wanted else _cut(wanted, "lines", got)
 
 
 def _dae(data: bytes) -> str:

@@ -20,7 +20,7 @@ from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.conversions import conversion_hint
 from omnisim.scene.imported import ImportedScene
-from omnisim.scene.mesh_faults import mesh_fault
+from omnisim.scene.mesh_faults import early_end, mesh_fault
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
 from omnisim.scene.textures import NO_PICTURE, TextureStore
 from omnisim.scene.trimesh_import import import_trimesh
@@ -28,6 +28,7 @@ from omnisim.scene.trimesh_import import import_trimesh
 _COLLADA = {".dae", ".zae"}
 # trimesh also reads paths without surfaces, voxels, and archives of files.
 _NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
+_DAMAGED = "is damaged, or of another format than its name says"
 # What it would write to standard error is said by errors and notices.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
@@ -53,19 +54,22 @@ def read_other(
     if path.suffix.lower() == ".obj":
         plain, names = plain_obj(data)
         assets.given[MATERIAL_FILES] = _material_files(names, assets)
+    kind = path.suffix[1:].lower()
+    if fault := early_end(kind, data):
+        raise SceneError(f"cannot be read as {kind}: {fault}")
     texts = set(assets.read)
-    loaded = _load_with_trimesh(path, data, plain, assets)
-    imported = import_trimesh(loaded, textures, assets)
+    imported = import_trimesh(_load_with_trimesh(kind, data, plain, assets), textures, assets)
+    if not imported.instances and (fault := mesh_fault(kind, data)):
+        raise SceneError(f"cannot be read as {kind}: {fault}")
     for asset in sorted(assets.read - texts):
         _check_picture(asset, assets)
     return imported
 
 
 def _load_with_trimesh(
-    path: Path, data: bytes, plain: bytes | None, assets: AssetResolver
+    kind: str, data: bytes, plain: bytes | None, assets: AssetResolver
 ) -> trimesh.Scene:
     """Load a file, or the plain form that is read in its place."""
-    kind = path.suffix[1:].lower()
     try:
         # without NumPy's warnings of a damaged file, and Pillow's of a large picture
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -78,7 +82,7 @@ def _load_with_trimesh(
         if isinstance(reason, ImportError) and reason.name != "charset_normalizer":
             message = f"it needs {reason.name}: pip install {reason.name}"
         else:  # trimesh guesses encodings with charset_normalizer
-            message = mesh_fault(kind, data)
+            message = mesh_fault(kind, data) or _DAMAGED
         faults = "".join(f"{name} {fault}; " for name, fault in [*assets.faults.items()][-1:])
         raise SceneError(f"cannot be read as {kind}: {faults}{message}") from None
 

@@ -10,6 +10,7 @@ from omnisim.errors import OmnisimError, RunError
 from omnisim.perception.panorama import CameraMount
 from omnisim.poses import check_pose
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.quality import MAX_PICTURE_PX
 from omnisim.sensors.valid_mask import valid_mask
 
 CALIBRATION = "calibration.json"
@@ -34,6 +35,8 @@ def read_mount(path: Path) -> CameraMount:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         camera = camera_from_parameters(content["camera"])
+        if max(camera.width_px, camera.height_px) > MAX_PICTURE_PX:
+            raise OmnisimError(f"camera: size: expected at most {MAX_PICTURE_PX} px to a side")
         base_from_optical = check_pose(content["base_from_optical"])
         polygons = content["polygons"] if isinstance(content["polygons"], int) else None
         return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))

@@ -137,43 +137,6 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["soccer", "--robot", "p2a", "--path", "lap"], "did you mean 'p2at'?"),
-        (["socer", "--robot", "p2at", "--path", "lap"], "did you mean 'soccer'?"),
-        (["soccer", "--robot", "p2at", "--path", "lab"], "did you mean 'lap'?"),
-        (["soccer", "--robot", "p2at", "--path", "gone.csv"], "path 'gone.csv': no such file"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--step", "0"], "step 0 m: expected more"),
-        (["soccer", "--robot", "p2at", "--path", "lap", "--rate", "0"], "rate 0 Hz: expected"),
-        (
-            ["soccer", "--robot", "p2at", "--path", "lap", "--seed", "-1"],
-            "seed: expected a whole",
-        ),
-        (
-            ["soccer", "--robot", "p2at", "--path", "lap", "--size", "0"],
-            "size: expected 1 to 32768, got 0",
-        ),
-        (
-            ["soccer", "--robot", "p2at", "--path", "lap", "-n", "7"],
-            "polygons, got 7",
-        ),
-        (["soccer", "--robot", "twins.toml", "--path", "lap"], "twins.toml: "),
-        (["soccer", "--robot", "odd.toml", "--path", "lap"], "odd.toml: "),
-    ],
-)
-def test_bad_drives_get_one_line_and_no_folder(omnisim, tmp_path, arguments, message):
-    sensor = '[[sensors]]\nname = "a"\ntype = "lms200"\nposition_m = [0.0, 0.0, 1.0]\n'
-    (tmp_path / "twins.toml").write_text(f'name = "twins"\n{sensor}{sensor}')
-    (tmp_path / "odd.toml").write_text(f'name = "odd"\n{sensor.replace("lms200", "sonar")}')
-    status, _, error = omnisim("drive", *arguments, "-o", "run")
-    assert status == 1
-    assert error.startswith("error: ")
-    assert message in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
         (["plot", "none"], "none: no such folder: expected the folder of a run"),
         (["plot", "run", "-o", "a.bmp"], "a.bmp: expected .png"),
         (["video", "run", "-o", "a.avi"], "a.avi: expected .mp4 or .mkv, got .avi"),

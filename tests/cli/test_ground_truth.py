@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 
 from omnisim.image_files import read_channels, read_image
 
@@ -76,31 +75,6 @@ def test_coarse_ranges_are_said(omnisim, tmp_path, needs_opengl):
     hit = (steps > 0) & (steps < 65535)
     assert hit.any()
     assert (steps[hit] >= 45_000).all()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--also", "rnage"], "channel 'rnage': there is no such channel; did you mean 'range'?"),
-        (["--also", ","], "--also ',': expected names with commas"),
-        (["--next", "0", "0", "1"], "--next: requires --also flow"),
-        (["--also", "range", "--next-yaw", "3"], "--next-yaw: requires --also flow"),
-        (["--also", "range", "--labels", "x.toml"], "--labels: requires --also semantic"),
-        (["--also", "semantic", "--labels", "x.toml"], "x.toml: cannot be read: No such file"),
-        (["--preview"], "--preview: requires --also"),
-        (["--channel-format", "npy"], "--channel-format: requires --also"),
-        (["--also", "z", "--channel-format", "csv"], "channel format: expected one of auto, npy"),
-        (["--also", "flow", "--previous-yaw", "3"], "--previous-yaw: requires --also flow_back"),
-        (["--also", "flow", "--next", "0", "0", "nan"], "expected three finite numbers in metres"),
-    ],
-)
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, needs_opengl, arguments, message):
-    status, out, err = omnisim("render", "soccer", *SMALL, *arguments, "-o", "f.png")
-    assert status == 1
-    assert out == ""
-    assert err.count("\n") == 1
-    assert message in err
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_drive_refuses_unknown_channels(omnisim, tmp_path):

@@ -53,24 +53,6 @@ def test_check_of_a_minimal_robot(omnisim, tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (None, "a.toml: no such robot file, and no built-in robot"),
-        ("name = 1", "a.toml: name: expected a valid string, got 1"),
-        ('name = "a"\nbody = "b.glb"', "a.toml: body = 'b.glb': no such file beside it"),
-    ],
-)
-def test_check_of_bad_files_is_one_line(omnisim, tmp_path, text, message):
-    if text is not None:
-        (tmp_path / "a.toml").write_text(text)
-    status, out, error = omnisim("robot", "check", "a.toml")
-    assert (status, out) == (1, "")
-    assert error.startswith("error: ")
-    assert message in error
-    assert error.count("\n") == 1
-
-
 @pytest.mark.usefixtures("sample")
 def test_import_writes_a_robot_and_lists_omissions(omnisim, tmp_path):
     status, out, error = omnisim(
@@ -102,34 +84,6 @@ def test_import_in_unreal_units(omnisim, tmp_path):
     )
     assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
     assert parse_mounts(load_robot(tmp_path / "a.toml"))[0].position_m == (0.16, 0.0, 0.2)
-
-
-@pytest.mark.usefixtures("sample")
-@pytest.mark.parametrize(
-    ("text", "arguments", "message"),
-    [
-        (b"", ["-o", "r.toml"], "a.ini:1: nothing in it"),
-        (b"\x89PNG\r\n\x1a\n\x00", ["-o", "r.toml"], "a.ini:2: not a text file"),
-        (b"{}", ["-o", "r.toml"], "a.ini:1: '{}': expected [section]"),
-        (b"[a]\nb=1\n", ["-o", "r.toml"], "a.ini:1: no section of it has a Sensors= line"),
-        (b"[a]\nSensors=(a=1\n", ["-o", "r.toml"], "a.ini:2: Sensors: a parenthesis is not cl"),
-        (b"[a]\nSensors=()\n", ["-o", "r.toml"], "a.ini:2: Sensors: no ItemClass"),
-        (b"[a]\nSensors=()\n", ["-o", "r.toml", "--class", "b"], "a.ini:1: no robot of class 'b'"),
-        (None, ["-o", "r.toml"], "a.ini: cannot be read: No such file"),
-        (b"[a]\n", ["-o", "r.ini"], "--output: expected a .toml file, got r.ini"),
-        (b"[a]\n", ["-o", "none/r.toml"], "the folder none does not exist: create it first"),
-    ],
-)
-def test_bad_import_is_one_line_and_no_file(omnisim, tmp_path, text, arguments, message):
-    if text is not None:
-        (tmp_path / "a.ini").write_bytes(text)
-    before = sorted(tmp_path.iterdir())
-    status, out, error = omnisim("robot", "import", "a.ini", *arguments)
-    assert (status, out) == (1, "")
-    assert error.startswith("error: ")
-    assert message in error
-    assert error.count("\n") == 1
-    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_import_keeps_existing_files(omnisim, tmp_path):

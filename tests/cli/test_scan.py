@@ -50,30 +50,6 @@ def test_a_seed_is_a_device(omnisim, tmp_path):
     assert first == again != other
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["none.glb", "-o", "a.csv"], "none.glb: no such scene file"),
-        (["courtyard", "-o", "a.txt"], "--output: expected a .csv file, got a.txt"),
-        (["courtyard", "-o", "none/a.csv"], "the folder none does not exist: create it first"),
-        (["courtyard", "-o", "a.csv", "--plot", "a.jpg"], "a.jpg: expected .png"),
-        (
-            ["courtyard", "-o", "a.csv", "--resolution", "0.3"],
-            "scanner.resolution_deg: expected 1, 0.5 or 0.25, got 0.3",
-        ),
-        (["courtyard", "-o", "a.csv", "--seed", "-1"], "seed: expected a number ≥ 0, got -1"),
-        (["courtyard", "-o", "a.csv", "--at", "nan", "0", "0"], "expected three finite numbers"),
-    ],
-)
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, arguments, message):
-    status, out, error = omnisim("scan", *arguments)
-    assert (status, out) == (1, "")
-    assert error.startswith("error: ")
-    assert message in error
-    assert error.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_wrong_usage_is_status_2(omnisim):
     assert omnisim("scan", "courtyard", "-o", "a.csv", "--mode", "km")[0] == 2
     assert omnisim("scan", "courtyard")[0] == 2

@@ -6,24 +6,13 @@ import numpy as np
 import pytest
 
 from omnisim.image_files import read_channels, read_image, write_image
-from omnisim.sensors import OmniCamera
+from tests.cli import pictures
 
 
 @pytest.fixture
 def picture(tmp_path):
     """A picture as `omnisim render` writes it, without rendering."""
-    camera = OmniCamera()
-    pixels = np.full((360, 360, 3), 128, dtype=np.uint8)
-    base = camera.base_pose((1.0, 2.0, 0.8), 30.0)
-    optical = base.copy()
-    optical[:3, :3] = base[:3, :3] @ [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    metadata = {
-        "camera": camera.model.parameters(),
-        "polygons": 1024,
-        "scene": "none",
-        "world_from_base": base.tolist(),
-        "world_from_optical": optical.tolist(),
-    }
+    pixels, metadata = np.full((360, 360, 3), 128, dtype=np.uint8), pictures.metadata()
     write_image(tmp_path / "a.png", pixels, metadata)
     return metadata
 
@@ -125,78 +114,6 @@ def test_sensor_file_replaces_metadata(omnisim, tmp_path):
     )
     assert (status, error) == (0, "")
     assert "birdseye, 64 × 64 px" in out
-
-
-@pytest.mark.usefixtures("picture")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["none.png", "--to", "cylinder", "-o", "b.png"], "none.png: cannot be read"),
-        (["a.png", "--to", "cylinder", "-o", "b.gif"], "b.gif: unknown picture format"),
-        (["a.png", "--to", "cylinder", "-o", "a.png"], "a.png: is the picture itself"),
-        (["a.png", "--to", "cylinder", "-o", "no/b.png"], "the folder no does not exist"),
-        (
-            ["a.png", "--to", "perspective", "-o", "b.png", "--pitch", "-80", "--fov", "40"],
-            "a.png: the picture shows nothing of this view: look elsewhere",
-        ),
-        (
-            ["a.png", "--to", "perspective", "-o", "b.png", "--fov", "180"],
-            "less than 180°, got 180°",
-        ),
-        (
-            ["a.png", "--to", "perspective", "-o", "b.png", "--yaw", "nan"],
-            "expected finite numbers",
-        ),
-        (["a.png", "--to", "cylinder", "-o", "b.png", "--elevation", "5", "-5"], "lower one first"),
-        (
-            ["a.png", "--to", "birdseye", "-o", "b.png", "--height", "-1"],
-            "height -1 m: expected more",
-        ),
-        (["a.png", "--to", "birdseye", "-o", "b.png", "--size", "9", "8"], "expected a square"),
-        (
-            ["a.png", "--to", "birdseye", "-o", "b.png", "--size", "0", "0"],
-            "expected at least 1 × 1",
-        ),
-        (
-            ["a.png", "--to", "perspective", "-o", "b.png", "--size", "32768", "9999"],
-            "expected at most 32768 to a side and 67108864 pixels, got a perspective of 32768",
-        ),
-        (
-            ["a.png", "--to", "cylinder", "-o", "b.png", "--fov", "40"],
-            "--fov: requires --to perspective, got --to cylinder",
-        ),
-        (
-            ["a.png", "--to", "perspective", "-o", "b.png", "--extent", "4"],
-            "--extent: requires --to birdseye",
-        ),
-        (
-            ["below.png", "--to", "birdseye", "-o", "b.png"],
-            "below.png: expected a camera above the ground, got z = -1 m: pass --height",
-        ),
-        (["a.png", "--to", "cylinder", "-o", "b.png", "--size", "90", "9"], "change the size"),
-        (["small.png", "--to", "cylinder", "-o", "b.png"], "is 9 × 9 px, where its camera's"),
-        (["odd.png", "--to", "cylinder", "-o", "b.png"], "its metadata: camera: k: missing"),
-        (["lost.png", "--to", "cylinder", "-o", "b.png"], "world_from_base: expected a pose"),
-        (["empty.png", "--to", "cylinder", "-o", "b.png"], "empty.png: cannot be read"),
-        (["none.png", "--to", "cylinder", "-o", "a.png"], "none.png: cannot be read"),
-    ],
-)
-def test_bad_input_gets_one_line_and_no_file(omnisim, tmp_path, picture, arguments, message):
-    write_image(tmp_path / "small.png", np.zeros((9, 9, 3), dtype=np.uint8), picture)
-    odd = {key: value for key, value in picture["camera"].items() if key != "k"}
-    whole = np.zeros((360, 360, 3), dtype=np.uint8)
-    write_image(tmp_path / "odd.png", whole, picture | {"camera": odd})
-    write_image(tmp_path / "lost.png", whole, picture | {"world_from_base": [1, "x"]})
-    below = np.array(picture["world_from_optical"])
-    below[2, 3] = -1.0
-    write_image(tmp_path / "below.png", whole, picture | {"world_from_optical": below.tolist()})
-    (tmp_path / "empty.png").touch()
-    status, _, error = omnisim("unwarp", *arguments)
-    assert status == 1
-    assert message in error
-    assert error.startswith("error: ")
-    assert error.count("\n") == 1
-    assert not (tmp_path / "b.png").exists()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 from omnisim.cube import unfolded_cube
 from omnisim.errors import GraphicsError, OmnisimError, OpticsError
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.gpu.context import graphics_info, open_context
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import (
     AlphaMode,
@@ -352,6 +353,11 @@ def test_limits_of_the_gpu_are_named():
         Renderer(scene_of([room()]), OmniCamera().resized(30000))
     with pytest.raises(GraphicsError, match="size_px smaller"):
         Renderer(scene_of([room()]), OmniCamera(face_size_px=20000))
+    context = open_context()
+    too_large_px = graphics_info(context).max_texture_size_px // 3 + 1
+    context.release()
+    with pytest.raises(GraphicsError, match=r"smaller, or choose --quality fast$"):
+        Renderer(scene_of([room()]), OmniCamera().resized(too_large_px))
     with pytest.raises(GraphicsError, match="device 99: there is no such device"):
         Renderer(scene_of([room()]), device=99)
 

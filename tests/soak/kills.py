@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 DRIVE = (
-    "drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "48", "--step", "1.2",
-    "--turn-step", "45", "--seed", "7", "--also", "instance",
+    "drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "32", "--step", "2",
+    "--turn-step", "60", "--quality", "fast", "--seed", "7", "--also", "instance",
 )  # fmt: skip
 MAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
@@ -48,31 +48,37 @@ def finish(folder: Path) -> None:
         raise RuntimeError(f"{folder}: exit status {process.returncode}: {errors}")
 
 
-def kill(folder: Path, moments: random.Random, duration_s: float) -> int | None:
+def kill(folder: Path, moments: random.Random, duration_s: float, files: int) -> int | None:
     """Resume a drive and kill it at a random moment.
 
     Args:
         folder: of the run.
         moments: decides when, and by which signal.
         duration_s: of an undisturbed drive.
+        files: of an undisturbed drive.
 
     Returns:
         Files that were there at the moment, or None: the drive had ended before.
     """
-    process, wanted = start(folder), moments.randint(0, 100)
+    there = _count(folder)
+    wanted = there + moments.randint(1, max(1, files - there))
+    process = start(folder)
     by_files = moments.random() < 0.5
     until = time.monotonic() + (LONGEST_S if by_files else moments.uniform(0.0, duration_s))
     while process.poll() is None and time.monotonic() < until:
-        if by_files and folder.is_dir() and sum(1 for _ in folder.rglob("*")) >= wanted:
-            time.sleep(moments.uniform(0.0, 0.2))
+        if by_files and _count(folder) >= wanted:
+            time.sleep(moments.uniform(0.0, 0.05))
             break
         time.sleep(0.005)
     is_running = process.poll() is None
     process.send_signal(moments.choice(SIGNALS))
     process.communicate()
-    if not is_running:
-        return None
-    return sum(1 for _ in folder.rglob("*")) if folder.is_dir() else 0
+    return _count(folder) if is_running else None
+
+
+def _count(folder: Path) -> int:
+    """Number of files under a folder, which may not be there."""
+    return sum(path.is_file() for path in folder.rglob("*"))
 
 
 def kills(folder: Path, times: int, seed: int, print_line=print) -> None:
@@ -94,7 +100,7 @@ def kills(folder: Path, times: int, seed: int, print_line=print) -> None:
     while done < times:
         run = folder / f"run-{runs}"
         for _ in range(min(moments.randint(1, 8), times - done)):
-            files = kill(run, moments, duration_s)
+            files = kill(run, moments, duration_s, len(whole))
             if files is None:
                 break
             at.append(files)
