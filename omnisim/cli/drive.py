@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+from pathlib import Path
+
 from omnisim.cli.console import print_note
-from omnisim.cli.recording import drive_of, record
+from omnisim.cli.recording import as_requested, drive_of, record
 from omnisim.cli.run_requests import DriveRequest
+from omnisim.errors import RunError
+from omnisim.robot.sensor_names import FOLDER_NAME, folder_name
 from omnisim.simulation.contacts import NO_SIZE, check_no_contact
+from omnisim.simulation.drive import Drive, PlannedDrive, drive_together
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -13,9 +19,48 @@ MOST_CONTACTS = 5  # notes; the manifest has all
 
 
 def run(request: DriveRequest) -> None:
-    """Record a run, or resume an unfinished one, and print a summary."""
-    route = Route(
-        path=request.path,
+    """Record a run of each robot, or resume an unfinished one, and print a summary."""
+    vehicles = _load_vehicles(request)
+    routes = [_route(request, path) for path in request.paths]
+    first = drive_of(request, next(iter(vehicles.values())), routes[0])
+    plans = {
+        name: _plan(
+            dataclasses.replace(first, vehicle=as_requested(vehicle, request), route=route),
+            request.no_contact,
+        )
+        for (name, vehicle), route in zip(vehicles.items(), routes, strict=True)
+    }
+    if len(plans) == 1:
+        record(next(iter(plans.values())), request.output, request.force)
+        return
+    _make_folder(request.output)
+    for name, plan in drive_together(plans).items():
+        record(plan, request.output / name, request.force)
+
+
+def _load_vehicles(request: DriveRequest) -> dict[str, Vehicle]:
+    """Vehicles by name, which is also that of their folder."""
+    if len(request.paths) != len(request.robots):
+        raise RunError(
+            f"--path: expected one for each --robot, {len(request.robots)}, got "
+            f"{len(request.paths)}"
+        )
+    vehicles: dict[str, Vehicle] = {}
+    for text in request.robots:
+        given, equals, source = text.rpartition("=")
+        vehicle = Vehicle.load(source)
+        name = given if equals else folder_name(vehicle.name)
+        if not FOLDER_NAME.fullmatch(name):
+            raise RunError(f"--robot {text!r}: expected a name of letters, digits and _ before =")
+        if name in vehicles:
+            raise RunError(f"--robot {text!r}: a second {name}: expected NAME={source}")
+        vehicles[name] = vehicle
+    return vehicles
+
+
+def _route(request: DriveRequest, path: str) -> Route:
+    return Route(
+        path=path,
         step_m=request.step_m,
         step_deg=request.turn_step_deg,
         rate_hz=request.rate_hz,
@@ -23,12 +68,26 @@ def run(request: DriveRequest) -> None:
         ground_m=request.ground_m,
         axes=None if request.axes is None else request.axes.value,
     )
-    drive = drive_of(request, Vehicle.load(request.robot), route)
+
+
+def _plan(drive: Drive, no_contact: bool) -> PlannedDrive:
+    """Plan a drive, and print what it meets."""
     plan = drive.plan(print_note)
-    if request.no_contact:
-        check_no_contact(plan.contacts, request.path)
+    if no_contact:
+        check_no_contact(plan.contacts, drive.route.path)
     if plan.contacts is None:
         print_note(NO_SIZE)
     for contact in (plan.contacts or ())[:MOST_CONTACTS]:
         print_note(str(contact))
-    record(plan, request.output, request.force)
+    return plan
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileNotFoundError:
+        raise RunError(
+            f"{folder}: the folder {folder.parent} does not exist: create it first"
+        ) from None
+    except OSError as reason:
+        raise RunError(f"{folder}: cannot be created: {reason.strerror}") from None

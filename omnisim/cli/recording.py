@@ -45,15 +45,9 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     """
     channels = () if request.also is None else parse_channels(request.also)
     scene = load_labelled_scene(request, channels)
-    vehicle = vehicle.with_cameras(
-        size_px=request.size_px,
-        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
-        degradation=read_preset(request.preset),
-        quality=request.quality,
-    )
     return Drive(
         scene,
-        vehicle,
+        as_requested(vehicle, request),
         route,
         seed=request.seed,
         unlit=request.unlit,
@@ -63,6 +57,16 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
         channels=channels,
         boxes_3d=request.boxes_3d,
         channel_format=parse_channel_format(request.channel_format, channels),
+    )
+
+
+def as_requested(vehicle: Vehicle, request: DriveRequest | RenderRequest) -> Vehicle:
+    """Vehicle with the settings of its cameras that a request has."""
+    return vehicle.with_cameras(
+        size_px=request.size_px,
+        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
+        degradation=read_preset(request.preset),
+        quality=request.quality,
     )
 
 

@@ -35,17 +35,18 @@ class DriveRequest:
     """Parameters of `omnisim drive`."""
 
     scene: SceneArgument
-    robot: Annotated[
-        str,
+    robots: Annotated[
+        list[str],
         typer.Option(
             "--robot",
             metavar="NAME|FILE",
             autocompletion=complete_robot,
-            help="Robot file, or name of a built-in robot.",
+            help="Robot file, or name of a built-in robot. Several, each with its --path, drive "
+            "together: NAME=FILE gives each a folder of its own.",
         ),
     ]
-    path: Annotated[
-        str,
+    paths: Annotated[
+        list[str],
         typer.Option(
             "--path",
             metavar="NAME|FILE",

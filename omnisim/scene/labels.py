@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -60,18 +60,23 @@ def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
     )
 
 
-def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None) -> Labels:
+def find_labels(
+    scene: Scene,
+    dynamic_objects: Mapping[str, Scene] | None = None,
+    vehicles: Collection[str] = (BODY,),
+) -> Labels:
     """Label all instances of a scene and its dynamic objects.
 
     Args:
         scene: its label rules hold for the dynamic objects, too.
-        dynamic_objects: by name; `BODY` is the vehicle's.
+        dynamic_objects: by name.
+        vehicles: names of those that are bodies of vehicles.
     """
     named: list[tuple[str | None, str]] = [(None, each.name) for each in scene.instances]
     for key, part in (dynamic_objects or {}).items():
         named += [(key, each.name) for each in part.instances]
     names = dict.fromkeys(named)
-    rules = scene.labels or _rules_by_name({name for owner, name in names if owner != BODY})
+    rules = scene.labels or _rules_by_name({name for owner, name in names if owner not in vehicles})
     classes = {rule.id: ClassLabel(rule.id, rule.name, rule.color) for rule in rules}
     ids = {rule.name: rule.id for rule in rules}
     for name in (VEHICLE, UNLABELLED):
@@ -81,7 +86,7 @@ def find_labels(scene: Scene, dynamic_objects: Mapping[str, Scene] | None = None
     instances, unlabelled = [], []
     for number, (owner, name) in enumerate(names, start=1):
         found = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
-        if owner == BODY:
+        if owner in vehicles:
             found = ids[VEHICLE]
         elif found is None:
             found = ids[UNLABELLED]

@@ -19,7 +19,7 @@ from omnisim.errors import OpticsError
 from omnisim.gpu.pipeline import Readback, ScenePoses
 from omnisim.ground_truth.labels import Labels
 from omnisim.scene import Scene
-from omnisim.scene.labels import find_labels
+from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.degradations.effect import MAX_EV
 from omnisim.sensors.ground_truth import GroundTruth
 from omnisim.sensors.hit_source import HitSource
@@ -36,12 +36,14 @@ class CameraSetup:
         unlit: show plain base colours.
         hidden: parts of the vehicle that it does not see.
         seed: of its noise.
+        vehicles: names of the objects that are bodies of vehicles.
     """
 
     sensor: OmniCamera
     unlit: bool = False
     hidden: frozenset[ObjectPart] = frozenset()
     seed: int | str = 0
+    vehicles: tuple[str, ...] = (BODY,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,7 @@ class CameraBackend(ABC):
         scene = self.world.scene
         of = scene.instance_names, scene.labels
         if self._labels is None or self._labels[0] != of:
-            self._labels = of, find_labels(scene, self.world.objects)
+            self._labels = of, find_labels(scene, self.world.objects, self.setup.vehicles)
         return self._labels[1]
 
 

@@ -69,7 +69,9 @@ class Renderer(SensorRenderer[CameraBackend]):
         self._last_poses: ScenePoses | None = None
 
         def make_passes(stage: Stage, hidden: frozenset[ObjectPart]) -> CameraBackend:
-            return stage.backend.camera(CameraSetup(self.camera, unlit, hidden, seed))
+            return stage.backend.camera(
+                CameraSetup(self.camera, unlit, hidden, seed, tuple(stage.vehicles))
+            )
 
         super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -24,12 +25,14 @@ from omnisim.sensors.stage import Stage
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import Contact, find_contacts
+from omnisim.simulation.drive_world import DriveWorld, OtherVehicle
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_channels import write_boxes, write_labels
 from omnisim.simulation.run_folder import (
     GROUND_TRUTH,
+    OBJECTS,
     ODOMETRY,
     RunFolder,
     open_run,
@@ -39,7 +42,6 @@ from omnisim.simulation.sensors.omnicamera import CAMERA_POSES
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import Trajectory, write_trajectory
 from omnisim.version import __version__
-from omnisim.world import WorldState
 
 LARGEST_SEED = 2**63 - 1
 
@@ -122,6 +124,8 @@ class PlannedDrive:
         follows_floor: see `PlannedRoute`.
         contacts: of the body with the scene, in the order in which they begin, or None: not
             looked for.
+        name: of the vehicle in the world.
+        others: other vehicles in the world, by name.
     """
 
     drive: Drive
@@ -129,10 +133,18 @@ class PlannedDrive:
     odometry: Odometry | None = None
     follows_floor: bool = False
     contacts: tuple[Contact, ...] | None = None
+    name: str = BODY
+    others: Mapping[str, OtherVehicle] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
         return short_repr(self, f"{vehicle} in {scene}", counted(len(self.truth), "pose"))
+
+    @cached_property
+    def world(self) -> DriveWorld:
+        """Motion of the world."""
+        scene, body = _with_short_name(self.drive.scene), self.drive.vehicle.body
+        return DriveWorld(scene, body, self.truth, self.name, self.others)
 
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
         """Render what is missing in the folder, step by step; yields how many steps are there.
@@ -150,10 +162,12 @@ class PlannedDrive:
         """
         drive, vehicle = self.drive, self.drive.vehicle
         with ExitStack() as stack:
-            scene = _with_short_name(drive.scene)
-            stage = stack.enter_context(Stage(scene, vehicle.body, device=drive.device))
+            world = self.world
+            stage = stack.enter_context(
+                Stage(world.scene, vehicles=world.bodies, device=drive.device)
+            )
             settings = DriveSettings(
-                BODY, drive.seed, drive.unlit, drive.channel_format, drive.boxes_3d
+                self.name, drive.seed, drive.unlit, drive.channel_format, drive.boxes_3d
             )
             instruments = {
                 sensor.name: stack.enter_context(sensor.open(stage, settings))
@@ -162,7 +176,7 @@ class PlannedDrive:
             content = self._manifest(graphics_info(stage.context).renderer)
             run = stack.enter_context(open_run(folder, content, force))
             self._write_records(run)
-            labels = find_labels(drive.scene, stage.objects)
+            labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             there = len(self.truth) - len(missing)
@@ -179,7 +193,7 @@ class PlannedDrive:
         """Moment of a step, of which all steps before are in the folder."""
         times_s = self.truth.times_s.tolist()
         return Moment(
-            self._state_at,
+            self.world.state_at,
             step,
             times_s[step],
             times_s[step - 1] if step > 0 else None,
@@ -187,9 +201,6 @@ class PlannedDrive:
             run.channels_at(step),
             run.stem(sensor, step - 1) if step > 0 else None,
         )
-
-    def _state_at(self, time_s: float) -> WorldState:
-        return WorldState({BODY: self.truth.pose_at(time_s)}, time_s)
 
     def _manifest(self, renderer: str) -> dict[str, Any]:
         """Manifest of the run, of JSON's types.
@@ -227,6 +238,7 @@ class PlannedDrive:
             "unlit": drive.unlit,
             "channels": drive.channels,
             **({"is_rig": True} if self.odometry is None else {}),
+            **self.world.manifest(),
             "renderer": renderer,
             "libraries": {
                 "python": platform.python_version(),
@@ -246,6 +258,7 @@ class PlannedDrive:
             write_trajectory(run.path / GROUND_TRUTH, self.truth)
         if self.odometry is not None and not run.has(ODOMETRY):
             write_odometry(run.path / ODOMETRY, self.odometry)
+        self.world.write_poses(run.path / OBJECTS)
         for sensor in self.drive.vehicle.sensors:
             for name, text in sensor.documents().items():
                 if not run.has(f"{sensor.name}/{name}"):
@@ -256,6 +269,21 @@ class PlannedDrive:
                 write_trajectory(
                     run.path / camera.name / CAMERA_POSES, Trajectory(self.truth.times_s, poses)
                 )
+
+
+def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]:
+    """Put planned drives, by the names of their vehicles, into one world: each sees the others.
+
+    All begin at the time 0 s of their trajectories.
+    """
+    vehicles = {
+        name: OtherVehicle(plan.drive.vehicle.body, plan.truth) for name, plan in plans.items()
+    }
+    together = {}
+    for name, plan in plans.items():
+        others = {other: vehicle for other, vehicle in vehicles.items() if other != name}
+        together[name] = dataclasses.replace(plan, name=name, others=others)
+    return together
 
 
 def scene_contents(scene: Scene) -> str:

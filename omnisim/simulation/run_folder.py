@@ -3,6 +3,7 @@
     manifest.json               what made the run: versions, contents, settings, seeds
     ground_truth.tum            poses of the base (TUM: s, metres, quaternion xyzw)
     odometry.csv                what the wheels report, and dead reckoning by it
+    objects/<name>.tum          poses of another vehicle or a dynamic object, at the same times
     <sensor>/000000.<suffix>    its files of a step, see `omnisim.simulation.sensors`
     <camera>/sensor.toml        the camera as it was used
     <camera>/calibration.json   its parameters and its mount on the base
@@ -54,6 +55,7 @@ from omnisim.simulation.sensors import MountedSensor
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
+OBJECTS = "objects"  # folder of poses
 LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
 PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
@@ -267,6 +269,13 @@ def _clear(run: RunFolder) -> None:
                 file.unlink()
         if not any(folder.iterdir()):
             folder.rmdir()
+    objects = run.path / OBJECTS
+    if objects.is_symlink():
+        raise RunError(f"{objects}: is a link: --force removes no files elsewhere")
+    for file in objects.glob("*.tum"):
+        file.unlink()
+    if objects.is_dir() and not any(objects.iterdir()):
+        objects.rmdir()
     for name in (GROUND_TRUTH, ODOMETRY, PLOT, LABELS):
         (run.path / name).unlink(missing_ok=True)
 
