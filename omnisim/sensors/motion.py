@@ -22,6 +22,7 @@ NEAREST_M = 1.0
 # Limits of a camera's motion; within them poses are exact to 1e-9 even through an hour's exposure.
 MAX_MPS, MAX_RADPS = 1e4, 1e3
 GRID = 13  # samples of the motion to a side of the picture
+SPREAD_RAD = 0.3  # from a direction in the picture to the nearest sample of a wide lens
 
 
 Speed = Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)]
@@ -90,20 +91,81 @@ def moved_px(
     for before, after in itertools.pairwise(world_from_optical):
         seen = camera.pixel_from_ray(_moved(points_m, np.linalg.inv(after) @ before))
         static_px += np.where(seen.valid, np.linalg.norm(seen.positions_px - pixels, axis=-1), 0.0)
-    largest_px = [static_px.max(initial=0.0)]
-    for index, corners_m in enumerate(object_corners_m):
-        seen_at = [
-            camera.pixel_from_ray(
-                _moved(corners_m, np.linalg.inv(pose) @ one.world_from_objects[index])
-            )
-            for pose, one in zip(world_from_optical, poses, strict=True)
-        ]
-        dynamic_px = np.zeros(len(corners_m))
-        for first, second in itertools.pairwise(seen_at):
-            step_px = np.linalg.norm(second.positions_px - first.positions_px, axis=-1)
-            dynamic_px += np.where(first.valid & second.valid, step_px, 0.0)
-        largest_px.append(dynamic_px.max(initial=0.0))
-    return float(max(largest_px))
+    dynamic_px = [
+        _object_px(camera, rays.directions[rays.valid], world_from_optical, path, corners_m)
+        for corners_m, path in zip(
+            object_corners_m,
+            zip(*(one.world_from_objects for one in poses), strict=True),
+            strict=True,
+        )
+    ]
+    return float(max([static_px.max(initial=0.0), *dynamic_px]))
+
+
+def _object_px(
+    camera: CentralCamera,
+    seen: NDArray[np.float64],
+    world_from_optical: Sequence[Pose],
+    world_from_object: Sequence[Pose],
+    corners_m: NDArray[np.float64],
+) -> float:
+    """Largest motion of an object in the picture, in pixels, from its nearest point on.
+
+    Args:
+        camera: whose picture it is.
+        seen: directions (n, 3) that are spread over the picture, optical frame.
+        world_from_optical: poses of the camera, one after the other.
+        world_from_object: poses of the object.
+        corners_m: (8, 3) of the box around it, in its own frame.
+    """
+    optical_from_object = [
+        np.linalg.inv(optical) @ pose
+        for optical, pose in zip(world_from_optical, world_from_object, strict=True)
+    ]
+    if not len(corners_m) or not _may_be_seen(seen, corners_m, optical_from_object):
+        return 0.0
+    places = [_moved(corners_m, pose) for pose in optical_from_object]
+    ways_m = [np.linalg.norm(b - a, axis=-1).max() for a, b in itertools.pairwise(places)]
+    low, high = corners_m.min(axis=0), corners_m.max(axis=0)
+    nearest_m = min(
+        float(np.linalg.norm(eye - np.clip(eye, low, high)))
+        for eye in (np.linalg.inv(pose)[:3, 3] for pose in optical_from_object)
+    )
+    # inside of its box, which surfaces are near is not known
+    return float(sum(ways_m)) / (nearest_m or NEAREST_M) * _px_per_rad(camera)
+
+
+def _may_be_seen(
+    seen: NDArray[np.float64], corners_m: NDArray[np.float64], optical_from_object: Sequence[Pose]
+) -> bool:
+    """The sphere around an object comes near any direction (n, 3) of the picture."""
+    middle_m = corners_m.mean(axis=0)
+    radius_m = np.linalg.norm(corners_m - middle_m, axis=-1).max()
+    for pose in optical_from_object:
+        centre_m = _moved(middle_m, pose)
+        away_m = np.linalg.norm(centre_m)
+        if away_m <= radius_m:
+            return True
+        angles = np.arccos(np.clip(seen @ centre_m / away_m, -1.0, 1.0))
+        if angles.min(initial=np.pi) <= np.arcsin(radius_m / away_m) + SPREAD_RAD:
+            return True
+    return False
+
+
+def _px_per_rad(camera: CentralCamera) -> float:
+    """Pixels a radian, near the largest in the picture."""
+    u = np.linspace(0.0, camera.width_px - 2.0, GRID)
+    v = np.linspace(0.0, camera.height_px - 2.0, GRID)
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    here = camera.ray_from_pixel(pixels)
+    found = [0.0]
+    for step in ((1.0, 0.0), (0.0, 1.0)):
+        beside = camera.ray_from_pixel(pixels + step)
+        both = here.valid & beside.valid
+        apart = np.linalg.norm(beside.directions[both] - here.directions[both], axis=-1)
+        # the poles of a panorama apart, where a pixel is no angle at all
+        found += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
+    return float(max(found))
 
 
 def _moved(
