@@ -404,3 +404,4 @@ class SceneRequest:
     ] = False
     labels: LabelsOption = None
     up_axis: UpOption = None
+    meters_per_unit: UnitOption = None

@@ -29,7 +29,7 @@ def run(request: SceneRequest) -> None:
         from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.plot)
-    scene = load_scene(request.scene, request.up_axis)
+    scene = load_scene(request.scene, request.up_axis, request.meters_per_unit)
     if request.labels is not None:
         scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
     document = describe(scene)
