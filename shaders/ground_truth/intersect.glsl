@@ -89,9 +89,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
             }
         } else if (crossing.outside_rad < least_rad) {
             least_rad = crossing.outside_rad;
-            // the point of the triangle that is nearest to the ray, more or less
-            vec3 weights = max(crossing.weights, vec3(0.0));
-            weights /= max(weights.x + weights.y + weights.z, 1e-30);
+            vec3 weights = weights_beside(t, crossing.edge, ray);
             float range = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
             miss = Hit(primitive, triangle_id, range, weights, t.normal);
         }

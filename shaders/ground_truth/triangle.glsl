@@ -1,6 +1,7 @@
 // Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index): a triangle in the
 // viewpoint frame: the world's axes, the origin is the viewpoint, metres.
 // Crossing intersect_triangle(Triangle t, vec3 ray): that with a unit ray from the viewpoint.
+// vec3 weights_beside(Triangle t, uint edge, vec3 ray): corners' shares in an edge's nearest point.
 
 #include "ground_truth/tables.glsl"
 
@@ -15,7 +16,8 @@ struct Crossing {
     float outside_rad;  // by how much the ray passes outside of the triangle; negative: inside
     float range;        // to the triangle's plane
     vec3 weights;       // of the corners, not normalised
-    uint adjacent;      // triangle beyond the edge that the ray passes
+    uint edge;          // that the ray passes by most, opposite to the corner of this number
+    uint adjacent;      // triangle beyond it
 };
 
 Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index) {
@@ -43,8 +45,19 @@ Crossing intersect_triangle(Triangle t, vec3 ray) {
     crossing.outside_rad = max(max(outside.x, outside.y), outside.z);
     crossing.range = dot(t.normal, t.a) / min(dot(t.normal, ray), -1e-30);
     crossing.weights = sides;
-    crossing.adjacent = outside.x >= max(outside.y, outside.z)
-                            ? t.adjacent.x
-                            : (outside.y >= outside.z ? t.adjacent.y : t.adjacent.z);
+    crossing.edge = outside.x >= max(outside.y, outside.z) ? 0u : (outside.y >= outside.z ? 1u : 2u);
+    crossing.adjacent = t.adjacent[crossing.edge];
     return crossing;
+}
+
+// The point of the passed edge that is nearest to the ray: in the plane of the ray and the normal of
+// the plane that the edge and the viewpoint span, or an end.
+vec3 weights_beside(Triangle t, uint edge, vec3 ray) {
+    vec3 start = edge == 0u ? t.b : (edge == 1u ? t.c : t.a);
+    vec3 along = (edge == 0u ? t.c : (edge == 1u ? t.a : t.b)) - start;
+    vec3 plane = cross(start, along);
+    float way = dot(cross(along, ray), plane);
+    float share = way == 0.0 ? 0.5 : clamp(-dot(cross(start, ray), plane) / way, 0.0, 1.0);
+    vec2 ends = vec2(1.0 - share, share);
+    return edge == 0u ? vec3(0.0, ends) : (edge == 1u ? vec3(ends.y, 0.0, ends.x) : vec3(ends, 0.0));
 }
