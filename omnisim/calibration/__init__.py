@@ -2,7 +2,7 @@
 
 `load_calibration` reads a file, `save_calibration` writes one; README.md has formats, conventions,
 and how to add a format. Modules import in one direction: the base of the formats, the formats,
-their registry, reading and encoding, and `calibration`, which this package offers.
+their registry, reading and encoding, `calibration` and `rig`, which this package offers.
 """
 
 from omnisim.calibration.calibrated_camera import (
@@ -20,6 +20,7 @@ from omnisim.calibration.calibration import (
     save_calibration,
 )
 from omnisim.calibration.registry import FORMATS
+from omnisim.calibration.rig import Rig, RigCamera
 
 __all__ = [
     "FORMATS",
@@ -27,6 +28,8 @@ __all__ = [
     "Calibration",
     "NamedPose",
     "Residuals",
+    "Rig",
+    "RigCamera",
     "calibration_of",
     "calibration_text",
     "check_calibration_suffix",

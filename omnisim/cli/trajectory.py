@@ -6,17 +6,19 @@ from pathlib import Path
 
 from omnisim.calibration.rig import Rig, RigCamera
 from omnisim.cli.calibration import read_calibration
-from omnisim.cli.console import print_note
+from omnisim.cli.console import pluralize, print_note
 from omnisim.cli.inputs import check_calibration_path, read_camera, refuse_options
 from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cli.recording import drive_of, record
 from omnisim.errors import OutputError, RunError
 from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
 from omnisim.poses import pose
+from omnisim.scene import Scene
 from omnisim.simulation.rig_trajectory import RigRoute
 from omnisim.simulation.rig_vehicle import rig_vehicle
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory
 from omnisim.trajectories.formats.parsed_trajectory import Axes
 
 ALL = "all"
@@ -55,6 +57,7 @@ def run(request: RenderRequest, path: Path) -> None:
     drive = drive_of(request, vehicle, Route(str(path)))
     if not is_timed:
         _refuse_time(drive.vehicle, path)
+    _note_poses_outside(drive.scene, truth, path)
     record(drive.along(truth), request.output, request.force)
 
 
@@ -76,6 +79,19 @@ def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
 
 def _name(source: Path | None) -> str:
     return "camera" if source is None else source.stem
+
+
+def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
+    """Print a note on poses outside of the scene: an origin that is not placed is seldom meant."""
+    low, high = scene.bounds_m()
+    outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
+    if outside.any():
+        corners = (f"({', '.join(f'{value:.4g}' for value in corner)})" for corner in (low, high))
+        print_note(
+            f"{path}: {int(outside.sum())} of {pluralize(len(truth), 'pose')} outside of the "
+            f"scene, which spans {' to '.join(corners)} m: --at, --yaw, --pitch and --roll place "
+            "the file's origin"
+        )
 
 
 def _refuse_time(vehicle: Vehicle, path: Path) -> None:

@@ -43,6 +43,19 @@ def test_scan_with_all_options(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
+def test_a_scanner_that_is_tilted_sees_the_floor_ahead(omnisim, tmp_path):
+    status, out, _ = omnisim(
+        "scan", "compass", "-o", "a.csv", "--no-noise", "--mode", "cm", "--at", 0, 0, 1,
+        "--pitch", 60, "--resolution", 1,
+    )  # fmt: skip
+    assert status == 0
+    assert "at yaw 0°, pitch 60°" in out
+    _, angles_deg, ranges_m = ranges_of(tmp_path / "a.csv").T
+    (ahead_m,) = ranges_m[angles_deg == 0.0]
+    assert ahead_m == pytest.approx(1.0 / np.sin(np.radians(60.0)), abs=0.006)  # steps of 1 cm
+
+
+@pytest.mark.usefixtures("needs_opengl")
 def test_a_seed_is_a_device(omnisim, tmp_path):
     for name, seed in (("a.csv", 1), ("b.csv", 1), ("c.csv", 2)):
         assert omnisim("scan", "compass", "-o", name, "--seed", seed)[0] == 0

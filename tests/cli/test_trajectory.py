@@ -193,6 +193,15 @@ def test_a_bare_sensor_is_carried_by_a_vehicle_and_placed(render):
     np.testing.assert_allclose(_poses("camera"), placed @ optical, atol=1e-8)
 
 
+def test_poses_outside_of_the_scene_are_noted(omnisim):
+    write_trajectory(Path("poses.tum"), Trajectory(np.array([0.5, 1.0]), POSES))
+    line = ("render", "rings", "--trajectory", "poses.tum", *FAST)
+    assert "outside" not in omnisim(*line, "-o", "inside")[2]
+    status, _, err = omnisim(*line, "--at", 500, 0, 0, "-o", "outside")
+    assert status == 0
+    assert "poses.tum: 2 of 2 poses outside of the scene, which spans (" in err
+
+
 def test_a_run_of_a_rig_is_plotted_and_has_no_odometry_to_localize_by(render, omnisim):
     pytest.importorskip("matplotlib")
     render("--trajectory", "poses.tum", *FAST, scene="soccer")
