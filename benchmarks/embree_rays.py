@@ -1,56 +1,20 @@
-"""Embree, through embreex: triangles and rays, in float32, on one thread."""
+"""Rays of a camera's pixels, cast by Embree in float32 on one thread."""
 
 from __future__ import annotations
-
-from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.batching import in_world
 from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.extras import missing_packages
+from omnisim.rays.embree import EmbreeMesh
+from omnisim.rays.geometry import build_geometry
 from omnisim.scene import Scene
-
-if TYPE_CHECKING:
-    from embreex.rtcore_scene import Hits
 
 
 def has_embree() -> bool:
     """True if embreex, an optional package, is installed."""
-    return find_spec("embreex") is not None
-
-
-class EmbreeMesh:
-    """Bounding volume hierarchy of triangles.
-
-    Args:
-        positions_m: (n, 3) float32 vertices.
-        triangles: (m, 3) int32.
-    """
-
-    def __init__(self, positions_m: NDArray[np.float32], triangles: NDArray[np.int32]):
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self._scene = EmbreeScene()
-        self._mesh = TriangleMesh(self._scene, positions_m, triangles)  # owns the vertices
-
-    @classmethod
-    def of_corners(cls, corners_m: NDArray[np.float64]) -> EmbreeMesh:
-        """Mesh of triangles (m, 3, 3) that share no vertices."""
-        positions = corners_m.reshape(-1, 3).astype(np.float32)
-        return cls(positions, np.arange(len(positions), dtype=np.int32).reshape(-1, 3))
-
-    def triangles_hit(
-        self, origins_m: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> NDArray[np.int32]:
-        """Indices (n,) of the nearest triangles along rays (n, 3); −1: none."""
-        return self._scene.run(origins_m, directions)
-
-    def hits(self, origins_m: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
-        """Nearest triangles along rays (n, 3), with ranges and barycentric coordinates (n,)."""
-        return self._scene.run(origins_m, directions, output=True)
+    return not missing_packages("rays")
 
 
 class EmbreeRays:
@@ -62,13 +26,8 @@ class EmbreeRays:
     """
 
     def __init__(self, scene: Scene, camera: CentralCamera):
-        positions, triangles, base = [], [], 0
-        for instance in scene.instances:
-            placed = in_world(scene.meshes[instance.mesh], instance)
-            positions.append(placed.positions)
-            triangles.append(placed.triangles.astype(np.int32) + np.int32(base))
-            base += len(placed.positions)
-        self.mesh = EmbreeMesh(np.concatenate(positions), np.concatenate(triangles))
+        geometry = build_geometry(scene)
+        self.mesh = EmbreeMesh(geometry.positions_m.astype(np.float32), geometry.corners)
         self.look_through(camera)
 
     def look_through(self, camera: CentralCamera) -> None:

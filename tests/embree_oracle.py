@@ -8,12 +8,12 @@ import math
 
 import numpy as np
 
-from benchmarks.embree_rays import EmbreeMesh
 from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.poses import pose
+from omnisim.rays.shading import Shading
 from omnisim.sensors.optical_flow import OCCLUDED, OUTSIDE, VISIBLE
-from tests.ray_casting import RayCaster, first_hits, opaque_part
+from tests.ray_casting import RayCaster, opaque_part
 from tests.scenes import WAREHOUSE
 
 LENSES = {
@@ -43,76 +43,16 @@ class Oracle:
     """Casts rays at a scene's surfaces; those that are seen from behind are not there."""
 
     def __init__(self, scene):
-        self._scene, self._caster = scene, RayCaster(scene)
-        self._triangles = self._caster._triangles
-        counts = [len(scene.meshes[i.mesh].triangles) for i in scene.instances]
-        self._instance = np.repeat(np.arange(len(counts)), counts)
-        self._first = np.concatenate(([0], np.cumsum(counts)))[self._instance]
-        self._normals = [self._mesh_normals(instance) for instance in scene.instances]
-
-    def _mesh_normals(self, instance):
-        """Normals (m, 3, 3) of the triangles' corners, world; None: flat."""
-        mesh = self._scene.meshes[instance.mesh]
-        if mesh.normals is None:
-            return None
-        turned = mesh.normals.astype(np.float64) @ np.linalg.inv(instance.world_from_mesh[:3, :3])
-        return turned[mesh.triangles]
+        self._caster = RayCaster(scene)
+        self._shading = Shading(self._caster.caster.geometry, scene.lighting)
 
     def hits(self, origin, directions):
         """Hits of rays from (3,) along unit directions (n, 3)."""
-        triangles = self._triangles
-        flat = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        mirrored = np.array(
-            [np.linalg.det(i.world_from_mesh[:3, :3]) < 0 for i in self._scene.instances]
-        )[self._instance]
-        both = np.array(
-            [
-                self._scene.materials[self._scene.meshes[i.mesh].material].double_sided
-                for i in self._scene.instances
-            ]
-        )[self._instance]
-        heights = np.einsum("ij,ij->i", flat, origin - triangles[:, 0])
-        kept = np.flatnonzero(both | ((heights > 0.0) != mirrored))
-        hit, rays = first_hits(EmbreeMesh.of_corners(triangles[kept]), origin, directions)
-        hit = kept[hit]
-        found = Hits(
-            np.full(len(directions), np.inf),
-            np.full(len(directions), -1),
-            np.zeros(directions.shape),
-        )
-        normals = np.where(heights[hit, None] > 0.0, flat[hit], -flat[hit])
-        along = np.einsum("ij,ij->i", normals, directions[rays])
-        to_plane = np.einsum("ij,ij->i", normals, triangles[hit, 0] - origin)
-        found.ranges_m[rays] = to_plane / along
-        found.instances[rays] = self._instance[hit]
-        points = origin + found.ranges_m[rays, None] * directions[rays]
-        found.normals[rays] = self._shading_normals(hit, points, normals)
+        exact, ranges_m, hit = self._caster.hits(origin, directions)
+        found = Hits(ranges_m, np.full(len(directions), -1), np.zeros(directions.shape))
+        found.instances[hit] = self._shading.surfaces(exact)
+        found.normals[hit] = self._shading.normals(exact)
         return found
-
-    def _shading_normals(self, hit, points, flat):
-        """Interpolated normals where the mesh has some, on the side of the flat ones (n, 3)."""
-        corners = self._triangles[hit]
-        area = np.linalg.norm(flat, axis=1) ** 2
-        weights = [
-            np.einsum(
-                "ij,ij->i",
-                np.cross(corners[:, (k + 1) % 3] - points, corners[:, (k + 2) % 3] - points),
-                np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
-            )
-            / area
-            for k in range(3)
-        ]
-        normals = flat.copy()
-        for number, mesh_normals in enumerate(self._normals):
-            mine = np.flatnonzero(self._instance[hit] == number)
-            if mesh_normals is None or not len(mine):
-                continue
-            local = mesh_normals[hit[mine] - self._first[hit[mine]]]
-            smooth = sum(weights[k][mine, None] * local[:, k] for k in range(3))
-            length = np.linalg.norm(smooth, axis=1, keepdims=True)
-            normals[mine] = np.where(length > 1e-12, smooth, normals[mine])
-        normals *= np.where(np.einsum("ij,ij->i", normals, flat) < 0.0, -1.0, 1.0)[:, None]
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def compare(scene, oracle, renderer, now, after):

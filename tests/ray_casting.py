@@ -1,10 +1,18 @@
-"""Reference ranges: rays cast by Embree."""
+"""Reference ranges: rays cast by Embree.
+
+The oracle is Embree's own casting; `omnisim.rays` feeds it, and tests/rays holds that to every
+triangle tried in NumPy.
+"""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
-from benchmarks.embree_rays import EmbreeMesh
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.rays.caster import RayCaster as Caster
+from omnisim.rays.caster import Rays
+from omnisim.rays.embree import NO_TRIANGLE
+from omnisim.scene.model import AlphaMode
 
 
 def opaque_part(scene):
@@ -14,43 +22,36 @@ def opaque_part(scene):
         for instance in scene.instances
         if scene.materials[scene.meshes[instance.mesh].material].alpha_mode is AlphaMode.OPAQUE
     )
-    return Scene(
-        scene.name, scene.meshes, scene.materials, kept, scene.lighting, scene.background,
-        scene.start,
-    )  # fmt: skip
+    return dataclasses.replace(scene, instances=kept)
 
 
-def first_hits(mesh, origin, directions):
-    """Indices of the triangles that rays (n, 3) from a point hit, and of these rays."""
-    origins = np.broadcast_to(np.float32(origin), directions.shape).copy()
-    found = mesh.triangles_hit(origins, directions.astype(np.float32))
-    rays = np.flatnonzero(found >= 0)
-    return found[rays], rays
+def rays_from(origin, directions):
+    """Rays from a point (3,) along unit directions (n, 3), world."""
+    count = len(directions)
+    origins = np.tile(np.asarray(origin, dtype=np.float64), (count, 1))
+    return Rays(origins, directions, np.zeros(count), np.full(count, np.inf))
 
 
 class RayCaster:
-    """Casts rays at all triangles of a scene; alpha counts for nothing."""
+    """Casts rays at all triangles of a scene, both sides; alpha counts for nothing."""
 
     def __init__(self, scene):
         pytest.importorskip("embreex", reason="embreex, the ray caster to compare with, is missing")
-        triangles = []
-        for instance in scene.instances:
-            mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
-            points = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-            triangles.append(points[mesh.triangles])
-        self._triangles = np.concatenate(triangles)
-        self._mesh = EmbreeMesh.of_corners(self._triangles)
+        self.caster = Caster(scene)
 
     def ranges(self, origin, directions):
         """Ranges (n,) along unit directions (n, 3), world; +inf where nothing is hit.
 
         Embree, in float32, says which triangle is hit; where, follows in float64.
         """
-        triangles, rays = first_hits(self._mesh, origin, directions)
-        corners = self._triangles[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        ranges = np.full(len(directions), np.inf)
-        ranges[rays] = np.einsum("ij,ij->i", normals, corners[:, 0] - origin) / np.einsum(
-            "ij,ij->i", normals, directions[rays]
-        )
-        return ranges
+        return self.hits(origin, directions, both_sides=True)[1]
+
+    def hits(self, origin, directions, both_sides=False):
+        """Hits of those rays (m,) that hit, ranges (n,) of all, and the indices (m,)."""
+        rays = rays_from(origin, directions)
+        found = self.caster.cast(rays, both_sides=both_sides)
+        hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
+        exact = self.caster.exact(rays.take(hit), found.take(hit))
+        ranges_m = np.full(len(directions), np.inf)
+        ranges_m[hit] = exact.ranges_m
+        return exact, ranges_m, hit

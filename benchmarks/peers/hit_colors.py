@@ -11,58 +11,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.batching import in_world
-from omnisim.scene.model import AlphaMode, LightKind, Material, Mesh, Scene, Texture, Wrap
+from omnisim.rays.geometry import build_geometry
+from omnisim.scene.model import AlphaMode, LightKind, Material, Scene, Texture, Wrap
 from omnisim.srgb import linear_from_srgb
 
 Floats = NDArray[np.float32]
-
-
-class WorldTriangles:
-    """All triangles of a scene, in the order of its instances.
-
-    Attributes:
-        corners_m: (n, 3, 3) float32, world.
-        materials: (n,) index of each triangle's material.
-        normals: (n, 3, 3) of the corners; zero: flat.
-        coordinates: (n, 3, 2) of the texture.
-        colors: (n, 3, 4) of the corners, linear RGBA.
-        is_textured: (n,) the mesh has texture coordinates.
-    """
-
-    def __init__(self, scene: Scene):
-        meshes = [in_world(scene.meshes[one.mesh], one) for one in scene.instances]
-        self.corners_m = np.concatenate([mesh.positions[mesh.triangles] for mesh in meshes])
-        self.materials = np.concatenate(
-            [np.full(len(mesh.triangles), mesh.material) for mesh in meshes]
-        )
-        self.normals = np.concatenate([_at_corners(mesh, mesh.normals, 3, 0.0) for mesh in meshes])
-        self.coordinates = np.concatenate(
-            [_at_corners(mesh, mesh.texture_coordinates, 2, 0.0) for mesh in meshes]
-        )
-        self.colors = np.concatenate([_at_corners(mesh, mesh.colors, 4, 1.0) for mesh in meshes])
-        self.is_textured = np.concatenate(
-            [np.full(len(mesh.triangles), mesh.texture_coordinates is not None) for mesh in meshes]
-        )
-
-
-def _at_corners(mesh: Mesh, values: Floats | None, count: int, otherwise: float) -> Floats:
-    if values is None:
-        return np.full((len(mesh.triangles), 3, count), otherwise, dtype=np.float32)
-    return values[mesh.triangles].astype(np.float32)
 
 
 class HitColors:
     """Colours of points on a scene's triangles; tables are made once."""
 
     def __init__(self, scene: Scene):
-        self._world = world = WorldTriangles(scene)
+        geometry = build_geometry(scene)
         self._lighting = scene.lighting
-        edges = world.corners_m[:, 1:] - world.corners_m[:, :1]
-        self._flat = np.cross(edges[:, 0], edges[:, 1])
+        corners_m = geometry.positions_m[geometry.corners].astype(np.float32)
+        self._flat = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+        self._normals = geometry.normals[geometry.corners]
+        self._coordinates = geometry.texture_coordinates[geometry.corners]
+        self._colors = None if geometry.colors is None else geometry.colors[geometry.corners]
         self._table = _TextureTable(scene.materials)
+        of_surface = np.array([scene.meshes[one.mesh].material for one in scene.instances])
+        textured = np.array([one.is_textured for one in geometry.surfaces])
+        self._material = of_surface[geometry.surface_of_triangle]
         # the last texture is white
-        self._texture = np.where(world.is_textured, world.materials, len(scene.materials))
+        self._texture = np.where(
+            textured[geometry.surface_of_triangle], self._material, len(scene.materials)
+        )
         materials = scene.materials
         self._base = np.array([material.base_color for material in materials], dtype=np.float32)
         self._two_sided = np.array([material.double_sided for material in materials])
@@ -76,7 +50,6 @@ class HitColors:
             ],
             dtype=np.float32,
         )
-        self._has_colors = bool((world.colors != 1.0).any())
 
     def of(
         self,
@@ -93,19 +66,18 @@ class HitColors:
             u, v: (n,) barycentric coordinates of the second and third corners.
             points_m, directions: (n, 3) of hits and rays, world.
         """
-        world = self._world
         weights = np.stack((1.0 - u - v, u, v), axis=1)
 
         def interpolated(corners: Floats) -> Floats:
             values: Floats = np.einsum("nk,nkc->nc", weights, corners[triangles])
             return values
 
-        material = world.materials[triangles]
+        material = self._material[triangles]
         color = self._base[material] * self._table.lookup(
-            self._texture[triangles], interpolated(world.coordinates)
+            self._texture[triangles], interpolated(self._coordinates)
         )
-        if self._has_colors:
-            color *= interpolated(world.colors)
+        if self._colors is not None:
+            color *= interpolated(self._colors)
         flat = self._flat[triangles]
         is_back = np.einsum("ij,ij->i", flat, directions) > 0.0
         opacity = np.where(self._blended[material], color[:, 3], np.float32(1.0))
@@ -113,7 +85,7 @@ class HitColors:
         opacity[is_back & ~self._two_sided[material]] = 0.0
 
         flat = np.where(is_back[:, None], -flat, flat)
-        normal = interpolated(world.normals)
+        normal = interpolated(self._normals)
         is_flat = ~normal.any(axis=1)
         normal[is_flat] = flat[is_flat]
         normal *= np.where(np.einsum("ij,ij->i", normal, flat) < 0.0, -1.0, 1.0)[:, None]
