@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.parts import Instance, Light, Material, Mesh
+from omnisim.short_repr import counted
 from omnisim.srgb import linear_from_srgb
 
 # A surface without any colour: a light grey of 80 % on the screen.
@@ -33,6 +35,18 @@ class ImportedScene(NamedTuple):
     instances: tuple[Instance, ...]
     notices: list[str]
     lights: tuple[Light, ...] = ()
+
+
+def texture_notices(read: ImportedScene) -> list[str]:
+    """One line for each material whose texture is on meshes that have no coordinates for it."""
+    shown = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
+    bare = Counter(mesh.material for mesh in shown if mesh.texture_coordinates is None)
+    return [
+        f"texture of {read.materials[index].name!r} is not drawn on "
+        f"{counted(count, 'mesh', 'meshes')} without texture coordinates"
+        for index, count in bare.items()
+        if read.materials[index].texture is not None
+    ]
 
 
 def make_mesh(

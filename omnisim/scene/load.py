@@ -11,7 +11,7 @@ from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import extend, with_objects
 from omnisim.scene.file_axes import FileAxes, world_from_file
 from omnisim.scene.gltf.reader import read_gltf
-from omnisim.scene.imported import place
+from omnisim.scene.imported import place, texture_notices
 from omnisim.scene.labels import label_rules
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
 from omnisim.scene.model import (
@@ -137,7 +137,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxe
     instances = place(read, matrix)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
-    notices = [*assets.notices, *textures.notices, *read.notices]
+    notices = [*assets.notices, *textures.notices, *texture_notices(read), *read.notices]
     return Scene(
         name=name,
         meshes=read.meshes,

@@ -14,6 +14,7 @@ _OPTION_VALUES = {
     "-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-colorspace": 1,
     "-imfchan": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
 }  # fmt: skip
+NO_MATERIAL = {"None", "(null)", "null"}  # as exporters write it
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _BARE_CORNER = re.compile(r"^[ \t]*f[ \t][^\n]*?\d(?:[ \t]|$|//)", re.MULTILINE)
 
@@ -71,6 +72,23 @@ def _plain_corner(word: str, counts: list[int], total_coordinates: int) -> str:
     if total_coordinates and (len(parts) < 2 or not parts[1]):
         parts[1:2] = [str(total_coordinates + 1)]
     return "/".join(parts)
+
+
+def undefined_materials(obj: bytes, mtl: bytes) -> list[str]:
+    """Notice of the materials that a plain OBJ uses and its plain MTL lacks."""
+    if b"newmtl" not in mtl:  # which is noted of the file itself
+        return []
+    used, defined = (
+        dict.fromkeys(
+            re.findall(rf"^[ \t]*{key}[ \t]+(\S[^\n]*?)[ \t]*$", text.decode(), re.MULTILINE)
+        )
+        for key, text in (("usemtl", obj), ("newmtl", mtl))
+    )
+    lacking = [name for name in used if name not in defined and name not in NO_MATERIAL]
+    if not lacking:
+        return []
+    names = ", ".join(map(repr, lacking[:3])) + (", …" if len(lacking) > 3 else "")
+    return [f"no material file has {names}: drawn in plain grey"]
 
 
 def plain_mtl(data: bytes) -> bytes:

@@ -21,7 +21,7 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.conversions import conversion_hint
 from omnisim.scene.imported import ImportedScene
 from omnisim.scene.mesh_faults import early_end, mesh_fault
-from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj
+from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj, undefined_materials
 from omnisim.scene.textures import NO_PICTURE, TextureStore
 from omnisim.scene.trimesh_import import import_trimesh
 
@@ -61,6 +61,8 @@ def read_other(
     imported = import_trimesh(_load_with_trimesh(kind, data, plain, assets), textures, assets)
     if not imported.instances and (fault := mesh_fault(kind, data)):
         raise SceneError(f"cannot be read as {kind}: {fault}")
+    if plain is not None:
+        imported.notices.extend(undefined_materials(plain, assets.given[MATERIAL_FILES]))
     for asset in sorted(assets.read - texts):
         _check_picture(asset, assets)
     return imported

@@ -24,6 +24,7 @@ from omnisim.scene.imported import (
     ImportedScene,
     colors_rgba,
     make_mesh,
+    texture_notices,
     translate,
 )
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
@@ -55,7 +56,9 @@ def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[Import
     read = import_trimesh(scene, textures, None, smooth)
     if not read.instances:
         raise SceneError(f"{name}: has no triangles to draw")
-    notices = [f"{name}: {notice}" for notice in (*textures.notices, *read.notices)]
+    notices = [
+        f"{name}: {notice}" for notice in (*textures.notices, *texture_notices(read), *read.notices)
+    ]
     return read._replace(notices=list(dict.fromkeys(notices))), _meters_per_unit(source.units)
 
 

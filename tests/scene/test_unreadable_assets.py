@@ -145,3 +145,22 @@ def test_buffers_that_cannot_be_read_are_refused(fault, tmp_path, monkeypatch):
         words = "expected 36 bytes in its buffer"
     with pytest.raises(SceneError, match=words):
         load_scene(path)
+
+
+def test_materials_that_no_file_has_are_noticed(tmp_path):
+    path = _obj(tmp_path, "newmtl m\nKd 1 0 0\n")
+    assert load_scene(path).notices == ()
+    path.write_text(OBJ + "usemtl None\nf 3/3 2/2 1/1\nusemtl gone\nf 3/3 2/2 1/1\n")
+    assert load_scene(path).notices == ("a.obj: no material file has 'gone': drawn in plain grey",)
+
+
+@pytest.mark.parametrize("make", [_obj_with_texture, _gltf], ids=lambda make: make.__name__)
+def test_textures_without_coordinates_are_noticed(make, tmp_path):
+    path, content = make(tmp_path)
+    (tmp_path / "asset").write_bytes(content)
+    text = path.read_text().replace("TEXCOORD_0", "_TEXCOORD_0")
+    path.write_text(re.sub(r"(\d)/\d", r"\1", text).replace("vt ", "# vt "))
+    scene = load_scene(path)
+    assert scene.materials[0].texture is not None
+    (notice,) = scene.notices
+    assert notice.endswith("is not drawn on 1 mesh without texture coordinates")
