@@ -1,6 +1,7 @@
 """`omnisim render --trajectory`: lenses and rigs along poses of a file."""
 
 import dataclasses
+import inspect
 import json
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 from omnisim.bilinear import sample
 from omnisim.calibration import Calibration, NamedPose, load_calibration
 from omnisim.cameras import camera_from_parameters
+from omnisim.cli import inputs, recording, trajectory
+from omnisim.cli.picture_requests import RenderRequest
 from omnisim.image_files import read_channels, read_image
 from omnisim.poses import inverse, pose
 from omnisim.sensors import OmniCamera, Renderer
@@ -259,3 +262,10 @@ def test_a_single_viewpoint_tilts(omnisim):
     assert np.degrees(np.arctan2(forward[1], forward[0])) == pytest.approx(30.0)
     np.testing.assert_allclose(metadata["world_from_base"], pose((0, 0, 1.2), -10.0, 20.0, 30.0))
     assert down[2] < -0.9
+
+
+def test_every_option_of_render_is_taken_or_refused_with_a_trajectory():
+    sources = "".join(inspect.getsource(module) for module in (trajectory, recording, inputs))
+    for field in dataclasses.fields(RenderRequest):
+        is_taken = f"request.{field.name}" in sources
+        assert is_taken or field.name in trajectory.SINGLE_PICTURE.values(), field.name
