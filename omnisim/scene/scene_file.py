@@ -40,7 +40,7 @@ def _not_zero(value: float) -> float:
 
 
 class StartTable(Table):
-    """Default pose of the camera."""
+    """Default pose of the camera; left out: near the middle, clear of surfaces."""
 
     position_m: Point
     """Metres in the world, z up."""

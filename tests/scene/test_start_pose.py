@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.scene import load_scene
+from omnisim.scene import Scene, load_scene
 from omnisim.scene.start_pose import default_start, find_start, triangle_distances
 
 CLEARANCE_M = 0.25
@@ -118,6 +118,11 @@ def test_a_start_is_the_same_in_every_place(tmp_path):
         part.apply_transform(trimesh.transformations.translation_matrix((2.6e6, 4e2, 1.2e6)))
     there = np.array(_load(tmp_path, *parts, name="b.obj").start.position_m)
     np.testing.assert_allclose(there - here, (2.6e6, -1.2e6, 4e2), atol=1e-3)
+
+
+def test_a_scene_made_in_memory_has_a_clear_start():
+    scene = Scene.from_trimesh(trimesh.util.concatenate([_room(), OBSTACLES["table top"]]), "room")
+    assert _distance(scene, scene.start.position_m) >= CLEARANCE_M - 1e-6
 
 
 def test_a_stated_start_stays(tmp_path):
