@@ -6,9 +6,8 @@ import math
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cli.console import out
-from omnisim.cli.inputs import read_sensor
 from omnisim.cli.picture_requests import SensorRequest
-from omnisim.sensors import OmniCamera
+from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 
 
@@ -21,7 +20,7 @@ def run(request: SensorRequest) -> None:
     if request.check is None:
         out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
         return
-    sensor = read_sensor(request.check)
+    sensor = OmniCamera.from_file(request.check)
     out.print(f"{request.check}: good", markup=False)
     lines = (
         _mirror_lines(sensor, sensor.model)

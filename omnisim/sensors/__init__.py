@@ -1,10 +1,30 @@
 """Sensors: from a sensor file to frames, and from a laser scanner to scans."""
 
-from omnisim.sensors.laser_renderer import LaserRenderer
-from omnisim.sensors.laser_scanner import LaserScanner
-from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.renderer import Renderer
-from omnisim.sensors.scan import Scan
-from omnisim.sensors.stage import Stage
+from typing import TYPE_CHECKING
 
+if TYPE_CHECKING:
+    from omnisim.sensors.laser_renderer import LaserRenderer
+    from omnisim.sensors.laser_scanner import LaserScanner
+    from omnisim.sensors.omnicamera import OmniCamera
+    from omnisim.sensors.renderer import Renderer
+    from omnisim.sensors.scan import Scan
+    from omnisim.sensors.stage import Stage
+
+# Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
+_MODULES = {
+    "LaserRenderer": "laser_renderer",
+    "LaserScanner": "laser_scanner",
+    "OmniCamera": "omnicamera",
+    "Renderer": "renderer",
+    "Scan": "scan",
+    "Stage": "stage",
+}
 __all__ = ["LaserRenderer", "LaserScanner", "OmniCamera", "Renderer", "Scan", "Stage"]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from omnisim.cli.app import main
+from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 
 # What only others need: plots, reports, other formats than glTF, oracles.
 RARE_LIBRARIES = (
@@ -23,6 +24,15 @@ RARE_MODULES = (
 def test_a_picture_imports_nothing_of_other_commands(tmp_path):
     _run(tmp_path, RARE_LIBRARIES + RARE_MODULES, "render", "rings", "--size", "24", "-o", "a.png")
     assert (tmp_path / "a.png").is_file()
+
+
+def test_a_sensor_file_is_checked_without_scenes_pictures_and_graphics(tmp_path):
+    (tmp_path / "sensor.toml").write_bytes(DEFAULT_SENSOR_FILE.read_bytes())
+    rare = (
+        "moderngl", "OpenImageIO", "PIL", "omnisim.scene", "omnisim.image_files",
+        "omnisim.gpu.context", "omnisim.sensors.stage", "omnisim.ground_truth",
+    )  # fmt: skip
+    _run(tmp_path, RARE_LIBRARIES + rare, "sensor", "--check", "sensor.toml")
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -7,34 +7,17 @@ numbers are in a `Step`. Everything is float32, because a photon in ten thousand
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.degradation.step import Step, UniformValue
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 
 METER_BLOCK_PX = 16  # pixels to a side of the block that one fragment of the light meter adds up
-
-UniformValue = float | tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """Degradation on the GPU: a shader and its parameters.
-
-    Attributes:
-        shader: stem of the file in `shaders/degradation`.
-        uniforms: constant values, by name.
-        textures: constant (height, width, channels) float32, by the name of their sampler.
-    """
-
-    shader: str
-    uniforms: Mapping[str, UniformValue] = field(default_factory=dict)
-    textures: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 class DegradationPass:

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.degradation.degradation_pass import Step, UniformValue
+from omnisim.gpu.degradation.step import Step, UniformValue
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 

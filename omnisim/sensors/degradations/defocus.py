@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import Number
 from omnisim.sensors.degradations.effect import OpticalEffect
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry

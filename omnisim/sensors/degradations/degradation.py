@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.sensors.degradations.bayer import Bayer
 from omnisim.sensors.degradations.chromatic_aberration import ChromaticAberration
 from omnisim.sensors.degradations.defocus import Defocus

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import Fraction, NotNegative, Number
 from omnisim.sensors.degradations.effect import Count, OpticalEffect, Seed
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import NotNegative, Number, Parameters
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import IntOrFloat, described
 from omnisim.sensors.degradations.effect import Effect
 from omnisim.sensors.degradations.picture_geometry import LinearPicture

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import NotNegative, Positive
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.image_files import through_jpeg
 from omnisim.sensors.degradations.effect import Effect
 
 
@@ -27,6 +26,8 @@ class Jpeg(Effect, name="degradation.jpeg"):
 
     def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Picture (height, width, 4) after JPEG; alpha is kept."""
+        from omnisim.image_files import through_jpeg  # with OpenImageIO, slow to import
+
         result = rgba.copy()
         result[..., :3] = through_jpeg(rgba[..., :3], self.quality, self.subsampling)
         result[rgba[..., 3] == 0, :3] = 0

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import NotNegative, Positive
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import Number
 from omnisim.sensors.degradations.effect import OpticalEffect, Rgb
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry

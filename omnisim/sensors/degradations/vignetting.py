@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import Signed
 from omnisim.sensors.degradations.effect import OpticalEffect
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from omnisim.gpu.degradation.degradation_pass import Step
+from omnisim.gpu.degradation.step import Step
 from omnisim.parameters import SMALLEST, IntOrFloat, Positive, described
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
