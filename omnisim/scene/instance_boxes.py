@@ -1,4 +1,4 @@
-"""Oriented boxes of a scene's instances, along the axes of their own meshes."""
+"""Oriented boxes of a scene's instances, along the axes of their own frames."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from omnisim.scene.parts import Instance, Mesh
 def instance_boxes(instances: Sequence[Instance], meshes: Sequence[Mesh]) -> dict[str, OrientedBox]:
     """Boxes by the instances' names, in the frame that they are placed in.
 
-    Parts of one name have one box. Its axes are those of the first part's mesh, turned as the part
-    is: a mesh that is not sheared has its own bounds.
+    Parts of one name have one box, along the axes of the instance's frame, see `Scene.pose_of`: it
+    has the bounds of the instance in this frame.
     """
     parts: dict[str, list[Instance]] = {}
     for instance in instances:
@@ -38,6 +38,6 @@ def _points_m(instance: Instance, mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _axes(instance: Instance) -> NDArray[np.float64]:
-    """Rotation (3, 3) of a mesh's axes: without scale, shear and mirroring."""
-    axes = nearest_rotation(instance.world_from_mesh[:3, :3])
+    """Rotation (3, 3) of an instance's frame: without scale, shear and mirroring."""
+    axes = nearest_rotation(instance.world_from_node[:3, :3])
     return axes if np.linalg.det(axes) > 0.0 else -axes  # of both signs the box is the same

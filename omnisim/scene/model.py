@@ -135,7 +135,7 @@ class Scene:
 
     @cached_property
     def instance_boxes(self) -> dict[str, OrientedBox]:
-        """Oriented boxes of the instances by name, along the axes of their own meshes."""
+        """Oriented boxes of the instances by name, along the axes of their own frames."""
         return instance_boxes(self.instances, self.meshes)
 
     @property

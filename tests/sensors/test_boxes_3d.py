@@ -1,5 +1,6 @@
 """3-D boxes of instances: those of trimesh, in the world and through the camera."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -29,6 +30,15 @@ def _same_box(found, transform, extents):
     assert apart.min(axis=1).max() < 1e-9
 
 
+def _framed(meshes, poses):
+    """Scene whose instances have the frames of their meshes."""
+    scene = scene_of(meshes, poses=poses)
+    instances = [
+        dataclasses.replace(one, world_from_node=one.world_from_mesh) for one in scene.instances
+    ]
+    return dataclasses.replace(scene, instances=tuple(instances))
+
+
 def _matrix(scale=(1.0, 1.0, 1.0)):
     return pose((3.0, -2.0, 1.0), roll_deg=20.0, pitch_deg=-30.0, yaw_deg=50.0) @ np.diag(
         [*scale, 1.0]
@@ -36,13 +46,13 @@ def _matrix(scale=(1.0, 1.0, 1.0)):
 
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (0.5, 2.0, 3.0), (-1.5, 1.0, 0.3)])
-def test_boxes_are_the_bounds_in_the_frame_of_the_mesh(scale):
+def test_boxes_are_the_bounds_in_the_frame_of_the_instance(scale):
     """By trimesh: bounds of the mesh, scaled in its own frame, then turned and moved."""
     random = np.random.default_rng(4)
     points = random.normal(size=(40, 3)).astype(np.float32)
     triangles = random.permutation(40)[:39].reshape(13, 3).astype(np.uint32)
     mesh = Mesh("cloud", points, triangles, 0)
-    scene = scene_of([mesh], poses=[_matrix(scale)])
+    scene = _framed([mesh], [_matrix(scale)])
     (found,) = scene.instance_boxes.values()
     theirs = trimesh.Trimesh(points * np.array(scale), triangles, process=False)
     low, high = theirs.triangles.reshape(-1, 3).min(0), theirs.triangles.reshape(-1, 3).max(0)
@@ -51,10 +61,10 @@ def test_boxes_are_the_bounds_in_the_frame_of_the_mesh(scale):
 
 
 def test_parts_of_one_name_have_one_box_along_the_axes_of_the_first():
-    scene = scene_of([box("a", 0, half_m=0.5)], poses=[_matrix()])
+    scene = _framed([box("a", 0, half_m=0.5)], [_matrix()])
     moved = _matrix() @ pose((2.0, 0.0, 0.0), yaw_deg=90.0)
     twin = Instance(scene.instances[0].name, 0, moved)
-    scene = type(scene)(**{**vars(scene), "instances": (*scene.instances, twin)})
+    scene = dataclasses.replace(scene, instances=(*scene.instances, twin))
     (found,) = scene.instance_boxes.values()
     _same_box(found, _matrix() @ pose((1.0, 0.0, 0.0)), (3.0, 1.0, 1.0))
 
@@ -136,3 +146,21 @@ def test_boxes_hold_all_that_is_seen_of_their_instances():
     assert (outside_m <= CLOSE_M).mean() > 0.995
     # by less than a pixel, of some 0.015 rad: 0.002 were measured
     assert (outside_m / ranges_m).max() < 0.005
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_boxes_follow_an_edit_and_are_those_of_cast_rays():
+    meshes = [room(), box("crate", 0, half_m=0.25)]
+    scene = _framed(meshes, [pose(), pose((0.5, 0.3, 0.0), yaw_deg=30.0)])
+    there = pose((0.2, -0.6, 0.3), roll_deg=20.0, yaw_deg=40.0)
+    found = {}
+    for backend in ("cube", "rays"):
+        if backend == "rays":
+            pytest.importorskip("embreex", reason="embreex is not installed")
+        with Renderer(scene, SPHERE, backend=backend) as renderer:
+            renderer.move("object 1", there)
+            found[backend] = renderer.render(NOW, boxes_3d=True).boxes_3d
+        assert [one.label.name for one in found[backend]] == ["object 0", "object 1"]
+        _same_box(found[backend][1].full, there, (0.5, 0.5, 0.5))
+    for cube, rays in zip(*found.values(), strict=True):
+        np.testing.assert_allclose(cube.visible.size_m, rays.visible.size_m, atol=1e-3)

@@ -158,14 +158,19 @@ def test_objects_and_hidden_parts_are_where_they_are():
                 WorldState({renderer.vehicle: base, "crate": pose((1.0, 0.3 * step, 0.8))})
                 for step, base in enumerate((NOW, AFTER))
             ]
-            also = ("range", "instance", "normals", "flow", "occluded", "scene_flow")
-            found.append(renderer.render(states[0], also=also, next_state=states[1]))
+            also = ("range", "instance", "normals", "flow", "scene_flow", "scene_flow_camera")
+            also += ("flow_backward",)
+            found.append(
+                renderer.render(
+                    states[0], also=also, next_state=states[1], previous_state=states[1]
+                )
+            )
     cube, rays = found
     seen = cube.has_ray
     assert len(np.unique(cube.channels["instance"])) > 2
-    for name in ("instance", "occluded"):
+    for name in ("instance", "occluded", "occluded_backward"):
         assert (cube.channels[name] == rays.channels[name])[seen].mean() >= 0.995, name
-    for name in ("range", "normals", "flow", "scene_flow"):
+    for name in ("range", "normals", "flow", "flow_backward", "scene_flow", "scene_flow_camera"):
         difference = _difference(cube.channels[name], rays.channels[name])[seen]
         assert np.quantile(difference, 0.98) <= 1e-4, name
     assert (cube.channels["occluded"] == 1).any()
