@@ -80,6 +80,15 @@ YawOption = Annotated[
         rich_help_panel=VIEWPOINT,
     ),
 ]
+TimeOption = Annotated[
+    float,
+    typer.Option(
+        "--time",
+        metavar="S",
+        help="Time of the world in seconds, where the scene's objects move.",
+        rich_help_panel=VIEWPOINT,
+    ),
+]
 PitchOption = Annotated[
     float,
     typer.Option(

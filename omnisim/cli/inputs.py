@@ -24,6 +24,8 @@ from omnisim.sensors.omnicamera import Polygons
 
 LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
 
+LARGEST_S = 1e9  # of the world: some 30 years
+
 
 @dataclass(frozen=True)
 class Viewpoint:
@@ -110,6 +112,19 @@ def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
             f"--camera: expected a calibration file, got the sensor file {calibration}: "
             "pass it as --sensor"
         )
+
+
+def check_seconds(option: str, seconds: float) -> float:
+    """Return a time in seconds, or an interval of two.
+
+    Raises:
+        OutputError: it is not finite, or beyond `LARGEST_S`; naming the option.
+    """
+    if not abs(seconds) <= LARGEST_S:  # NaN is not, either
+        raise OutputError(
+            f"{option}: expected a number of seconds up to {LARGEST_S:g}, got {seconds:g}"
+        )
+    return seconds
 
 
 def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: str) -> None:

@@ -29,6 +29,7 @@ from omnisim.cli.arguments import (
     RollOption,
     SceneArgument,
     SizeOption,
+    TimeOption,
     UnitOption,
     UnlitOption,
     UpOption,
@@ -81,6 +82,7 @@ class RenderRequest:
     yaw_deg: YawOption = None
     pitch_deg: PitchOption = 0.0
     roll_deg: RollOption = 0.0
+    time_s: TimeOption = 0.0
     polygons: PolygonsOption = None
     size_px: SizeOption = None
     quality: QualityOption = None
@@ -137,6 +139,15 @@ class RenderRequest:
             rich_help_panel=GROUND_TRUTH,
         ),
     ] = None
+    interval_s: Annotated[
+        float,
+        typer.Option(
+            "--interval",
+            metavar="S",
+            help="Seconds to the next frame and from the previous, for flow of what moves.",
+            rich_help_panel=GROUND_TRUTH,
+        ),
+    ] = 0.0
     preview: Annotated[
         bool,
         typer.Option(
@@ -314,6 +325,7 @@ class ScanRequest:
     yaw_deg: YawOption = None
     pitch_deg: PitchOption = 0.0
     roll_deg: RollOption = 0.0
+    time_s: TimeOption = 0.0
     resolution_deg: Annotated[
         float,
         typer.Option(

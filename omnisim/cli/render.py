@@ -16,6 +16,7 @@ from omnisim.cli.arguments import Backend
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.inputs import (
     Viewpoint,
+    check_seconds,
     load_labelled_scene,
     parse_channel_format,
     parse_polygons,
@@ -39,6 +40,7 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
+from omnisim.world import WorldState
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.calibration import Calibration
@@ -50,6 +52,7 @@ TRAJECTORY_OPTIONS = {
     "--force": "force",
 }
 CUBE_OPTIONS = {"--faces": "faces", "--device": "device"}
+SIGNS = {"next": 1.0, "previous": -1.0}  # of times
 DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
 
 
@@ -74,7 +77,9 @@ def run(request: RenderRequest) -> None:
     base = viewpoint.base_of(camera)
     others = _other_viewpoints(request, viewpoint, channels)
     bases = {other: there.base_of(camera) for other, there in others.items()}
-    twist = _twist(request, camera)
+    twist = _twist(request, camera).through(base)
+    time_s = check_seconds("--time", request.time_s)
+    interval_s = check_seconds("--interval", request.interval_s)
     with Renderer(
         scene,
         camera,
@@ -83,14 +88,18 @@ def run(request: RenderRequest) -> None:
         seed=request.seed,
         backend="rays" if request.backend is Backend.RAYS else "cube",
     ) as renderer:
+        states = {
+            other: WorldState({renderer.vehicle: there}, time_s + SIGNS[other] * interval_s)
+            for other, there in bases.items()
+        }
         frame = renderer.render(
-            base,
+            WorldState({renderer.vehicle: base}, time_s),
             linear=is_float,
             also=channels,
             boxes_3d=request.boxes_3d,
-            next_state=bases.get("next"),
-            previous_state=bases.get("previous"),
-            motion=twist.through(base),
+            next_state=states.get("next"),
+            previous_state=states.get("previous"),
+            motion=lambda now_s: twist(now_s - time_s),
         )
         faces = {} if request.faces is None else renderer.faces()
     frame.save(request.output, request.preview, channel_format)

@@ -6,11 +6,12 @@ import numpy as np
 
 from omnisim.atomic_file import check_target
 from omnisim.cli.console import out
-from omnisim.cli.inputs import Viewpoint, load_requested_scene
+from omnisim.cli.inputs import Viewpoint, check_seconds, load_requested_scene
 from omnisim.cli.picture_requests import ScanRequest
 from omnisim.errors import OutputError
 from omnisim.extras import require_extra
 from omnisim.sensors import LaserRenderer, LaserScanner
+from omnisim.world import WorldState
 
 
 def run(request: ScanRequest) -> None:
@@ -29,7 +30,8 @@ def run(request: ScanRequest) -> None:
     scene = load_requested_scene(request)
     viewpoint = Viewpoint.in_scene(scene, request)
     with LaserRenderer(scene, scanner, device=request.device) as renderer:
-        scan = renderer.scan(viewpoint.pose)
+        time_s = check_seconds("--time", request.time_s)
+        scan = renderer.scan(WorldState({renderer.vehicle: viewpoint.pose}, time_s))
     scan.save_csv(request.output)
     too_near = int(np.isneginf(scan.ranges_m).sum())
     out_of_range = int(np.isposinf(scan.ranges_m).sum())

@@ -29,6 +29,8 @@ SINGLE_PICTURE = {
     "--next-yaw": "next_yaw_deg",
     "--previous": "previous_at",
     "--previous-yaw": "previous_yaw_deg",
+    "--time": "time_s",
+    "--interval": "interval_s",
     "--preview": "preview",
     "--speed": "speed_mps",
     "--turn-rate": "turn_rate_degps",

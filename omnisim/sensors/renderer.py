@@ -130,7 +130,7 @@ class Renderer(SensorRenderer[CameraBackend]):
                 labels, has_ray = ground_truth.labels, ground_truth.has_ray
                 channels = {name: found[name] for name in names}
                 if boxes_3d:
-                    full = self._boxes_in(now, labels)
+                    full = self._boxes_in(poses, labels)
                     boxes = visible_boxes(found["position"], found["instance"], labels, full)
         self._last_poses = poses
         metadata = self._metadata(now, poses.world_from_rig) | degradation
@@ -163,11 +163,13 @@ class Renderer(SensorRenderer[CameraBackend]):
 
     def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
         """Poses in the motion of the world, some seconds after a state of it."""
-        return self._poses_in(self._state(motion(now.time_s + seconds_after), now))
+        time_s = now.time_s + seconds_after
+        return self._poses_in(self._state(motion(time_s), now, time_s))
 
-    def _boxes_in(self, state: WorldState, labels: Labels) -> dict[int, OrientedBox]:
-        """Boxes of all instances by ID in a state of the world, world frame."""
-        stage, world_from_object = self._stage, state.world_from_object
+    def _boxes_in(self, poses: ScenePoses, labels: Labels) -> dict[int, OrientedBox]:
+        """Boxes of all instances by ID at some poses, world frame."""
+        stage = self._stage
+        world_from_object = dict(zip(stage.objects, poses.world_from_objects, strict=True))
         boxes = {}
         for label in labels.instances:
             owner = label.object_name

@@ -306,19 +306,26 @@ class SensorRenderer(Closing, EditableScene, Generic[Passes]):
         index = list(self._stage.objects).index(self.vehicle)
         return frozenset((index, name) for name in self.hidden)
 
-    def _state(self, given: WorldState | ArrayLike, before: WorldState | None = None) -> WorldState:
+    def _state(
+        self,
+        given: WorldState | ArrayLike,
+        before: WorldState | None = None,
+        time_s: float | None = None,
+    ) -> WorldState:
         """State of the world that is given, or whose vehicle's pose (4, 4) alone is.
 
         Args:
             given: by the caller.
             before: state that all else is in, where a pose is given.
+            time_s: of the state, where a pose is given; None: as before.
 
         Raises:
             OmnisimError: a matrix that is not a pose.
             SceneError: a state without a pose of the vehicle.
         """
         if not isinstance(given, WorldState):
-            return (before or WorldState({})).moved({self.vehicle: given})
+            moved = (before or WorldState({})).moved({self.vehicle: given})
+            return moved if time_s is None else WorldState(moved.world_from_object, time_s)
         if self.vehicle not in given.world_from_object:
             got = ", ".join(given.world_from_object) or "none"
             raise SceneError(f"state: expected a pose of {self.vehicle}, got {got}")

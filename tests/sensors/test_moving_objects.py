@@ -90,7 +90,7 @@ def test_blur_of_a_ball_and_a_turning_robot_is_the_mean_of_its_instants():
             by_pose = renderer.render(
                 WorldState({"body": turn(0.0)}, 3.0),
                 linear=True,
-                motion=lambda time_s: WorldState({"body": turn(time_s - 3.0)}, time_s),
+                motion=lambda time_s: turn(time_s - 3.0),
             )
         with Renderer(stage, _camera(), unlit=True) as still:
             times_s = 3.0 + ((np.arange(64) + 0.5) / 64 - 0.5) * exposure_s
