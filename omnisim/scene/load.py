@@ -81,8 +81,8 @@ def _load_source(source: str | Path, axes: FileAxes, outer: tuple[Path, ...]) ->
 
 def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[Path, ...]) -> Scene:
     """Load the scene that a TOML extends, and add what the TOML has."""
-    settings, toml = found.settings, outer[-1]
-    assert settings.extends is not None
+    settings, toml = found.settings, found.toml
+    assert settings.extends is not None and toml is not None
     beside = toml.parent / settings.extends
     base = _load_source(beside if beside.exists() else settings.extends, axes, outer)
     return extend(
@@ -97,7 +97,7 @@ def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[P
             landmarks=_landmarks(settings),
             labels=label_rules(settings.labels) or base.labels,
         ),
-        str(found.toml),
+        str(toml),
     )
 
 
