@@ -71,7 +71,7 @@ class RigRoute:
         moved = self.world_from_file @ poses.upright() @ inverse(body_from_posed)
         times_s = poses.times_s
         if times_s is not None and self.rate_hz is not None:
-            raise TrajectoryError(f"{self.path}: has times of its own: expected no rate")
+            raise TrajectoryError(f"{self.path}: has times of its own: expected no --rate")
         if self.frame is None:
             axes = ", in KITTI's axes" if poses.axes == "kitti" else ""
             print_note(f"{self.path}: poses of {label}{axes}; --trajectory-frame says otherwise")
@@ -108,7 +108,7 @@ class RigRoute:
             print_note(f"{self.path}: has no times: one pose a second; --rate says otherwise")
             return UNTIMED_HZ
         if not 1e-9 < self.rate_hz < 1e9:
-            raise TrajectoryError(f"rate {self.rate_hz:g} Hz: expected a finite number above 0")
+            raise TrajectoryError(f"--rate: expected a finite number above 0, got {self.rate_hz:g}")
         return self.rate_hz
 
 
@@ -154,7 +154,7 @@ def _posed_frame(rig: Rig, frame: str, path: Path) -> tuple[NDArray[np.float64],
     cameras = {camera.name: camera for camera in rig.cameras}
     chosen = first if frame == CAMERA else cameras.get(frame)
     if chosen is None:
-        hint = did_you_mean(frame, [BODY, CAMERA, *cameras])
+        hint = did_you_mean(frame, dict.fromkeys((BODY, CAMERA, *cameras)))
         raise TrajectoryError(f"{path}: --trajectory-frame {frame!r}: {hint}")
     return chosen.body_from_camera, f"{chosen.name} ({OPTICAL_AXES})"
 

@@ -117,8 +117,8 @@ def test_frames_of_several_cameras_are_those_of_the_one_taken(tmp_path):
     [
         ("tum", {"frame": "cam7"}, "--trajectory-frame 'cam7': did you mean"),
         ("tum", {"frame": "odom"}, "--trajectory-frame 'odom': expected one of body, camera, cam0"),
-        ("tum", {"rate_hz": 10.0}, "has times of its own: expected no rate"),
-        ("kitti", {"rate_hz": -1.0}, "rate -1 Hz: expected a finite number above 0"),
+        ("tum", {"rate_hz": 10.0}, "has times of its own: expected no --rate"),
+        ("kitti", {"rate_hz": -1.0}, "--rate: expected a finite number above 0, got -1"),
         ("csv", {"axes": "kitti"}, "--axes: expected world, got kitti"),
     ],
 )
