@@ -33,11 +33,7 @@ class FocalCamera(ParametricCamera):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_limits(self, "focal_length_px", *FOCAL_LENGTHS_PX)
-        if not all(abs(value) <= LARGEST_PX for value in self.principal_point_px):
-            raise OpticsError(
-                f"camera: principal_point_px: expected numbers within ±{LARGEST_PX:g}, "
-                f"got {self.principal_point_px}"
-            )
+        _check_principal_point(self.principal_point_px)
 
     @property
     def pixels_per_plane(self) -> float:
@@ -74,6 +70,13 @@ class TwoFocalCamera(ParametricCamera):
             raise OpticsError(
                 f"camera: focal_lengths_px: expected more than 0, got {self.focal_lengths_px}"
             )
+        lowest, highest = FOCAL_LENGTHS_PX
+        if not lowest <= min(self.focal_lengths_px) <= max(self.focal_lengths_px) <= highest:
+            raise OpticsError(
+                f"camera: focal_lengths_px: expected {lowest:g} to {highest:g}, "
+                f"got {self.focal_lengths_px}"
+            )
+        _check_principal_point(self.principal_point_px)
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:
@@ -86,3 +89,11 @@ class TwoFocalCamera(ParametricCamera):
             "u_focal_lengths_px": self.focal_lengths_px,
             "u_principal_point_px": self.principal_point_px,
         }
+
+
+def _check_principal_point(principal_point_px: tuple[float, float]) -> None:
+    if not all(abs(value) <= LARGEST_PX for value in principal_point_px):
+        raise OpticsError(
+            f"camera: principal_point_px: expected numbers within ±{LARGEST_PX:g}, "
+            f"got {principal_point_px}"
+        )

@@ -21,7 +21,7 @@ def main() -> None:
     print_line = partial(print, flush=True)
     if options.what == "renderers":
         growth = renderers(options.times, print_line)
-        print(f"{options.times} renderers: {growth / 1e6:+.1f} MB")
+        print(f"{options.times} renderers: {growth / 1e3:+.0f} kB each")
         sys.exit(growth > LARGEST_GROWTH)
     with tempfile.TemporaryDirectory(prefix="omnisim-kills-") as folder:
         kills(options.output or Path(folder), options.times, options.seed, print_line)
