@@ -34,7 +34,7 @@ def run(request: SceneRequest) -> None:
         scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
     document = describe(scene)
     if request.json:
-        out.print(json.dumps(document, indent=2, ensure_ascii=False), markup=False)
+        out.print(json.dumps(document, indent=2), markup=False)
     else:
         _print_tables(document, request.all)
     if request.plot is not None:
