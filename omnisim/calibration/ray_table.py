@@ -64,14 +64,18 @@ def ray_table(camera: CentralCamera) -> RayTable:
     """Rays of all pixels of a camera."""
     size = (camera.height_px, camera.width_px)
     directions = np.empty((*size, 3), dtype=np.float32)
+    origins_m = np.zeros_like(directions)
     valid = np.empty(size, dtype=bool)
     step = max(1, BAND_PIXELS // camera.width_px)
     for first in range(0, camera.height_px, step):
         rows = slice(first, first + step)
         pixels = pixel_grid(camera.width_px, len(valid[rows])) + (0.0, first)
-        directions[rows], valid[rows] = camera.ray_from_pixel(pixels)
+        rays = camera.ray_from_pixel(pixels)
+        directions[rows], valid[rows] = rays.directions, rays.valid
+        if rays.origins_m is not None:
+            origins_m[rows] = rays.origins_m
     metadata = {"omnisim": __version__, "camera": camera.parameters()}
-    return RayTable(directions, np.zeros_like(directions), valid, metadata)
+    return RayTable(directions, origins_m, valid, metadata)
 
 
 def write_ray_table(

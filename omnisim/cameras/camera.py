@@ -14,10 +14,11 @@ CameraParameters = dict[str, float | int | str | list[float]]
 
 
 class Rays(NamedTuple):
-    """Rays from the effective viewpoint, optical frame."""
+    """Rays in the optical frame; those of a central camera start at the effective viewpoint."""
 
     directions: NDArray[np.float64]  # (..., 3), unit length
     valid: NDArray[np.bool_]  # (...,): the pixel sees something by this ray
+    origins_m: NDArray[np.float64] | None = None  # (..., 3) where they start; None: at the origin
 
 
 class Pixels(NamedTuple):

@@ -2,37 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.rays.caster import Rays
+from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.pixel_rays import Band, PixelRays
 from omnisim.rays.ray_scene import ObjectState, RayScene
-
-
-@dataclass(frozen=True)
-class DepthLimits:
-    """Limits of what rays hit, as the virtual cameras' planes have it: faces of two cubes.
-
-    Attributes:
-        near_m, far_m: halves of their sides.
-    """
-
-    near_m: float
-    far_m: float
-
-    def aim(self, rig: NDArray[np.float64], world_from_rig: NDArray[np.float64]) -> Rays:
-        """Rays in the world along unit directions (n, 3), rig frame, from a pose (4, 4)."""
-        depths = np.abs(rig).max(axis=1)
-        return Rays(
-            np.tile(world_from_rig[:3, 3], (len(rig), 1)),
-            np.einsum("nj,ij->ni", rig, world_from_rig[:3, :3]),
-            self.near_m / depths,
-            self.far_m / depths,
-        )
 
 
 class RayPicture:
@@ -78,7 +54,7 @@ class RayPicture:
     ) -> NDArray[np.float32]:
         """Samples (rows, width, 4) of a band: linear RGB, and validity."""
         camera = self._rays.camera
-        rays = self._limits.aim(band.rig_directions(camera), world_from_rig)
+        rays = band.aim(self._limits, camera.rig_from_optical, world_from_rig)
         world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
         footprints = band.world_footprints(world_from_optical)
         samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)

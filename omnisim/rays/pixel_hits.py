@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import Hits
+from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.embree import NO_TRIANGLE
-from omnisim.rays.picture import DepthLimits
 from omnisim.rays.pixel_rays import PixelRays
 from omnisim.rays.ray_scene import ObjectState, RayScene
 
@@ -115,7 +115,7 @@ class PixelHits:
         scene, band, poses = self._scene, self._pixels.band(number), objects.world_from_objects
         geometry, shading = scene.caster.geometry, scene.shading
         world_from_optical = world_from_rig[:3, :3] @ self._pixels.camera.rig_from_optical
-        rays = self._limits.aim(band.rig_directions(self._pixels.camera), world_from_rig)
+        rays = band.aim(self._limits, self._pixels.camera.rig_from_optical, world_from_rig)
         footprints = band.world_footprints(world_from_optical)
         first = scene.first_hits(rays, objects, footprints=footprints)
         hit = np.flatnonzero(first.triangles != NO_TRIANGLE)
@@ -123,7 +123,8 @@ class PixelHits:
         exact = scene.caster.exact(some, first.take(hit), poses)
         points = np.empty((len(first.triangles), 4), dtype=np.float32)
         points[:, :3], points[:, 3] = rays.directions, np.inf
-        points[hit, :3] = exact.ranges_m[:, None] * some.directions
+        from_viewpoint_m = some.origins_m - world_from_rig[:3, 3]
+        points[hit, :3] = from_viewpoint_m + exact.ranges_m[:, None] * some.directions
         points[hit, 3] = exact.ranges_m
         draws_plus_one, triangles = np.zeros((2, len(points)), dtype=np.uint32)
         surfaces = shading.surfaces(exact)

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, pixel_grid
 from omnisim.cameras import Rays as CameraRays
+from omnisim.rays.caster import Rays
+from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.mirror_mesh_rays import MirrorMeshRays
+from omnisim.world import Pose
 
 # Samples at a time, more or less: intermediate arrays stay in the cache, and threads have enough
 # to do between Python's own steps.
@@ -25,12 +28,20 @@ class Band(NamedTuple):
     rows: slice
     valid: NDArray[np.bool_]  # (rows, width)
     directions: NDArray[np.float64]  # (n, 3), unit, optical frame
+    origins_m: NDArray[np.float64] | None  # (n, 3), optical frame; None: at the viewpoint
     footprints: NDArray[np.float32]  # (n, 2, 3): to the next sample's right, and below
 
-    def rig_directions(self, camera: CentralCamera) -> NDArray[np.float64]:
-        """Directions (n, 3) in the camera's rig frame."""
-        rig: NDArray[np.float64] = np.einsum("nj,ij->ni", self.directions, camera.rig_from_optical)
-        return rig
+    def aim(
+        self, limits: DepthLimits, rig_from_optical: NDArray[np.float64], world_from_rig: Pose
+    ) -> Rays:
+        """Rays (n,) in the world, by a camera's orientation (3, 3) in its rig and a pose (4, 4)."""
+        rig = np.einsum("nj,ij->ni", self.directions, rig_from_optical)
+        rays = limits.aim(rig, world_from_rig)
+        if self.origins_m is None:
+            return rays
+        world_from_optical = world_from_rig[:3, :3] @ rig_from_optical
+        offsets_m = np.einsum("nj,ij->ni", self.origins_m, world_from_optical)
+        return rays._replace(origins_m=rays.origins_m + offsets_m)
 
     def world_footprints(self, world_from_optical: NDArray[np.float64]) -> NDArray[np.float32]:
         """Footprints (n, 2, 3) in the world, by the camera's rotation (3, 3)."""
@@ -40,7 +51,7 @@ class Band(NamedTuple):
 
 
 class PixelRays:
-    """Rays of a picture of samples; they start at the effective viewpoint.
+    """Rays of a picture of samples.
 
     Args:
         camera: whose pixels are the samples.
@@ -73,7 +84,9 @@ class PixelRays:
         footprints = np.stack(
             [_steps(directions, rays.valid, axis)[1:-1, 1:-1][valid] for axis in (1, 0)], axis=1
         )
-        return Band(rows, valid, directions[1:-1, 1:-1][valid], footprints.astype(np.float32))
+        origins_m = None if rays.origins_m is None else rays.origins_m[1:-1, 1:-1][valid]
+        inside = directions[1:-1, 1:-1][valid]
+        return Band(rows, valid, inside, origins_m, footprints.astype(np.float32))
 
 
 def _steps(

@@ -66,7 +66,8 @@ class TextureTable:
             self._clamps[number] = [
                 wrap is Wrap.CLAMP_TO_EDGE for wrap in (texture.wrap_u, texture.wrap_v)
             ]
-        self._texels = np.concatenate(texels)
+        # four bytes at once, which are looked up quicker
+        self._texels = np.ascontiguousarray(np.concatenate(texels)).view(np.uint32).ravel()
 
     def sizes_px(self, textures: NDArray[np.intp]) -> NDArray[np.float32]:
         """Widths and heights (n, 2) of the finest levels."""
@@ -102,7 +103,7 @@ class TextureTable:
         first, clamps = self._first[textures, levels], self._clamps[textures]
         size = self._size[textures, levels]
         position = coordinates.astype(np.float64) * size - 0.5
-        low = np.floor(position)
+        low: NDArray[np.float64] = np.floor(position)
         weights = (position - low).astype(np.float32)
         low_px = low.astype(np.intp)
         total = np.zeros((len(textures), 4), dtype=np.float32)
@@ -113,13 +114,17 @@ class TextureTable:
             for right in (0, 1):
                 column = _wrapped(low_px[:, 0] + right, size[:, 0], clamps[:, 0])
                 weight = down_weight * (weights[:, 0] if right else 1.0 - weights[:, 0])
-                texels = self._texels[start + column]
-                total[:, :3] += weight[:, None] * _LINEAR[texels[:, :3]]
-                total[:, 3] += weight * _ALPHA[texels[:, 3]]
+                values = self._texels.take(start + column).view(np.uint8).reshape(-1, 4)
+                colors = _LINEAR.take(values)
+                colors[:, 3] = _ALPHA.take(values[:, 3])
+                colors *= weight[:, None]
+                total += colors
         return total
 
 
 def _wrapped(
     texels: NDArray[np.intp], sizes: NDArray[np.intp], clamps: NDArray[np.bool_]
 ) -> NDArray[np.intp]:
+    if (texels >= 0).all() and (texels < sizes).all():  # most often, and quicker
+        return texels
     return np.where(clamps, np.clip(texels, 0, sizes - 1), texels % sizes)

@@ -13,7 +13,8 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.ground_truth.hits import Hits
 from omnisim.rays.beams import Beams
-from omnisim.rays.picture import DepthLimits, RayPicture
+from omnisim.rays.depth_limits import DepthLimits
+from omnisim.rays.picture import RayPicture
 from omnisim.rays.pixel_hits import PixelHits
 from omnisim.rays.pixel_rays import PixelRays
 from omnisim.rays.ray_scene import ObjectState, RayScene
