@@ -208,7 +208,9 @@ def _expected(
         return f"{words} {fault['ctx'][limit]:g}"
     begin = r"^(expected|Input should be|(String|Tuple) should have) "
     expected = re.sub(begin, "", message)
-    return "" if expected == message else re.sub(r" after validation, not \d+$", "", expected)
+    if expected == message or ", got " in message:
+        return ""
+    return re.sub(r" after validation, not \d+$", "", expected)
 
 
 def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydantic.BaseModel] | None:

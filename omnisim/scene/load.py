@@ -82,7 +82,8 @@ def _load_source(source: str | Path, axes: FileAxes, outer: tuple[Path, ...]) ->
 def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[Path, ...]) -> Scene:
     """Load the scene that a TOML extends, and add what the TOML has."""
     settings, toml = found.settings, found.toml
-    assert settings.extends is not None and toml is not None
+    assert settings.extends is not None
+    assert toml is not None
     beside = toml.parent / settings.extends
     base = _load_source(beside if beside.exists() else settings.extends, axes, outer)
     return extend(

@@ -234,9 +234,9 @@ class SceneFile(Table):
         if self.file is None and self.extends is None:
             raise ValueError("missing; expected a mesh file, or in extends a scene")
         if self.file is not None and self.extends is not None:
-            raise ValueError("extends: expected either a mesh file or extends, got both")
+            raise ValueError("expected either file or extends, got both")
         if self.extends is not None and (self.up_axis or self.meters_per_unit):
-            raise ValueError("extends: expected no up_axis and no meters_per_unit with it")
+            raise ValueError("expected no up_axis and no meters_per_unit with extends")
         return self
 
     @field_validator("landmarks")

@@ -85,10 +85,10 @@ def test_faulty_objects(folder, text, words):
 @pytest.mark.parametrize(
     ("head", "words"),
     [
-        ('extends = "soccer"\nfile = "floor.glb"\n', "extends: expected either a mesh file or"),
+        ('extends = "soccer"\nfile = "floor.glb"\n', "expected either file or extends, got both"),
         ('extends = "scene.toml"\n', "extends itself"),
         ('extends = "socer"\n', "did you mean 'soccer'"),
-        ('extends = "soccer"\nup_axis = "z"\n', "extends: expected no up_axis"),
+        ('extends = "soccer"\nup_axis = "z"\n', "expected no up_axis"),
         (
             'extends = "soccer"\n[[starts]]\nname = "kick_off"\nposition_m = [0, 0, 0]\n',
             "starts: name = 'kick_off': the scene that it extends has one",
