@@ -3,7 +3,8 @@
 | file | its poses are of |
 | --- | --- |
 | TUM, EuRoC | the rig's body (its IMU), or the first camera where the rig has no body |
-| KITTI | the first camera; the world's axes are the first pose's: x right, y down, z ahead |
+| KITTI | the first camera, or one that looks ahead in the place of the first mirror; the world's |
+| | axes are the first pose's: x right, y down, z ahead |
 | nerfstudio's transforms.json | the camera |
 | CSV with headings | the rig's body, or a vehicle on which the first camera looks ahead |
 
@@ -32,6 +33,7 @@ from omnisim.trajectories.formats.text_table import check_printed_times
 BODY, CAMERA = "body", "camera"
 NERFSTUDIO = "nerfstudio"
 OPTICAL_AXES = "x right, y down, z forward"
+AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
 UNTIMED_HZ = 1.0  # poses a second of a file that does not say
 
 
@@ -96,10 +98,13 @@ class RigRoute:
             raise TrajectoryError(f"{self.path}: --axes: expected world, got {axes}")
         return _FilePoses(parsed.format, parsed.times_s, parsed.world_from_base, axes)
 
-    def _frame(self, rig: Rig, file_format: str) -> str:
+    def _frame(self, rig: Rig, file_format: str) -> str | None:
+        """Name of the frame; None: a camera that looks ahead, as KITTI's do."""
         if self.frame is not None:
             return self.frame
-        if file_format in ("kitti", NERFSTUDIO):
+        if file_format == "kitti":
+            return None
+        if file_format == NERFSTUDIO:
             return CAMERA
         return BODY if rig.has_body or file_format == "csv" else CAMERA
 
@@ -132,25 +137,23 @@ class _FilePoses:
         """Poses (n, 4, 4) in a world with z up."""
         if self.axes == "world":
             return self.file_from_posed
-        upright: NDArray[np.float64] = (
-            pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3)) @ self.file_from_posed
-        )
+        upright: NDArray[np.float64] = AHEAD @ self.file_from_posed
         return upright
 
 
-def _posed_frame(rig: Rig, frame: str, path: Path) -> tuple[NDArray[np.float64], str]:
+def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.float64], str]:
     """Pose (4, 4) of a frame on the rig's body, and the frame in words."""
     first = rig.cameras[0]
+    optical_from_rig = inverse(pose_from_rotation(first.model.rig_from_optical, np.zeros(3)))
+    body_from_rig = first.body_from_camera @ optical_from_rig  # upright, x forward
+    if frame is None:
+        is_lens = np.array_equal(first.model.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD)
+        place = "" if is_lens else "a camera that looks ahead in the place of "
+        return body_from_rig @ AHEAD, f"{place}{first.name} ({OPTICAL_AXES})"
     if frame in (BODY, rig.body) and rig.has_body:
         return np.eye(4), f"the rig's {rig.body}"
     if frame == BODY:
-        optical_from_vehicle = inverse(
-            pose_from_rotation(first.model.rig_from_optical, np.zeros(3))
-        )
-        return (
-            first.body_from_camera @ optical_from_vehicle,
-            f"a vehicle (x forward, y left, z up) with {first.name} on it",
-        )
+        return body_from_rig, f"a vehicle (x forward, y left, z up) with {first.name} on it"
     cameras = {camera.name: camera for camera in rig.cameras}
     chosen = first if frame == CAMERA else cameras.get(frame)
     if chosen is None:

@@ -11,7 +11,8 @@ from omnisim.calibration.rig import Rig, RigCamera
 from omnisim.cameras import PerspectiveCamera
 from omnisim.errors import OmnisimError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
-from omnisim.poses import pose, pose_from_rotation
+from omnisim.poses import inverse, pose, pose_from_rotation
+from omnisim.sensors import OmniCamera
 from omnisim.simulation.rig_trajectory import RigRoute
 from omnisim.trajectories import Trajectory, write_trajectory
 
@@ -70,6 +71,14 @@ def test_kittis_poses_are_the_first_cameras_in_a_world_with_y_down(write):
     assert not is_timed
     assert "poses of cam0 (x right, y down, z forward), in KITTI's axes" in notes[0]
     assert "has no times: one pose a second" in notes[1]
+
+
+def test_kittis_poses_set_a_mirror_upright(write):
+    mirror = OmniCamera()
+    rig = Rig("base", (RigCamera("camera", mirror.model, mirror.base_from_optical),))
+    poses, _, notes = _read(write("kitti"), rig)
+    np.testing.assert_allclose(poses, AHEAD @ POSES @ inverse(AHEAD), atol=1e-8)  # as a drive
+    assert "a camera that looks ahead in the place of camera" in notes[0]
 
 
 def test_the_user_may_say_otherwise(write):
