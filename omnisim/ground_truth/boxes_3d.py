@@ -19,8 +19,8 @@ _ABOUT = (
     "Oriented boxes of the instances that at least one pixel shows. Their axes are those of the "
     "instance's own frame: of its node, z up where that is not turned; not the tightest ones. "
     "full: of the whole surface, hidden or not; visible: of the points that the pixels' rays hit, "
-    "along the same axes. world: x and y on the ground, z up; camera: the optical frame, x right, y "
-    "down, z forward. quaternion_xyzw turns the box's axes into those of the frame; size_m is "
+    "along the same axes. world: x and y on the ground, z up; camera: the optical frame, x right, "
+    "y down, z forward. quaternion_xyzw turns the box's axes into those of the frame; size_m is "
     "along the box's axes, edge to edge."
 )
 
