@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -42,3 +43,21 @@ def write_npy(path: Path, values: NDArray[Any]) -> None:
     """
     with atomic_write(path) as partial, partial.open("wb") as file:
         np.save(file, values, allow_pickle=False)
+
+
+def read_npy(path: Path) -> NDArray[Any]:
+    """Read an array of numbers.
+
+    Raises:
+        OutputError: the file is missing, or damaged.
+    """
+    try:
+        # mapped, so that a damaged header cannot ask for more memory than the file has
+        values = np.array(np.load(path, mmap_mode="r", allow_pickle=False))
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be read: {reason.strerror or 'damaged'}") from None
+    except (ValueError, TypeError, EOFError, ArithmeticError, SyntaxError, TokenError):
+        raise OutputError(f"{path}: expected an array of numbers, as NumPy writes it") from None
+    if values.dtype.kind not in "fiub":
+        raise OutputError(f"{path}: expected an array of numbers, got {values.dtype}")
+    return values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from omnisim.ground_truth.channels import CHANNELS, FLOWS
 from omnisim.ground_truth.files import sidecar_path
 from omnisim.ground_truth.flow_files import read_flo
 from omnisim.ground_truth.labels import Labels
+from omnisim.ground_truth.npy import read_npy
 from omnisim.image_files import is_float_format, read_channels, read_image
 from omnisim.srgb import linear_from_srgb8
 
@@ -33,7 +35,6 @@ class StoredChannels:
 
     Attributes:
         names: of the channels that are there, in their order.
-        labels: of the IDs of classes and instances, or None: unknown.
 
     Raises:
         OutputError: a file that cannot be read, or of another picture.
@@ -43,14 +44,14 @@ class StoredChannels:
         self._picture = picture
         self._layers: dict[str, NDArray[np.float32]] = {}
         self._described: dict[str, dict[str, Any]] = {}
-        tables: list[Any] = []
+        self._tables: list[Any] = []
         step = sidecar_path(picture, "channels.exr")  # as a drive has it
         for path in (picture if is_float_format(picture) else step,):
             if path.is_file() and path.suffix.lower() == ".exr":
                 found = read_channels(path)
                 _check_identity(path, found.metadata or {}, metadata)
                 self._layers = found.values
-                tables.append((found.metadata or {}).get("labels"))
+                self._tables.append((found.metadata or {}).get("labels"))
         description = sidecar_path(picture, "channels.json")
         if description.is_file():
             content = _read_json(description)
@@ -63,16 +64,25 @@ class StoredChannels:
                 for name, described in channels.items()
                 if name in CHANNELS and not self._is_inside(name) and isinstance(described, dict)
             }
-            tables.append(content.get("labels"))
-        table_file = picture.parent.parent / "labels.json"  # of a run
-        if step.is_file() and table_file.is_file():
-            tables.append(_read_json(table_file))
-        self.labels = next((_labels(table, picture) for table in tables if table), None)
+            self._tables.append(content.get("labels"))
         self.names = tuple(
             name
             for name, channel in CHANNELS.items()
             if channel.layers[0] in self._layers or name in self._described
         )
+
+    @cached_property
+    def labels(self) -> Labels | None:
+        """Labels of the IDs of classes and instances, or None: unknown.
+
+        Raises:
+            OutputError: a damaged table.
+        """
+        tables = [table for table in self._tables if table]
+        run = self._picture.parent.parent
+        if not tables and (run / "manifest.json").is_file() and (run / "labels.json").is_file():
+            tables.append(_read_json(run / "labels.json"))
+        return _labels(tables[0], self._picture) if tables else None
 
     def _is_inside(self, name: str) -> bool:
         """Layer of the picture itself, which is never older than the picture."""
@@ -95,7 +105,7 @@ class StoredChannels:
         try:
             if "npy" in described:
                 path = self._picture.with_name(str(described["npy"]["file"]))
-                values = np.load(path, allow_pickle=False)
+                values = read_npy(path)
             elif CHANNELS[name].layers[0] in self._layers:
                 values = _from_layers(name, self._layers)
             else:
@@ -103,11 +113,14 @@ class StoredChannels:
                 values = _decode(path, name, described)
         except OmnisimError:
             raise
-        except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError):
+        except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
             raise OutputError(
                 f"{self._picture}: channel {name!r}: its file is missing or damaged"
             ) from None
-        typed: NDArray[Any] = values.astype(CHANNELS[name].dtype, copy=False)
+        dtype = np.dtype(CHANNELS[name].dtype)
+        if dtype.kind == "u" and not np.all((values >= 0) & (values <= np.iinfo(dtype).max)):
+            raise OutputError(f"{self._picture}: channel {name!r}: expected {dtype}")
+        typed: NDArray[Any] = values.astype(dtype, copy=False)
         return typed
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import RunError
-from omnisim.image_files import read_channels
+from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_training import (
     VALIDATE_EVERY,
@@ -25,7 +25,7 @@ from omnisim.perception.color_training import (
 from omnisim.scene.model import Landmark
 from omnisim.simulation.run_data import RunData
 from omnisim.simulation.run_folder import LABELS
-from omnisim.simulation.sensors.omnicamera import CHANNELS_SUFFIX
+from omnisim.simulation.sensors.omnicamera import PICTURE_SUFFIX
 
 # Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's colour:
 # white lines, walls and paper are everywhere.
@@ -69,18 +69,14 @@ class RunLabels:
         """Class of each pixel (height, width): 0, or 1 + the index of a colour.
 
         Raises:
-            RunError: the step's file has no instances.
+            RunError: the step's file has unknown instances.
             OutputError: it is missing or damaged.
         """
-        path = self._run.folder.file(self._run.camera, step, CHANNELS_SUFFIX)
-        layers = read_channels(path).values
-        if "instance" not in layers:
-            raise RunError(
-                f"{path}: has no layer instance: expected the file of drive --also instance"
-            )
-        ids = np.asarray(layers["instance"]).astype(np.int64)
-        if ids.min(initial=0) < 0 or ids.max(initial=0) >= len(self._class_of_instance):
-            raise RunError(f"{path}: has instances that are not in {LABELS}")
+        picture = self._run.folder.file(self._run.camera, step, PICTURE_SUFFIX)
+        ids: NDArray[np.uint32]
+        ids = StoredChannels(picture, {}).read(["instance"])["instance"]
+        if ids.max(initial=0) >= len(self._class_of_instance):
+            raise RunError(f"{picture}: its channel has instances that are not in {LABELS}")
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabelledPixels]:

@@ -16,8 +16,11 @@ from omnisim import OmniCamera
 from omnisim.calibration import load_calibration
 from omnisim.calibration.ray_table import read_ray_table, write_ray_table
 from omnisim.errors import OpticsError
+from omnisim.frame import Frame
+from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import read_channels, write_image
 from omnisim.localization.parameters import DEFAULT as FILTER_FILE
 from omnisim.localization.parameters import read_parameters
@@ -189,12 +192,28 @@ def _picture(name: str, folder: Path) -> None:
     write_image(folder / name, pixels, _metadata(OmniCamera().resized(SIZE_PX)))
 
 
-def _channels(path: Path) -> None:
-    layers = {
-        name: np.ones((SIZE_PX, SIZE_PX, len(channel.layers)), channel.dtype)
+def _arrays() -> dict[str, np.ndarray]:
+    return {
+        name: np.ones((SIZE_PX, SIZE_PX, len(channel.layers)), channel.dtype).squeeze()
         for name, channel in CHANNELS.items()
     }
-    write_exr(path, layers, None, _metadata(OmniCamera().resized(SIZE_PX)))
+
+
+def _channels(path: Path) -> None:
+    write_exr(path, _arrays(), None, _metadata(OmniCamera().resized(SIZE_PX)))
+
+
+def _sidecars(channel_format: str, folder: Path) -> None:
+    rgba = np.zeros((SIZE_PX, SIZE_PX, 4), np.uint8)
+    labels = Labels((ClassLabel(1, "wall", (1, 2, 3)),), (InstanceLabel(1, "wall_1", 1),), "table")
+    frame = Frame(rgba, None, _metadata(OmniCamera().resized(SIZE_PX)), _arrays(), labels)
+    frame.save(folder / "a.png", channel_format=channel_format)
+
+
+def _read_sidecars(folder: Path) -> None:
+    stored = StoredChannels(folder / "a.png", _metadata(OmniCamera().resized(SIZE_PX)))
+    repr(stored.labels)
+    stored.read(stored.names)
 
 
 def _colors(folder: Path) -> None:
@@ -328,6 +347,10 @@ def _readers() -> list[Reader]:
                lambda f: read_ray_table(f / "a.exr")),
         Reader("colors", _colors, lambda f: load_model(f / "a.npz")),
     ]  # fmt: skip
+    pictures += [
+        Reader(f"sidecars-{name}", partial(_sidecars, name), _read_sidecars)
+        for name in ("auto", "npy")
+    ]
     run = Reader("run", _run, _read_run, RUN_FILES)
     return [*scene, *tables, *calibrations, *routes, *pictures, run]
 

@@ -10,6 +10,7 @@ from omnisim.frame import Frame
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.image_files import write_channels
 from tests.ground_truth.test_files import LABELS, _channels, _frame
 
 METADATA = {"scene": "test"}
@@ -49,6 +50,7 @@ def test_sidecars_are_read_in_their_own_steps(tmp_path):
 def test_a_drive_has_them_beside_its_picture(tmp_path):
     channels, camera = _channels(), tmp_path / "omnicam"
     camera.mkdir()
+    (tmp_path / "manifest.json").write_text("{}")
     (tmp_path / "labels.json").write_text(json.dumps(LABELS.to_json()))
     write_exr(camera / "000003.channels.exr", channels, None, METADATA)
     stored = StoredChannels(camera / "000003.png", METADATA)
@@ -65,7 +67,7 @@ def test_what_is_not_there_or_of_another_picture_is_refused(tmp_path):
     with pytest.raises(OutputError, match="scene: differs from the picture's: these are channels"):
         StoredChannels(tmp_path / "a.png", {"scene": "other"})
     (tmp_path / "a.range.npy").write_bytes(b"\x93NUMPY")
-    with pytest.raises(OutputError, match="channel 'range': its file is missing or damaged"):
+    with pytest.raises(OutputError, match=r"a\.range\.npy: expected an array of numbers"):
         stored.read(["range"])
     (tmp_path / "a.channels.json").write_text("[1]")
     with pytest.raises(OutputError, match="expected JSON"):
@@ -78,9 +80,18 @@ def test_what_is_not_there_or_of_another_picture_is_refused(tmp_path):
         nothing.read(["range"])
 
 
+def test_numbers_that_are_no_labels_are_refused(tmp_path):
+    wrong = np.full((2, 3), np.nan, dtype=np.float32)
+    for value in (-1.0, np.inf, np.nan):
+        wrong[0, 0] = value
+        write_channels(tmp_path / "a.channels.exr", {"instance": wrong}, METADATA)
+        with pytest.raises(OutputError, match="channel 'instance': expected uint32"):
+            StoredChannels(tmp_path / "a.png", METADATA).read(["instance"])
+
+
 def test_pickles_are_not_read(tmp_path):
     frame = Frame(np.zeros((2, 2, 4), np.uint8), None, METADATA, {"range": np.ones((2, 2))})
     frame.save(tmp_path / "a.png", channel_format="npy")
     np.save(tmp_path / "a.range.npy", np.array([{}], dtype=object), allow_pickle=True)
-    with pytest.raises(OutputError, match="missing or damaged"):
+    with pytest.raises(OutputError, match=r"a\.range\.npy: expected an array of numbers"):
         StoredChannels(tmp_path / "a.png", METADATA).read(["range"])
