@@ -152,7 +152,7 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
     lines += [
         ("lights", ", ".join(kinds) or "none"),
-        ("classes", f"{', '.join(classes)} (from a {document['classes_from']})"),
+        ("classes", f"{', '.join(classes)} (by {document['classes_from']})"),
     ]
     names = (("landmarks", "landmarks"), ("moving", "dynamic_objects"))
     return lines + [
