@@ -167,7 +167,12 @@ class PlannedDrive:
                 Stage(world.scene, vehicles=world.bodies, device=drive.device)
             )
             settings = DriveSettings(
-                self.name, drive.seed, drive.unlit, drive.channel_format, drive.boxes_3d
+                self.name,
+                self.truth,
+                drive.seed,
+                drive.unlit,
+                drive.channel_format,
+                drive.boxes_3d,
             )
             instruments = {
                 sensor.name: stack.enter_context(sensor.open(stage, settings))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.parameters import parse_table
 from omnisim.robot import Robot
+from omnisim.simulation.sensors.imu import ImuMount
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.omnicamera import OmniCameraMount
 from omnisim.simulation.sensors.range_scanner import Lms200Mount, RangeScannerMount
@@ -13,6 +14,7 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
     "omnicamera": OmniCameraMount,
     "lms200": Lms200Mount,
     "usarsim_range_scanner": RangeScannerMount,
+    "imu": ImuMount,
 }
 
 

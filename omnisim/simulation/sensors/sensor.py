@@ -56,6 +56,7 @@ class DriveSettings:
 
     Attributes:
         vehicle: name of the sensor's vehicle in the world.
+        trajectory: of its base, with a pose for each step.
         seed: of the drive.
         unlit: show plain base colours.
         channel_format: of files with ground truth.
@@ -63,6 +64,7 @@ class DriveSettings:
     """
 
     vehicle: str
+    trajectory: Trajectory
     seed: int = 0
     unlit: bool = False
     channel_format: ChannelFormat = ChannelFormat.AUTO
@@ -131,7 +133,7 @@ class MountedSensor(ABC):
 
     @property
     def near_m(self) -> float:
-        """Distance from the origin below which nothing is seen."""
+        """Distance from the origin below which nothing is seen; infinite: it has no eyes."""
         return 0.0
 
     @abstractmethod
