@@ -52,6 +52,16 @@ def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
 
 
 @pytest.mark.slow
+def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
+    """They are turned by a quarter of a degree, a third of a pixel."""
+    from omnisim.rays.depth_limits import DepthLimits
+
+    aim, turned = DepthLimits.aim, poses.pose((0.0, 0.0, 0.0), yaw_deg=0.25)
+    monkeypatch.setattr(DepthLimits, "aim", lambda self, rig, pose: aim(self, rig, pose @ turned))
+    assert _missed("rays", fixture)
+
+
+@pytest.mark.slow
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the picture's."""
     from omnisim.calibration import calibration_of
