@@ -118,6 +118,13 @@ def _scene_file(folder: Path) -> None:
     (folder / "scene.toml").write_text(LINES.sub("", text) + "".join(labels[:4]))
 
 
+def _moving_objects(folder: Path) -> None:
+    """Objects of every motion, in a scene that extends another."""
+    _scene_file(folder)
+    write_trajectory(folder / "ball.tum", _trajectory(), "tum")
+    (folder / "objects.toml").write_text(OBJECTS)
+
+
 def _robot(folder: Path) -> None:
     _box_obj(folder)
     text = (SCENES / "p2at" / "robot.toml").read_text()
@@ -265,6 +272,9 @@ def _read_scene(name: str, folder: Path) -> None:
     find_labels(scene).notices()
     scene.bounds_m()
     repr(scene)
+    for moving in scene.objects:
+        for time_s in (0.0, 1.5, -1e6, 1e6):
+            moving.motion.pose_at(time_s)
 
 
 def _read_calibration(name: str, folder: Path) -> None:
@@ -295,6 +305,8 @@ def _readers() -> list[Reader]:
         Reader("gltf", _gltf_json, partial(_read_scene, "box.gltf")),
         Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
         Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
+        Reader("objects", _moving_objects, partial(_read_scene, "objects.toml"),
+               ("objects.toml", "ball.tum")),
     ]  # fmt: skip
     meshes = [
         ("ply-text", "a.ply", {"encoding": "ascii"}), ("ply", "a.ply", {}), ("stl", "a.stl", {}),
@@ -379,6 +391,32 @@ distortion = [-0.1, 0.01, 0.0, 0.0]
 preset = "webcam"
 [degradation.vignetting]
 enabled = true
+"""
+OBJECTS = """
+extends = "scene.toml"
+[[objects]]
+name = "ball"
+file = "box.obj"
+rolling_radius_m = 0.11
+orbit = { centre_m = [0.0, 0.0, 0.11], radius_m = 0.6, period_s = 6.0, start_deg = 30.0 }
+[[objects]]
+name = "cart"
+file = "box.obj"
+up_axis = "z"
+shuttle = { from_m = [0.0, 0.0, 0.0], to_m = [1.0, 1.0, 0.0], period_s = 4.0 }
+[[objects]]
+name = "walker"
+file = "box.obj"
+path = { times_s = [0.0, 2.0], positions_m = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], repeats = true }
+[[objects]]
+name = "robot"
+file = "box.obj"
+trajectory = { file = "ball.tum", repeats = false }
+[[objects]]
+name = "post"
+file = "box.obj"
+position_m = [1.0, 0.0, 0.0]
+yaw_deg = 20.0
 """
 LABELS = """
 [[labels]]
