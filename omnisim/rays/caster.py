@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,6 @@ from omnisim.world import ObjectPart
 # it goes on from: some roundings of a float32.
 _BEYOND = 1e-6
 _LEAST_STEP_M = 1e-7
-_KEPT_MESHES = 16  # hierarchies of a body without what a sensor does not see
 
 
 class Rays(NamedTuple):
@@ -87,7 +85,7 @@ class RayCaster:
 
     def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = ()):
         self.geometry = build_geometry(scene, dynamic_objects)
-        self._part_mesh = lru_cache(_KEPT_MESHES)(self._build_part_mesh)
+        self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
         self._part_mesh(0, frozenset())
 
     def cast(
@@ -187,6 +185,13 @@ class RayCaster:
                 near_m[passed] = beyond_m(origins_m[passed], ranges_m[~shows])
             active = passed
         return hits
+
+    def _part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
+        """Hierarchy of a part without hidden instances, built on first use; sensors share it."""
+        hidden = frozenset(one for one in hidden if one[0] == part - 1)
+        if (part, hidden) not in self._part_meshes:
+            self._part_meshes[part, hidden] = self._build_part_mesh(part, hidden)
+        return self._part_meshes[part, hidden]
 
     def _build_part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
         geometry = self.geometry

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +56,10 @@ class PixelRays:
         camera: whose pixels are the samples.
         polygons: of its mirror's mesh; None: exact, by the camera model.
         rows_per_pixel: samples to a side of a pixel: bands end where pixels do.
+
+    Attributes:
+        camera: as given.
+        bands: their rows.
     """
 
     def __init__(self, camera: CentralCamera, polygons: int | None, rows_per_pixel: int = 1):
@@ -70,8 +73,15 @@ class PixelRays:
             slice(first, min(first + step, camera.height_px))
             for first in range(0, camera.height_px, step)
         )
-        fits = camera.width_px * camera.height_px <= _MAX_KEPT_SAMPLES
-        self.band = lru_cache(len(self.bands) if fits else 0)(self._compute)
+        self._keeps = camera.width_px * camera.height_px <= _MAX_KEPT_SAMPLES
+        self._kept: dict[int, Band] = {}
+
+    def band(self, number: int) -> Band:
+        """One of `bands`: computed on first use, and kept where all fit."""
+        band = self._kept.get(number) or self._compute(number)
+        if self._keeps:
+            self._kept[number] = band
+        return band
 
     def _compute(self, number: int) -> Band:
         rows, camera = self.bands[number], self.camera

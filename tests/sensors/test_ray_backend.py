@@ -3,7 +3,9 @@
 Neither is written with the other's code: what both agree on, OpenGL and Embree agree on.
 """
 
+import gc
 import math
+import weakref
 
 import numpy as np
 import pytest
@@ -13,9 +15,12 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.errors import GraphicsError, OmnisimError
 from omnisim.ground_truth import CHANNELS
 from omnisim.poses import pose
+from omnisim.rays.geometry import build_geometry
 from omnisim.sensors.degradations import preset
 from omnisim.validation.psnr import psnr_of_levels_db
 from omnisim.world import WorldState
+from tests.ray_casting import opaque_part
+from tests.rays.test_caster import rays_from, tried
 from tests.scenes import room, scene_of, square
 from tests.slow import slow_but
 from tests.vehicles import CAMERA, body, box
@@ -120,6 +125,37 @@ def test_back_ends_agree_at_default_quality(source, lens):
     of_all, inside = _same_triangles(scene, sensor)
     assert of_all >= SAME[source][0]
     assert inside >= SAME[source][1]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_opengl")
+def test_where_back_ends_differ_rays_are_right():
+    """Every triangle of the scene is tried in NumPy."""
+    scene = opaque_part(load_scene("soccer"))
+    sensor = OmniCamera(polygons=None)
+    by_rays, by_cube = (_hits(scene, sensor, backend) for backend in ("rays", "cube"))
+    differs = (by_rays[0] != by_cube[0]) | (by_rays[1] != by_cube[1])
+    rows, columns = np.nonzero(differs & by_rays[2])
+    assert len(rows) > 50
+    model, base = sensor.model, _poses(sensor, scene)[0]
+    rays = model.ray_from_pixel(np.stack((columns, rows), axis=1))
+    directions = rays.directions @ model.rig_from_optical.T @ base[:3, :3].T
+    geometry = build_geometry(scene)
+    corners = geometry.corners_m(np.arange(len(geometry.corners), dtype=np.int32))
+    solid = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(axis=1)
+    sides = geometry.is_double_sided[geometry.surface_of_triangle]
+    with np.errstate(all="ignore"):  # rays along planes
+        found, _ = tried(corners[solid], sides[solid], rays_from(base[:3, 3], directions, 0.05))
+    triangles = np.flatnonzero(solid)[found]
+    surfaces = geometry.surface_of_triangle[triangles]
+    names = np.array([geometry.surfaces[surface].name for surface in surfaces])
+    numbers = triangles - geometry.first_of_surface[surfaces]
+
+    def right(hits):
+        return np.mean((hits[0][rows, columns] == names) & (hits[1][rows, columns] == numbers))
+
+    assert right(by_rays) >= 0.95
+    assert right(by_cube) <= 0.2
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -236,6 +272,19 @@ def test_what_rays_cannot_do_is_refused_by_name():
         Renderer(scene, CAMERA, backend="rays", device=0)
     with pytest.raises(GraphicsError, match="backend 'ray': did you mean 'rays'"):
         Renderer(scene, CAMERA, backend="ray")
+
+
+def test_memory_is_freed_when_a_renderer_is_closed():
+    """At once, by counting references: no cycle waits for the collector."""
+    gc.collect()
+    gc.disable()
+    try:
+        with Renderer(scene_of([room()]), CAMERA, backend="rays") as renderer:
+            renderer.render(np.eye(4), also=("range",))
+            scene = weakref.ref(renderer._stage.backend.rays)
+        assert scene() is None
+    finally:
+        gc.enable()
 
 
 def test_a_missing_package_is_named(monkeypatch):
