@@ -28,10 +28,6 @@ class EmbreeRays:
     def __init__(self, scene: Scene, camera: CentralCamera):
         geometry = build_geometry(scene)
         self.mesh = EmbreeMesh(geometry.positions_m.astype(np.float32), geometry.corners)
-        self.look_through(camera)
-
-    def look_through(self, camera: CentralCamera) -> None:
-        """Cast a camera's rays from now on."""
         rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
         self.valid = rays.valid
         seen = rays.directions[rays.valid] @ camera.rig_from_optical.T

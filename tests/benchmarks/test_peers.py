@@ -183,15 +183,13 @@ class TestEmbree:
 
     def test_judges_by_a_picture_of_the_same_frame(self, monkeypatch):
         monkeypatch.setattr(second_judge, "CAPTURES", 2)
-        racer = EmbreeColors(load_scene("rings"))
-        pose = SENSOR.base_pose((0.1, -0.2, 1.0), 30.0)
-        first = racer.render(pose)
-        judged = second_judge.by_embree(racer, pose)
+        scene, pose = load_scene("rings"), SENSOR.base_pose((0.1, -0.2, 1.0), 30.0)
+        first = EmbreeColors(scene).render(pose)
+        judged = second_judge.by_embree(scene, pose)
         # fine lines from few rays: less alike, and yet not moved by a pixel
         alike_db = _averaged_db(first, judged)
         assert alike_db > 30.0
         assert alike_db > 3.0 + _averaged_db(np.roll(first, 1, axis=1), judged)
-        assert np.array_equal(racer.render(pose), first)
 
     def test_geometry_is_the_number_of_the_triangle(self):
         scene = scene_of([room(), room()], poses=[np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
