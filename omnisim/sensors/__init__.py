@@ -3,6 +3,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from omnisim.sensors.depth_camera import DepthCamera
+    from omnisim.sensors.depth_renderer import DepthRenderer
     from omnisim.sensors.laser_renderer import LaserRenderer
     from omnisim.sensors.laser_scanner import LaserScanner
     from omnisim.sensors.omnicamera import OmniCamera
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 # Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
 _MODULES = {
+    "DepthCamera": "depth_camera",
+    "DepthRenderer": "depth_renderer",
     "LaserRenderer": "laser_renderer",
     "LaserScanner": "laser_scanner",
     "OmniCamera": "omnicamera",
@@ -19,7 +23,16 @@ _MODULES = {
     "Scan": "scan",
     "Stage": "stage",
 }
-__all__ = ["LaserRenderer", "LaserScanner", "OmniCamera", "Renderer", "Scan", "Stage"]
+__all__ = [
+    "DepthCamera",
+    "DepthRenderer",
+    "LaserRenderer",
+    "LaserScanner",
+    "OmniCamera",
+    "Renderer",
+    "Scan",
+    "Stage",
+]
 
 
 def __getattr__(name: str) -> object:

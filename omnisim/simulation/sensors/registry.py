@@ -5,6 +5,7 @@ from __future__ import annotations
 from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.parameters import parse_table
 from omnisim.robot import Robot
+from omnisim.simulation.sensors.depth_camera import DepthCameraMount
 from omnisim.simulation.sensors.imu import ImuMount
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.omnicamera import OmniCameraMount
@@ -15,6 +16,7 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
     "lms200": Lms200Mount,
     "usarsim_range_scanner": RangeScannerMount,
     "imu": ImuMount,
+    "depth_camera": DepthCameraMount,
 }
 
 
