@@ -10,6 +10,7 @@ Calibration files: `load_calibration`, `save_calibration`, `calibration_of`, `Ca
 Pictures and ground truth: `Renderer`, `Frame`, `Stage`, `Twist`; channels are in
 `omnisim.ground_truth.CHANNELS`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
+Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
 Errors: `OmnisimError`.
 
 Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
