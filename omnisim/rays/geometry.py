@@ -70,6 +70,10 @@ class Geometry:
         )
         return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
 
+    def part_of_triangles(self, triangles: NDArray[np.int32]) -> NDArray[np.intp]:
+        """Parts (n,) of triangles (n,)."""
+        return self.part_of_surface[self.surface_of_triangle[triangles]]
+
     def corners_m(
         self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
     ) -> NDArray[np.float64]:
@@ -86,7 +90,7 @@ class Geometry:
         """Indices of those of triangles (n,) that are of a dynamic object, and its pose (4, 4)."""
         if not world_from_objects:
             return
-        parts = self.part_of_surface[self.surface_of_triangle[triangles]]
+        parts = self.part_of_triangles(triangles)
         for number, pose in enumerate(world_from_objects, start=1):
             mine = np.flatnonzero(parts == number)
             if len(mine):

@@ -7,7 +7,7 @@ camera's. Which there are is in `omnisim.sensors.stage`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from omnisim.errors import OpticsError
 from omnisim.gpu.pipeline import Readback, ScenePoses
 from omnisim.ground_truth.labels import Labels
+from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.degradations.effect import MAX_EV
@@ -73,13 +74,27 @@ class FrameRequest:
             raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
 
 
+class LabelCache:
+    """Labels of a scene, found anew where names or rules are other ones."""
+
+    def __init__(self) -> None:
+        self._found: tuple[object, Labels] | None = None
+
+    def find(self, scene: Scene, objects: Mapping[str, Scene], vehicles: Collection[str]) -> Labels:
+        """Labels of all instances, see `find_labels`; objects and vehicles stay the same."""
+        of = scene.instance_names, scene.labels
+        if self._found is None or self._found[0] != of:
+            self._found = of, find_labels(scene, objects, vehicles)
+        return self._found[1]
+
+
 class CameraBackend(ABC):
     """Makes the pictures of one camera, and finds the hits of its rays."""
 
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
         self._ground_truth: tuple[HitSource, GroundTruth] | None = None
-        self._labels: tuple[object, Labels] | None = None
+        self._labels = LabelCache()
 
     @abstractmethod
     def refresh(self) -> None:
@@ -114,12 +129,7 @@ class CameraBackend(ABC):
             self._ground_truth[1].refresh(self._find_labels())
 
     def _find_labels(self) -> Labels:
-        """Labels of the scene, found anew where names or rules are other ones."""
-        scene = self.world.scene
-        of = scene.instance_names, scene.labels
-        if self._labels is None or self._labels[0] != of:
-            self._labels = of, find_labels(scene, self.world.objects, self.setup.vehicles)
-        return self._labels[1]
+        return self._labels.find(self.world.scene, self.world.objects, self.setup.vehicles)
 
 
 class RangeFinder(Protocol):
@@ -134,6 +144,20 @@ class RangeFinder(Protocol):
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
         """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+
+
+class BeamCaster(Protocol):
+    """Casts a spinning lidar's beams."""
+
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+
+    def refresh(self) -> None:
+        """Work on what the scene's side has now, after an `update`."""
+
+    def cast(self, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
 
 
 class SceneBackend(ABC):
@@ -182,6 +206,10 @@ class SceneBackend(ABC):
             max_range_m: surfaces farther away need not be found; may be infinite.
             hidden: parts of the vehicle that beams go through.
         """
+
+    @abstractmethod
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
+        """Beams of a spinning lidar, but for those through hidden parts of the vehicle."""
 
     @abstractmethod
     def close(self) -> None:

@@ -24,6 +24,7 @@ from omnisim.gpu.context import (
     release_unclosed_contexts,
 )
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
+from omnisim.gpu.ground_truth.lidar_pass import LidarPass
 from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
@@ -40,6 +41,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.lidar_beams import LidarBeams
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
@@ -123,6 +125,10 @@ class CubeBackend(SceneBackend):
     ) -> RangePass:
         """Beams of a scanner; its context is current, here and in the pass's methods."""
         return RangePass(self.buffers, angles_rad, max_range_m, hidden)
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarPass:
+        """Beams of a spinning lidar; its context is current, here and in the pass's methods."""
+        return LidarPass(self.buffers, beams, hidden)
 
     def close(self) -> None:
         """Release the OpenGL context with everything in it."""

@@ -16,6 +16,7 @@ from omnisim.ground_truth.labels import Labels
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.optical_flow import OpticalFlow
 from omnisim.sensors.scene_flow import in_optical, in_world, scene_flow
+from omnisim.world import ObjectPart
 
 
 class GroundTruth:
@@ -42,14 +43,7 @@ class GroundTruth:
 
     def _number_draws(self, labels: Labels) -> None:
         self.labels = labels
-        ids = {(label.object_name, label.name): label.id for label in labels.instances}
-        instances = [
-            # one that is not drawn any more has none
-            ids.get((None if index is None else self._object_names[index], name), 0)
-            for index, name in self._source.draws
-        ]
-        # from the draw −1, which is nothing, on
-        self._instance_of_draw = np.array([0, *instances], dtype=np.uint32)
+        self._instance_of_draw = instances_of_draws(labels, self._source.draws, self._object_names)
         self._objects_of_draws = self._source.objects_of_draws()
         self._class_of_draw = labels.class_of_instance[self._instance_of_draw]
 
@@ -114,6 +108,19 @@ class GroundTruth:
     @cached_property
     def _flow(self) -> OpticalFlow:
         return OpticalFlow(self._source)
+
+
+def instances_of_draws(
+    labels: Labels, draws: Sequence[ObjectPart], object_names: Sequence[str]
+) -> NDArray[np.uint32]:
+    """IDs (n + 1,) of the instances of draws (n,), from −1 on, which is nothing: 0."""
+    ids = {(label.object_name, label.name): label.id for label in labels.instances}
+    instances = [
+        # one that is not drawn any more has none
+        ids.get((None if index is None else object_names[index], name), 0)
+        for index, name in draws
+    ]
+    return np.array([0, *instances], dtype=np.uint32)
 
 
 def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
 from omnisim.rays.beams import Beams
 from omnisim.rays.depth_limits import DepthLimits
+from omnisim.rays.lidar_caster import LidarCaster
 from omnisim.rays.picture import RayPicture
 from omnisim.rays.pixel_hits import PixelHits
 from omnisim.rays.pixel_rays import PixelRays
@@ -93,6 +95,10 @@ class RayBackend(SceneBackend):
     ) -> RayRangeFinder:
         """Beams of a scanner."""
         return RayRangeFinder(self, angles_rad, max_range_m, hidden)
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> RayBeamCaster:
+        """Beams of a spinning lidar."""
+        return RayBeamCaster(self, beams, hidden)
 
     def close(self) -> None:
         """Free the memory."""
@@ -193,6 +199,31 @@ class RayRangeFinder:
     ) -> NDArray[np.float64]:
         """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
         return self._beams.cast(self._world.rays, world_from_scanner, world_from_objects)
+
+
+class RayBeamCaster:
+    """Beams of a spinning lidar, at what the scene has.
+
+    Args:
+        world: the scene.
+        beams, hidden: see `LidarCaster`.
+    """
+
+    def __init__(self, world: RayBackend, beams: LidarBeams, hidden: frozenset[ObjectPart]):
+        self._world, self._caster = world, LidarCaster(beams, hidden)
+
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+        surfaces = self._world.rays.caster.geometry.surfaces
+        return [(one.object_index, one.name) for one in surfaces]
+
+    def refresh(self) -> None:
+        """Cast at what the scene has now: nothing is kept of what it had."""
+
+    def cast(self, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
+        return self._caster.cast(self._world.rays, revolution)
 
 
 class _Development:

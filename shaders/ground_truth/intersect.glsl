@@ -5,7 +5,8 @@
 //
 // The atlas says which triangles are seen around the ray. Those, and adjacent ones where the ray
 // just misses, are intersected with the ray itself, and the nearest one counts: nothing is blended,
-// no texel's edge is seen, and the distance is as exact as floats are.
+// no texel's edge is seen, and the distance is as exact as floats are. With SLICE they stand where
+// `slice_share` of the way between a draw item's two matrices is.
 
 #include "ground_truth/texel_block.glsl"
 #include "ground_truth/triangle.glsl"
@@ -66,6 +67,11 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
         // a masked triangle has holes: it is hit where its own texel shows it
         if ((draw_item.y & MASKED) != 0u && !is_own) continue;
         vec4 viewpoint_from_mesh[3] = matrix_at(primitive.x - 1u, VIEWPOINT_FROM_MESH);
+#ifdef SLICE
+        vec4 at_end[3] = matrix_at(primitive.x - 1u, SECOND_MATRIX);
+        for (int row = 0; row < 3; ++row)
+            viewpoint_from_mesh[row] = mix(viewpoint_from_mesh[row], at_end[row], slice_share);
+#endif
         Triangle t = triangle_of(draw_item, viewpoint_from_mesh, primitive.y);
         bool is_back = t.is_clockwise != ((draw_item.y & FLIPS_WINDING) != 0u);
         if (is_adjacent && is_back && (draw_item.y & DOUBLE_SIDED) == 0u) continue;

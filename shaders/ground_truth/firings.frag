@@ -1,0 +1,35 @@
+// Hit of each laser's beam: 1 + draw item, and range as bits of a float; 0: nothing is hit.
+// Lidar and objects move while it turns: a draw item's two matrices are those at the start and at
+// the end of a slice of the revolution, each about the lidar's origin at that time, and a firing
+// takes the share between them that its time is at. So triangles are intersected where they are at
+// the firing; the atlas, drawn in the middle of the slice, only says which to try.
+#version 430 core
+
+uniform sampler2D u_rays;  // unit, the world's axes; and the firing's share of its slice, 0 to 1
+uniform mat3 u_rig_from_viewpoint;
+uniform vec3 u_path_m;  // of the lidar's origin from the slice's start to its end
+
+layout(location = 0) out uvec2 out_hit;
+
+#define SLICE
+float slice_share;
+#include "ground_truth/texel.glsl"
+#include "ground_truth/intersect.glsl"
+
+void main() {
+    vec4 firing = texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0);
+    vec3 ray = firing.xyz;
+    slice_share = firing.w;
+    vec3 texel = texel_of_ray(u_rig_from_viewpoint * ray);
+    Hit hit = intersect(texel, ray);
+    // the point that is hit, as the middle of the slice sees it
+    vec3 offset = (slice_share - 0.5) * u_path_m;
+    if (hit.primitive.x != 0u && dot(offset, offset) > 0.0) {
+        vec3 moved = texel_of_ray(u_rig_from_viewpoint * normalize(hit.range * ray + offset));
+        if (floor(moved.xy) != floor(texel.xy)) {
+            Hit again = intersect(moved, ray);
+            if (again.primitive.x != 0u) hit = again;
+        }
+    }
+    out_hit = uvec2(hit.primitive.x, floatBitsToUint(hit.range));
+}
