@@ -100,9 +100,13 @@ class SpinningLidar(Parameters, name="lidar"):
             sigma_m=0.02,
         )
 
+    def without_noise(self) -> SpinningLidar:
+        """The same lidar without noise; it still rounds."""
+        return dataclasses.replace(self, sigma_m=0.0)
+
     def without_errors(self) -> SpinningLidar:
         """The same lidar without noise and without rounding."""
-        return dataclasses.replace(self, sigma_m=0.0, step_m=0.0)
+        return dataclasses.replace(self.without_noise(), step_m=0.0)
 
     @property
     def rings(self) -> int:

@@ -19,7 +19,11 @@ def write_labels(run: RunFolder, labels: Labels) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    if {"semantic", "instance"} & set(run.manifest.channels) and not run.has(LABELS):
+    manifest = run.manifest
+    is_needed = bool({"semantic", "instance"} & set(manifest.channels)) or any(
+        manifest.sensor_class(name).has_instances for name in manifest.sensors
+    )
+    if is_needed and not run.has(LABELS):
         write_json(run.path / LABELS, labels.to_json())
 
 

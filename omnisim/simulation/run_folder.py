@@ -9,12 +9,13 @@
     <camera>/calibration.json   its parameters and its mount on the base
     <camera>/000000.png ...     a picture a step, with camera and pose inside
     <scanner>/000000.csv ...    a scan a step
+    <lidar>/000000.ply ...      a point cloud a step, or .pcd
 
 Of a rig, which has no wheels, instead of the odometry:
 
     <camera>/poses.tum          poses of the camera's optical frame
 
-With channels of ground truth also:
+With channels of ground truth also (the first with a lidar, too):
 
     labels.json                             numbers, names and colours of classes and instances
     <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
@@ -163,7 +164,10 @@ class RunFolder:
         """Find the first of a sensor's files of a step that is missing; None: all are there."""
         manifest = self.manifest
         suffixes = manifest.sensor_class(sensor).suffixes_of(
-            self.channels_at(step), manifest.channel_format, manifest.boxes_3d
+            self.channels_at(step),
+            manifest.channel_format,
+            manifest.boxes_3d,
+            manifest.sensors[sensor].model_extra or {},
         )
         files = (self.file(sensor, step, suffix) for suffix in suffixes)
         return next((file for file in files if not is_written(file)), None)

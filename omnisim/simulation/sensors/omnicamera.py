@@ -8,7 +8,7 @@ so that a drive that was killed goes on with the same bytes.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -85,7 +85,11 @@ class MountedCamera(MountedSensor):
 
     @classmethod
     def suffixes_of(
-        cls, channels: Collection[str], channel_format: ChannelFormat, boxes_3d: bool
+        cls,
+        channels: Collection[str],
+        channel_format: ChannelFormat,
+        boxes_3d: bool,
+        settings: Mapping[str, Any],
     ) -> tuple[str, ...]:
         """Suffixes of a picture, its channels, and the boxes of its instances."""
         suffixes = [PICTURE_SUFFIX]

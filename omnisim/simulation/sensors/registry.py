@@ -7,6 +7,7 @@ from omnisim.parameters import parse_table
 from omnisim.robot import Robot
 from omnisim.simulation.sensors.depth_camera import DepthCameraMount
 from omnisim.simulation.sensors.imu import ImuMount
+from omnisim.simulation.sensors.lidar import LidarMount
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.omnicamera import OmniCameraMount
 from omnisim.simulation.sensors.range_scanner import Lms200Mount, RangeScannerMount
@@ -17,6 +18,7 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
     "usarsim_range_scanner": RangeScannerMount,
     "imu": ImuMount,
     "depth_camera": DepthCameraMount,
+    "lidar": LidarMount,
 }
 
 

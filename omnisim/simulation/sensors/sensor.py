@@ -9,7 +9,7 @@ measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -112,6 +112,7 @@ class MountedSensor(ABC):
         suffixes: of all its files of a step, written or not; `*` stands for any letters.
         document_names: of its files of a run.
         has_ground_truth: its files include channels of ground truth.
+        has_instances: its files number instances as the run's labels do.
     """
 
     type: str
@@ -122,6 +123,7 @@ class MountedSensor(ABC):
     suffixes: ClassVar[tuple[str, ...]]
     document_names: ClassVar[tuple[str, ...]] = ()
     has_ground_truth: ClassVar[bool] = False
+    has_instances: ClassVar[bool] = False
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), self.summary())
@@ -150,9 +152,18 @@ class MountedSensor(ABC):
 
     @classmethod
     def suffixes_of(
-        cls, channels: Collection[str], channel_format: ChannelFormat, boxes_3d: bool
+        cls,
+        channels: Collection[str],
+        channel_format: ChannelFormat,
+        boxes_3d: bool,
+        settings: Mapping[str, Any],
     ) -> tuple[str, ...]:
-        """Suffixes of its files of a step with these channels of ground truth."""
+        """Suffixes of its files of a step with these channels of ground truth.
+
+        Args:
+            channels, channel_format, boxes_3d: of the run.
+            settings: the sensor's own, from the manifest.
+        """
         return cls.suffixes
 
     def settings(self) -> dict[str, Any]:
