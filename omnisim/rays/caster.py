@@ -182,7 +182,7 @@ class RayCaster:
             passed = rays_hit[~shows]
             if len(passed):
                 near_m = near_m.copy()
-                near_m[passed] = beyond_m(origins_m[passed], ranges_m[~shows])
+                near_m[passed] = _beyond_m(origins_m[passed], ranges_m[~shows])
             active = passed
         return hits
 
@@ -211,7 +211,7 @@ class RayCaster:
         return _PartMesh(mesh, triangles, centre_m, radius_m)
 
 
-def beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
     size_m: NDArray[np.float64] = np.abs(origins_m).max(axis=1) + ranges_m
     return ranges_m + _BEYOND * size_m + _LEAST_STEP_M

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rays.caster import RayCaster, RayHits, Rays, beyond_m
+from omnisim.rays.caster import RayCaster, RayHits, Rays
 from omnisim.rays.embree import NO_TRIANGLE
 from omnisim.rays.geometry import Poses
 from omnisim.rays.shading import Shading
@@ -177,5 +177,5 @@ class RayScene:
 
 
 def _behind(rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
-    """Rays (n,) that go on behind surfaces at ranges (n,)."""
-    return rays._replace(near_m=beyond_m(rays.origins_m, ranges_m))
+    """Rays (n,) that go on from surfaces at ranges (n,), which the caster does not hit again."""
+    return rays._replace(near_m=ranges_m)

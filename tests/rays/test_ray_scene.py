@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from omnisim.poses import pose
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
 from tests.rays.test_caster import rays_from
 from tests.scenes import scene_of, square
@@ -19,21 +20,24 @@ def glass(color, alpha):
     return Material(base_color=(*color, alpha), alpha_mode=AlphaMode.BLEND)
 
 
-def test_light_comes_through_glass_in_its_order():
-    """Whatever the order of the instances."""
-    panes = {4.0: ((1.0, 0.0, 0.0), 0.25), 3.0: ((0.0, 1.0, 0.0), 0.5), 2.0: ((0.0, 0.0, 1.0), 1)}
-    order = [2.0, 4.0, 3.0]
+@pytest.mark.parametrize("offset_m", [0.0, 3e5])
+def test_light_comes_through_glass_in_its_order(offset_m):
+    """Whatever the order of the instances, a millimetre apart, and far from the world's origin."""
+    panes = {4.0: ((1.0, 0.0, 0.0), 0.25), 3.999: ((0.0, 1.0, 0.0), 0.5), 2.0: ((0.0, 0.0, 1), 1)}
+    order = [2.0, 4.0, 3.999]
     scene = scene_of(
         [square(z_m=height, material=number) for number, height in enumerate(order)],
         [glass(*panes[height]) for height in order],
+        [pose((offset_m, offset_m, 0.0))] * 3,
         background=SKY,
     )
+    down = DOWN._replace(origins_m=DOWN.origins_m + (offset_m, offset_m, 0.0))
     expected = np.array([0.25, 0.75 * 0.5, 0.75 * 0.5])
-    np.testing.assert_allclose(RayScene(scene).radiance(DOWN)[0], expected, rtol=1e-6)
-    up = DOWN._replace(directions=-DOWN.directions)
+    np.testing.assert_allclose(RayScene(scene).radiance(down)[0], expected, rtol=1e-6)
+    up = down._replace(directions=-down.directions)
     np.testing.assert_allclose(RayScene(scene).radiance(up)[0], SKY, rtol=1e-6)
-    found = RayScene(scene).first_hits(DOWN)
-    np.testing.assert_allclose(found.ranges_m, [1.5], rtol=1e-6)  # clearer than half: no hit
+    found = RayScene(scene).first_hits(down)
+    np.testing.assert_allclose(found.ranges_m, [0.501], rtol=1e-6)  # clearer than half: no hit
 
 
 def test_holes_show_what_is_behind_them():
