@@ -7,8 +7,9 @@ with omnisim.Renderer("courtyard") as renderer:
 Scenes and poses: `load_scene`, `Scene`, `pose`.
 Cameras: `OmniCamera`, `Degradation`; models are in `omnisim.cameras`.
 Calibration files: `load_calibration`, `save_calibration`, `calibration_of`, `Calibration`.
-Pictures and ground truth: `Renderer`, `Frame`, `Stage`, `Twist`; channels are in
+Pictures and ground truth: `Renderer`, `Frame`, `Stage`; channels are in
 `omnisim.ground_truth.CHANNELS`.
+Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
 Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
 Errors: `OmnisimError`.
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from omnisim.sensors.degradations import Degradation
     from omnisim.sensors.motion import Twist
     from omnisim.simulation.vehicle import Vehicle
+    from omnisim.world import Motion, WorldState
 
 # Modules of the names, imported at first use: `import omnisim` is fast, and `omnisim --help` needs
 # no GPU library.
@@ -59,6 +61,8 @@ _MODULES = {
     "Renderer": "omnisim.sensors",
     "Stage": "omnisim.sensors",
     "Vehicle": "omnisim.simulation.vehicle",
+    "Motion": "omnisim.world",
+    "WorldState": "omnisim.world",
 }
 __all__ = [
     "Calibration",
@@ -66,6 +70,7 @@ __all__ = [
     "Frame",
     "LaserRenderer",
     "LaserScanner",
+    "Motion",
     "OmniCamera",
     "OmnisimError",
     "Renderer",
@@ -74,6 +79,7 @@ __all__ = [
     "Stage",
     "Twist",
     "Vehicle",
+    "WorldState",
     "__version__",
     "calibration_of",
     "load_calibration",

@@ -66,7 +66,7 @@ def _objects():
     yield from (omnisim.calibration_of(sensor), many[0], omnisim.Calibration(many))
     yield from (frame, frame.channels, LABELS, trajectory, drive, load_robot("p2at"))
     yield from (vehicle, *vehicle.sensors, omnisim.LaserScanner())
-    yield omnisim.Twist()
+    yield from (omnisim.Twist(), omnisim.WorldState({"body": np.eye(4)}))
     yield simulate_odometry(trajectory, OdometryErrors(), 0)
     yield RunFolder(SCENES, manifest)
     yield RadialTableCamera(

@@ -42,6 +42,7 @@ from omnisim.cameras.camera import (
 )
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.parameters import number, point, whole_number
+from omnisim.errors import OpticsError
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.mirrors import HyperbolicMirror
 
@@ -77,6 +78,11 @@ class HyperbolicCamera(FocalCamera):
     mirror: HyperbolicMirror
     model_name = "hyperbolic"
     rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.mirror, HyperbolicMirror):
+            raise OpticsError(f"camera: mirror: expected a HyperbolicMirror, got {self.mirror!r}")
 
     @classmethod
     def framed_on_rim(

@@ -5,7 +5,6 @@ Errors name the key, the expected value and the one that is there.
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -13,18 +12,6 @@ from typing import Any
 import numpy as np
 
 from omnisim.errors import OpticsError
-
-
-def check_finite(camera: object, name: str) -> None:
-    """Refuse infinities and NaN in a number or a tuple of numbers.
-
-    Raises:
-        OpticsError: naming the attribute.
-    """
-    value = getattr(camera, name)
-    values = value if isinstance(value, tuple) else (value,)
-    if not all(math.isfinite(one) for one in values if isinstance(one, float | np.floating)):
-        raise OpticsError(f"camera: {name}: expected finite numbers, got {value}")
 
 
 def check_limits(
@@ -48,9 +35,11 @@ def number(parameters: Mapping[str, Any], key: str) -> float:
         OpticsError: it is missing, or something else.
     """
     value = _value(parameters, key)
-    # a whole number may be too large for a float; NaN is not within anything
-    if type(value) not in (int, float) or not abs(value) <= sys.float_info.max:
+    if type(value) not in (int, float):
         raise _unexpected(key, "a number", value)
+    # a whole number may be too large for a float; NaN is not within anything
+    if not abs(value) <= sys.float_info.max:
+        raise _unexpected(key, "a finite number", value)
     return float(value)
 
 
@@ -105,7 +94,8 @@ def word(parameters: Mapping[str, Any], key: str) -> str:
 def _value(parameters: Mapping[str, Any], key: str) -> Any:
     if key not in parameters:
         raise OpticsError(f"camera: {key}: missing")
-    return parameters[key]
+    value = parameters[key]
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def _unexpected(key: str, expected: str, value: object) -> OpticsError:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
 from omnisim.cameras.parameters import (
-    check_finite,
     check_limits,
     number,
     numbers,
@@ -49,8 +48,8 @@ class ParametricCamera(ABC):
         largest_theta_rad: upper limit of the parameter θ_max, where the model has one.
 
     Raises:
-        OpticsError: a size that is not positive, a number that is not finite, or θ_max outside its
-            limits.
+        OpticsError: a value of another type, a size that is not positive, a number that is not
+            finite, or θ_max outside its limits.
     """
 
     width_px: int
@@ -73,16 +72,17 @@ class ParametricCamera(ABC):
         return short_repr(self, size, *values)
 
     def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            if read := _READERS.get(str(field.type)):
+                object.__setattr__(self, field.name, read(self.__dict__, field.name))
         if self.width_px < 1 or self.height_px < 1:
             raise OpticsError(
                 f"camera: size: expected at least 1, got {self.width_px} × {self.height_px}"
             )
-        for field in dataclasses.fields(self):
-            check_finite(self, field.name)
-            if field.name == "theta_max_rad":
-                largest = self.largest_theta_rad
-                expected = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
-                check_limits(self, field.name, 1e-6, largest, expected)
+        if hasattr(self, "theta_max_rad"):
+            largest = self.largest_theta_rad
+            expected = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
+            check_limits(self, "theta_max_rad", 1e-6, largest, expected)
 
     @abstractmethod
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:

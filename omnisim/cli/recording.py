@@ -98,9 +98,11 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
             raise
     objects = len(plan.contacts or ())
     touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
+    summaries = ((one.name, one.sensor.mesh_summary) for one in plan.drive.vehicle.cameras)
+    meshes = "".join(f"; {name}: {mesh}" for name, mesh in summaries if mesh != "exact")
     resumed = f", {before} of them there before" if before else ""
     out.print(
         f"{folder}: {pluralize(done, 'step')}{resumed}; "
-        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{touched}",
+        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{meshes}{touched}",
         markup=False,
     )

@@ -21,7 +21,7 @@ from omnisim.robot import (
 )
 from omnisim.simulation import Vehicle
 from omnisim.simulation.body_boxes import BodyBoxes
-from omnisim.simulation.sensors import MountedSensor
+from omnisim.simulation.sensors import MountedCamera, MountedSensor
 
 
 def list_robots() -> None:
@@ -108,7 +108,8 @@ def _format_size(box: BodyBoxes | None) -> str:
 def _sensor_line(mounted: MountedSensor) -> str:
     x, y, z = mounted.origin_m.tolist()
     hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
+    mesh = f"{mounted.sensor.mesh_summary}, " if isinstance(mounted, MountedCamera) else ""
     return (
-        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, "
+        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, {mesh}"
         f"{mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
     )

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +59,9 @@ class HyperbolicMirror:
 
     def __post_init__(self) -> None:
         for name in ("k", "c", "meters_per_unit", "theta_max_rad"):
-            if not math.isfinite(getattr(self, name)):
-                value = getattr(self, name)
-                raise OpticsError(f"mirror: {name}: expected a finite number, got {value}")
+            value = getattr(self, name)
+            if not isinstance(value, Real) or not math.isfinite(value):
+                raise OpticsError(f"mirror: {name}: expected a finite number, got {value!r}")
         if not 2.0 <= self.k <= LARGEST_K:
             raise OpticsError(f"mirror: k: expected 2 (Eq. 1) to {LARGEST_K:g}, got {self.k:g}")
         for name in ("c", "meters_per_unit"):

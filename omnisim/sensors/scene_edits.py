@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from omnisim.errors import SceneError
 from omnisim.scene import Scene, load_scene
 
 
@@ -18,6 +20,11 @@ class EditableScene(ABC):
     in each texel: a new renderer of the same scene bakes it, and rounds the places of their corners
     otherwise, so that its pictures may differ by a step of 255, and by texels at silhouettes.
     """
+
+    @property
+    def _moving(self) -> Collection[str]:
+        """Names of the vehicles and dynamic objects."""
+        return ()
 
     @property
     @abstractmethod
@@ -54,8 +61,14 @@ class EditableScene(ABC):
         It is elsewhere at once: for flow and motion blur make it a dynamic object.
 
         Raises:
-            SceneError: there is none of this name, or a matrix that is not a pose.
+            SceneError: there is none of this name, or it moves with the state of each frame; or a
+                matrix that is not a pose.
         """
+        if name in self._moving and name not in self.scene.instance_names:
+            raise SceneError(
+                f"instance {name!r}: moves with the state of each frame: expected its pose in "
+                f"omnisim.WorldState({{{name!r}: pose, …}})"
+            )
         self.scene = self.scene.moved(name, world_from_instance)
 
     def recolor(

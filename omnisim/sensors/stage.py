@@ -136,6 +136,10 @@ class Stage(Closing, EditableScene):
         return short_repr(self, repr(self.scene.name), vehicles, objects, closed)
 
     @property
+    def _moving(self) -> Collection[str]:
+        return self.objects
+
+    @property
     def scene(self) -> Scene:
         """Static scene; another one with the same lights and background may take its place."""
         return self._scene
@@ -280,6 +284,10 @@ class SensorRenderer(Closing, EditableScene, Generic[Passes]):
     @abstractmethod
     def _sensor_summary(self) -> str:
         """Sensor in a few words."""
+
+    @property
+    def _moving(self) -> Collection[str]:
+        return self._stage.objects
 
     @property
     def scene(self) -> Scene:

@@ -1,5 +1,6 @@
 """Contract of all camera models."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -50,6 +51,24 @@ def test_other_shapes_say_what_was_expected(camera, values):
         camera.ray_from_pixel(values)
     with pytest.raises(OpticsError, match=r"expected directions \(\.\.\., 3\), got"):
         camera.pixel_from_ray(values)
+
+
+@examples
+@pytest.mark.parametrize("value", [None, {}, [None, None]], ids=["none", "mapping", "list"])
+def test_parameters_of_other_types_say_what_was_expected(camera, value):
+    for field in dataclasses.fields(camera):
+        with pytest.raises(OpticsError, match=f"camera: {field.name}: expected .*, got"):
+            dataclasses.replace(camera, **{field.name: value})
+
+
+@examples
+def test_numpy_numbers_are_plain_parameters(camera):
+    given = {field.name: getattr(camera, field.name) for field in dataclasses.fields(camera)}
+    numbers = {name: np.array(one) for name, one in given.items() if isinstance(one, tuple)}
+    numbers |= {name: np.float64(one) for name, one in given.items() if isinstance(one, float)}
+    again = dataclasses.replace(camera, **numbers, width_px=np.int64(camera.width_px))
+    assert again == camera
+    assert json.dumps(again.parameters()) == json.dumps(camera.parameters())
 
 
 @examples

@@ -1,6 +1,7 @@
 """`omnisim drive`, `plot` and `video`: output, files and errors."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -29,6 +30,7 @@ def test_drive_plot_and_video(omnisim, run_folder, tmp_path):
     assert (status, error) == (0, "")
     steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
     assert f"run: {steps} steps, {steps} of them there before; " in out
+    assert re.search(r" s; omnicam: \d+ polygons \(auto\)\n", out)
     status, out, error = omnisim("plot", "run")
     assert (status, error) == (0, "")
     assert f"run/plot.png: {steps} of {steps} steps" in out

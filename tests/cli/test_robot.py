@@ -36,7 +36,8 @@ def test_check_summarizes_a_robot(omnisim):
         "  drive    skid steering, 1.2 m/s, 300 °/s",
         "  wheels   report with errors",
         "  size     0.626 × 0.505 × 0.67 m, 0.05 m clear of the ground",
-        "  camera   omnicam, hyperbolic 360 × 360 px, effective viewpoint (-0.08, 0, 0.65) m",
+        "  camera   omnicam, hyperbolic 360 × 360 px, 3600 polygons (auto), "
+        "effective viewpoint (-0.08, 0, 0.65) m",
         "  scanner  lms200, 361 beams at 0.5° to 8.19 m, origin (0.16, 0, 0.361) m, "
         "does not see lms200",
     ]

@@ -247,6 +247,13 @@ def test_another_world_is_refused():
         np.testing.assert_array_equal(renderer.render(HERE).rgb, before.rgb)
 
 
+def test_a_vehicle_is_moved_by_the_state():
+    body = Scene.from_arrays("body", np.eye(3), [[0, 1, 2]])
+    expected = r"moves with the state of each frame: .*WorldState"
+    with Renderer(yard(), LENS, body=body) as renderer, pytest.raises(SceneError, match=expected):
+        renderer.move("body", HERE)
+
+
 def test_rays_see_edits_too():
     pytest.importorskip("embreex")
     with Renderer(yard(), LENS, backend="rays") as renderer:
