@@ -119,6 +119,15 @@ class RayCaster:
             hits.put(aimed[nearer], found.take(nearer))
         return hits
 
+    def behind(self, rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
+        """Rays (n,) that go on just behind surfaces at ranges (n,).
+
+        Beyond what rounding moves a triangle by: a ray along an edge does not hit the next one of
+        the same surface.
+        """
+        origins_m = rays.origins_m - self._part_mesh(0, frozenset()).centre_m
+        return rays._replace(near_m=_beyond_m(origins_m, ranges_m))
+
     def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
         """The same hits (n,) with ranges, weights and planes from float64; all rays hit."""
         corners_m = self.geometry.corners_m(hits.triangles, world_from_objects)

@@ -111,7 +111,7 @@ class RayScene:
             if len(on) == 0:
                 break
             active, behind = active[on], hits.triangles[on]
-            rays = _behind(rays.take(on), hits.ranges_m[on])
+            rays = self.caster.behind(rays.take(on), hits.ranges_m[on])
         return total
 
     def first_hits(
@@ -150,7 +150,8 @@ class RayScene:
             alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
             clear = np.flatnonzero(alphas < shading.hit_cutoff[shading.surfaces(hits)])
             active = active[clear]
-            some, hits = _behind(some.take(clear), hits.ranges_m[clear]), hits.take(clear)
+            some = self.caster.behind(some.take(clear), hits.ranges_m[clear])
+            hits = hits.take(clear)
             further = cast(some, hits.triangles)
             found.put(active, further)
             active = active[further.triangles != NO_TRIANGLE]
@@ -174,8 +175,3 @@ class RayScene:
         opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
         opacity[is_hole] = 0.0
         return opacity
-
-
-def _behind(rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
-    """Rays (n,) that go on from surfaces at ranges (n,), which the caster does not hit again."""
-    return rays._replace(near_m=ranges_m)

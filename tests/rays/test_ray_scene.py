@@ -40,6 +40,17 @@ def test_light_comes_through_glass_in_its_order(offset_m):
     np.testing.assert_allclose(found.ranges_m, [0.501], rtol=1e-6)  # clearer than half: no hit
 
 
+def test_a_ray_along_the_edge_of_two_triangles_passes_one_of_them():
+    """Twenty thousand rays at the diagonal of a tilted pane: none is dimmed twice."""
+    tilted = pose((0.0, 0.0, 0.0), roll_deg=20.0, pitch_deg=13.0)
+    scene = scene_of([square()], [glass((1.0, 1.0, 1.0), 0.5)], [tilted])
+    along = np.linspace(-4.9, 4.9, 20000)
+    points = np.stack((along, along, np.zeros_like(along)), axis=1) @ tilted[:3, :3].T
+    origin = np.array([0.3, -0.2, 5.0])
+    lights = RayScene(scene).radiance(rays_from(origin, points - origin))
+    np.testing.assert_array_equal(lights, np.float32(0.5))
+
+
 def test_holes_show_what_is_behind_them():
     pixels = np.full((2, 2, 4), 255, dtype=np.uint8)
     pixels[:, 1] = (0, 0, 0, 0)  # to the right a hole
