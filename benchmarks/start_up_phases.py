@@ -33,19 +33,19 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     import omnisim.cli.app
     import omnisim.cli.render  # noqa: F401
     from omnisim.scene import load_scene
-    from omnisim.sensors import OmniCamera, Renderer, Stage, stage
+    from omnisim.sensors import OmniCamera, Renderer, Stage, cube_backend
 
     done(IMPORTS)
     scene = load_scene(scene_name)
     done(SCENE)
-    open_context = vars(stage)["open_context"]
+    open_context = vars(cube_backend)["open_context"]
 
     def timed(*arguments: Any, **options: Any) -> Any:
         context = open_context(*arguments, **options)
         done(CONTEXT)
         return context
 
-    vars(stage)["open_context"] = timed
+    vars(cube_backend)["open_context"] = timed
     with Stage(scene, device=device) as on_stage:
         done(UPLOAD)
         camera = OmniCamera()

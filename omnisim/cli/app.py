@@ -267,7 +267,7 @@ def _options(
 def main() -> None:
     """Run the command line; an error that a user can act on is one line and exit status 1."""
     try:
-        app()
+        app(prog_name="omnisim")
     except SystemExit as stopped:
         if stopped.code == INTERRUPTED:  # typer prints nothing
             err.print("interrupted")

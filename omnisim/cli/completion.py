@@ -24,8 +24,8 @@ CALIBRATION_FORMATS = (
 )  # fmt: skip
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
-    "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "quality", "markers",
-    "omnidir", "boards", "orientation", "unwarping",
+    "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",
+    "markers", "omnidir", "boards", "orientation", "unwarping",
 )  # fmt: skip
 Completion = Callable[[str], list[str]]
 

@@ -54,7 +54,7 @@ def _ask(*words, folder=None):
         (("render", "rings", "--quality", "fa"), ["fast"]),
         (("unwarp", "a.png", "--to", "c"), ["cylinder"]),
         (("calibration", "convert", "a.yaml", "--to", "opencv_f"), ["opencv_fisheye"]),
-        (("validate", "--only", "r"), ["rings"]),
+        (("validate", "--only", "r"), ["rings", "rays"]),
         (("robot", "check", "s"), ["superscout"]),
         (("render", "rings", "--trajectory-f"), ["--trajectory-frame"]),
     ],

@@ -45,7 +45,9 @@ def _gltf(folder, uri):
         ],
         "images": [{"uri": uri}],
         "textures": [{"source": 0}],
-        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}],
+        "materials": [
+            {"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}
+        ],
         "meshes": [{"primitives": [
             {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
         ]}],
