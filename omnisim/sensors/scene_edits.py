@@ -22,9 +22,9 @@ class EditableScene(ABC):
     """
 
     @property
+    @abstractmethod
     def _moving(self) -> Collection[str]:
         """Names of the vehicles and dynamic objects."""
-        return ()
 
     @property
     @abstractmethod
