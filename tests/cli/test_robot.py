@@ -63,13 +63,14 @@ def test_import_writes_a_robot_and_lists_omissions(omnisim, tmp_path):
     assert status == 0
     assert out == (
         "robot.toml: omnip2at of [USARBot.OmniP2AT], Omni (omnicamera), "
-        "Scanner1 (usarsim_range_scanner)\n"
+        "Scanner1 (usarsim_range_scanner), F1 (usarsim_sonar)\n"
     )
     lines = error.splitlines()
     assert len(lines) == 10
     assert all(line.startswith("note: USARBot.ini:") for line in lines)
-    assert "note: USARBot.ini:24: Sensors 'F1' (USARBot.SonarSensor): left out" in lines
-    assert [mount.name for mount in parse_mounts(load_robot(tmp_path))] == ["Omni", "Scanner1"]
+    assert "note: USARBot.ini:25: Sensors 'Odometry' (USARBot.OdometrySensor): left out" in lines
+    names = [mount.name for mount in parse_mounts(load_robot(tmp_path))]
+    assert names == ["Omni", "Scanner1", "F1"]
     status, out, error = omnisim("robot", "check", ".")
     assert (status, error) == (0, "")
     assert "181 beams at 0.9998° to 20 m, origin (0.16, 0, 0.361) m" in out

@@ -113,7 +113,8 @@ def number(entry: Entry, name: str, value: Value) -> float:
         RobotFileError: naming file, line, what was found.
     """
     try:
-        found = float(_bare(value)) if isinstance(value, str) else math.nan
+        # a comment may follow, as in beamAngle=0.349;
+        found = float(_bare(value.partition(";")[0])) if isinstance(value, str) else math.nan
     except ValueError:
         found = math.nan
     if not math.isfinite(found):

@@ -1,7 +1,8 @@
 """Import of a robot's section in USARBot.ini as a robot file.
 
-Laser scanners become `usarsim_range_scanner`, the parts of an omnidirectional camera together one
-`omnicamera`. Everything else is named in the notices.
+Laser scanners become `usarsim_range_scanner`, sonars `usarsim_sonar`, infrared sensors
+`usarsim_ir_sensor`, the parts of an omnidirectional camera together one `omnicamera`. Everything
+else is named in the notices.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from omnisim.robot.sensor_names import folder_name
 from omnisim.robot.usarsim.camera_parts import find_cameras
 from omnisim.robot.usarsim.ini import Entry, Notice, Section, parse_struct, printable, read_ini
 from omnisim.robot.usarsim.parts import SI_UNITS, UNREAL_UNITS, Part, Units, read_part
+from omnisim.robot.usarsim.range_parts import find_range_sensor
 from omnisim.robot.usarsim.robot_text import Sensor, robot_text
 from omnisim.robot.usarsim.scanner_parts import find_scanner
 
@@ -65,9 +67,7 @@ def import_robot(
     sensors = [_named(sensor, left_out) for sensor in _sensors(parts, sections, units, left_out)]
     _check_names(sensors)
     if not sensors:
-        left_out.append(
-            (section.line, f"[{section.name}] has no camera or scanner that omnisim knows")
-        )
+        left_out.append((section.line, f"[{section.name}] has no sensor that omnisim knows"))
     if origin_height_m is None:
         left_out.append(
             (
@@ -153,10 +153,12 @@ def _sensors(
     for part in parts:
         if id(part) not in taken:
             own = sections.get(part.class_name.lower())
-            scanner = find_scanner(part, own, units, left_out)
-            if scanner is None:
+            sensor = find_range_sensor(part, own, units, left_out)
+            if sensor is None:
+                sensor = find_scanner(part, own, units, left_out)
+            if sensor is None:
                 continue
-            sensors.append((part.entry.line, scanner))
+            sensors.append((part.entry.line, sensor))
         if part.unread:
             left_out.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
         if part.parent:

@@ -11,6 +11,7 @@ from omnisim.simulation.sensors.lidar import LidarMount
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.omnicamera import OmniCameraMount
 from omnisim.simulation.sensors.range_scanner import Lms200Mount, RangeScannerMount
+from omnisim.simulation.sensors.range_sensor import InfraredMount, SonarMount
 
 MOUNT_TYPES: dict[str, type[SensorMount]] = {
     "omnicamera": OmniCameraMount,
@@ -19,6 +20,8 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
     "imu": ImuMount,
     "depth_camera": DepthCameraMount,
     "lidar": LidarMount,
+    "usarsim_sonar": SonarMount,
+    "usarsim_ir_sensor": InfraredMount,
 }
 
 

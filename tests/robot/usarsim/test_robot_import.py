@@ -1,6 +1,7 @@
 """From USARBot.ini to a robot file: places, scanners, the omnidirectional camera, and the rest."""
 
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -44,7 +45,12 @@ def test_the_sample():
     imported = import_robot(SAMPLE, "OmniP2AT", origin_height_m=0.12)
     robot = robot_of(imported)
     assert (robot.name, robot.title, robot.kinematics) == ("omnip2at", "OmniP2AT", None)
-    omni, scanner = parse_mounts(robot)
+    omni, scanner, sonar = parse_mounts(robot)
+    assert (sonar.name, sonar.type, sonar.position_m) == (
+        "F1",
+        "usarsim_sonar",
+        (0.145, 0.13, 0.12),
+    )
     assert (omni.name, omni.type, omni.position_m) == ("Omni", "omnicamera", (-0.08, -0.02, 0.65))
     assert omni.yaw_deg == pytest.approx(-90.0, abs=1e-5)  # the mirror's: to the right
     assert (omni.roll_deg, omni.pitch_deg) == (0.0, 0.0)
@@ -73,7 +79,8 @@ def test_nothing_is_dropped_silently():
         "12: HeadLight 'Lamp' (USARBot.USARHeadLight): left out",
         "13: Effecters 'Releaser' (USARBot.RFIDReleaser): left out",
         "14: Cameras 'Ahead' (USARBot.RobotCamera): left out",
-        "24: Sensors 'F1' (USARBot.SonarSensor): left out",
+        "24: Sensors 'F1' (USARBot.SonarSensor): no [USARBot.SonarSensor]: taken as USARSim's "
+        "usual sonar",
         "25: Sensors 'Odometry' (USARBot.OdometrySensor): left out",
         "30: [USARBot.SICKLMS] HiddenSensor, ScanInterval: left out",
     ]
@@ -184,10 +191,57 @@ def test_what_is_not_understood_of_a_sensor_is_said(of):
     assert not any("HARD" in n for n in of(part(more=',Parent="HARD"')).notices)
 
 
+def test_a_sonar_and_an_infrared_sensor(of):
+    """Settings as in USARSim's own configuration, with its semicolons."""
+    after = """[USARBot.SonarSensor]
+ScanInterval=0.2
+MaxRange=4.0
+MinRange=0.05
+beamAngle=0.3;
+maxAngleOfIncidence=0.1745329252;
+numberOfCones=5
+tracesPerCone=12;
+[USARBot.IRSensor]
+MaxRange=1.2
+Noise=0.01
+"""
+    imported = of(
+        part("SonarSensor", "S", "X=0.1,Y=0.2,Z=0", "Z=-1.5707963"),
+        part("IRSensor", "I"),
+        after=after,
+        origin_height_m=0,
+    )
+    sonar, infrared = parse_mounts(robot_of(imported))
+    assert (sonar.type, sonar.position_m) == ("usarsim_sonar", (0.1, -0.2, 0.0))
+    assert sonar.yaw_deg == pytest.approx(90.0, abs=1e-5)
+    assert (sonar.range_max_m, sonar.range_min_m, sonar.beam_angle_rad) == (4.0, 0.05, 0.3)
+    assert (sonar.cones, sonar.rays_per_cone) == (5, 12)
+    assert (infrared.type, infrared.range_max_m) == ("usarsim_ir_sensor", 1.2)
+    assert (infrared.range_min_m, infrared.noise_share) == (0.2, 0.01)
+    (notice,) = imported.notices
+    assert notice.endswith("[USARBot.SonarSensor] ScanInterval, maxAngleOfIncidence: left out")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("MaxRange=-1", ":5: MaxRange = -1: expected 0 or more"),
+        ("MinRange=7", ":5: MinRange = 7: expected MinRange, 7 m, less than MaxRange, 5 m"),
+        ("beamAngle=4", ":5: beamAngle = 4: expected more than 0 and less than half a turn"),
+        ("tracesPerCone=1.5", ":5: tracesPerCone = 1.5: expected a whole number from 1 to 360"),
+        ("numberOfCones=0", ":5: numberOfCones = 0: expected a whole number from 1 to 360"),
+        ("Noise=loud", ":5: Noise = loud: expected a finite number"),
+    ],
+)
+def test_a_sonar_that_cannot_be_is_refused_at_its_line(of, line, message):
+    with pytest.raises(RobotFileError, match=re.escape(message)):
+        of(part("SonarSensor"), after=f"\n[USARBot.SonarSensor]\n{line}")
+
+
 def test_a_robot_of_other_sensors_says_so(of):
-    imported = of(part("SonarSensor"))
+    imported = of(part("TouchSensor"))
     assert parse_mounts(robot_of(imported)) == ()
-    assert "[USARBot.P2AT] has no camera or scanner that omnisim knows" in imported.notices[0]
+    assert "[USARBot.P2AT] has no sensor that omnisim knows" in imported.notices[0]
 
 
 def test_what_is_no_sensor_may_be_anything_but_unbalanced(of):
