@@ -20,6 +20,7 @@ LAYERS = (
     {"localization"},
     {"sensors", "perception", "robot"},
     {"gpu", "rays"},
+    {"optics"},
     {"calibration"},
     {"scene", "cameras"},
     {"mirrors"},

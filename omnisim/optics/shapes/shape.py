@@ -1,0 +1,53 @@
+"""Contract of a surface's shape.
+
+Frame of a shape: origin at its vertex, z along its axis of revolution, away from a camera that
+looks at it. A mirror that bulges towards that camera has z > 0 off its axis.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Level(NamedTuple):
+    """Implicit function of a shape, 0 on its surface."""
+
+    values: Floats  # (n,)
+    gradients: Floats  # (n, 3)
+
+
+class Shape(ABC):
+    """A surface of revolution, unbounded but for its own domain; immutable.
+
+    Attributes:
+        shape_name: of it in files.
+    """
+
+    shape_name: ClassVar[str]
+
+    @abstractmethod
+    def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
+        """Lengths (n, m) of rays (n, 3) to the surface, ascending; NaN: no more of them.
+
+        Args:
+            origins_m, directions: of the rays, in the shape's frame.
+            radius_m: distance from the axis beyond which hits do not matter.
+        """
+
+    @abstractmethod
+    def level(self, points_m: Floats) -> Level:
+        """Implicit function at points (n, 3)."""
+
+    @abstractmethod
+    def hessians(self, points_m: Floats) -> Floats:
+        """Second derivatives (n, 3, 3) of the implicit function at points (n, 3)."""
+
+    @abstractmethod
+    def sag_m(self, radii_m: Floats) -> Floats:
+        """Heights z of the surface at distances from the axis; NaN outside its domain."""

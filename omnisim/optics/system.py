@@ -1,0 +1,197 @@
+"""Optical systems: a central camera behind surfaces that reflect and refract.
+
+System frame: the optical frame of the camera where it is not misaligned (x right, y down, z
+forward, into the mirror). Rays come out in the optical frame of the sensor: the same axes, the
+origin where the system has it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras import CentralCamera, Pixels, Rays, pixel_grid, summary
+from omnisim.cameras.camera import CameraParameters, Uniforms, as_directions, as_pixels
+from omnisim.errors import OpticsError
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.optics.inverse import Inverse, Targets
+from omnisim.optics.media import refractive_index
+from omnisim.optics.shapes.shape import Floats
+from omnisim.optics.surface import Rod, Surface
+from omnisim.optics.tracing import Fate, Paths, TracedRays, trace
+from omnisim.poses import check_pose
+from omnisim.short_repr import counted, short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalSystem:
+    """A camera whose rays need not meet in one point; immutable.
+
+    Attributes:
+        camera: the central camera, whose pixels are the system's.
+        surfaces: mirrors and boundaries, in the order of the rays from the camera.
+        obstacles: opaque parts in their way.
+        medium: around the camera.
+        system_from_camera: (4, 4) pose of the camera's optical frame: its misalignment.
+        origin_m: (3,) of the sensor's optical frame, in the system's.
+        color: "R", "G" or "B", whose wavelength is refracted; None: the d line.
+        rig_from_optical: (3, 3) orientation in a level rig; None: up into a mirror, else ahead.
+
+    Raises:
+        OpticsError: a camera of omnisim's is missing, or an unknown medium.
+    """
+
+    camera: CentralCamera
+    surfaces: tuple[Surface, ...]
+    obstacles: tuple[Rod, ...] = ()
+    medium: str | float = "air"
+    system_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    color: str | None = None
+    orientation: NDArray[np.float64] | None = None
+
+    model_name = "optics"
+    domain_limit_rad = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, CentralCamera):
+            raise OpticsError(f"camera: expected a camera model, got {type(self.camera).__name__}")
+        check_pose(self.system_from_camera)
+
+    def __repr__(self) -> str:
+        mirrors = sum(surface.is_mirror for surface in self.surfaces)
+        return short_repr(
+            self,
+            summary(self.camera),
+            counted(mirrors, "mirror"),
+            counted(len(self.surfaces) - mirrors, "boundary", "boundaries"),
+        )
+
+    @property
+    def width_px(self) -> int:
+        """Width of the picture."""
+        return self.camera.width_px
+
+    @property
+    def height_px(self) -> int:
+        """Height of the picture."""
+        return self.camera.height_px
+
+    @property
+    def principal_point_px(self) -> tuple[float, float]:
+        """The camera's."""
+        return self.camera.principal_point_px
+
+    @property
+    def rig_from_optical(self) -> NDArray[np.float64]:
+        """Orientation (3, 3) in a level rig: as set, else up into a mirror, or ahead."""
+        if self.orientation is not None:
+            return self.orientation
+        has_mirror = any(surface.is_mirror for surface in self.surfaces)
+        return RIG_FROM_OPTICAL_LOOKING_UP if has_mirror else BASE_FROM_OPTICAL_LOOKING_AHEAD
+
+    @cached_property
+    def indices(self) -> tuple[float, ...]:
+        """Refractive indices (surfaces + 1) from the camera on."""
+        media = [self.medium]
+        for surface in self.surfaces:
+            media.append(media[-1] if surface.medium is None else surface.medium)
+        return tuple(refractive_index(medium, self.color) for medium in media)
+
+    def scaled(self, scale: float) -> Self:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        return dataclasses.replace(self, camera=self.camera.scaled(scale))
+
+    def of_color(self, color: str | None) -> Self:
+        """The same system at the wavelength of "R", "G" or "B"; None: at the d line."""
+        return dataclasses.replace(self, color=color)
+
+    def paths(self, pixels_px: ArrayLike) -> Paths:
+        """Ways of the rays of pixels (n, 2), in the system's frame."""
+        rays = self.camera.ray_from_pixel(pixels_px)
+        fates = np.where(rays.valid, Fate.SEEN, Fate.OUTSIDE).astype(np.uint8)
+        directions = rays.directions @ self.system_from_camera[:3, :3].T
+        origins = np.tile(self.system_from_camera[:3, 3], (len(directions), 1))
+        if rays.origins_m is not None:
+            origins += rays.origins_m @ self.system_from_camera[:3, :3].T
+        return trace(self.surfaces, self.indices, self.obstacles, origins, directions, fates)
+
+    def rays(self, pixels_px: ArrayLike) -> TracedRays:
+        """Rays of pixels (..., 2) where they leave the system, in the sensor's optical frame."""
+        pixels = as_pixels(pixels_px)
+        paths = self.paths(pixels.reshape(-1, 2))
+        shape = pixels.shape[:-1]
+        valid = paths.fates == Fate.SEEN
+        origins = np.where(valid[:, None], paths.points_m[-1] - self.origin_m, 0.0)
+        directions = np.where(valid[:, None], paths.directions, (0.0, 0.0, 1.0))
+        return TracedRays(
+            origins.reshape(*shape, 3),
+            directions.reshape(*shape, 3),
+            valid.reshape(shape),
+            paths.fates.reshape(shape),
+        )
+
+    def all_rays(self) -> TracedRays:
+        """Rays (height, width) of all pixels."""
+        return self.rays(pixel_grid(self.width_px, self.height_px))
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2) as a camera model has them, with their origins."""
+        rays = self.rays(pixels_px)
+        return Rays(rays.directions, rays.valid, rays.origins_m)
+
+    def pixel_from_point(self, points_m: ArrayLike) -> Pixels:
+        """Pixels of points (..., 3) in the sensor's optical frame; valid where they are seen.
+
+        A point that is seen twice has one of its pixels, see `pixels_from_point`.
+        """
+        points = as_directions(points_m)
+        return self._pixels(points + self.origin_m, 1.0)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) to points at infinity."""
+        return self._pixels(as_directions(directions), 0.0)
+
+    def pixels_from_point(self, point_m: ArrayLike) -> Floats:
+        """All pixels (n, 2) of a point (3,) in the sensor's optical frame."""
+        point = as_directions(point_m) + self.origin_m
+        return self.inverse.all_pixels(Targets(point[None], 1.0))
+
+    @cached_property
+    def inverse(self) -> Inverse:
+        """Solver from points to pixels."""
+        return Inverse(self)
+
+    def camera_directions(self, points_m: Floats) -> Floats:
+        """Unit directions (n, 3), camera's frame, to points (n, 3) of the system's."""
+        moved = points_m - self.system_from_camera[:3, 3]
+        found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_camera[:3, :3])
+        found /= np.linalg.norm(found, axis=1, keepdims=True)
+        return found
+
+    def _pixels(self, points: Floats, weight: float) -> Pixels:
+        found = self.inverse.pixels(Targets(points.reshape(-1, 3), weight))
+        shape = points.shape[:-1]
+        return Pixels(found.positions_px.reshape(*shape, 2), found.valid.reshape(shape))
+
+    def uniforms(self) -> Uniforms:
+        """Refuse them: no shader traces rays.
+
+        Raises:
+            OpticsError: always.
+        """
+        raise OpticsError("camera: an optical system has rays only: expected back end 'rays'")
+
+    def parameters(self) -> CameraParameters:
+        """Model, size and refractive indices, for the picture's metadata."""
+        return {
+            "model": self.model_name,
+            "width_px": self.width_px,
+            "height_px": self.height_px,
+            "principal_point_px": list(self.principal_point_px),
+        }

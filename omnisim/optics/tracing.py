@@ -1,0 +1,126 @@
+"""Sequential ray tracing from a camera through the surfaces of its optical system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.optics.shapes.shape import Floats
+from omnisim.optics.surface import Rod, Surface
+
+
+class Fate(IntEnum):
+    """End of a ray on its way from the camera."""
+
+    SEEN = 0  # it leaves the system
+    OUTSIDE = 1  # the pixel is outside the camera's own domain
+    MISSED = 2  # it passes a surface
+    RIM = 3  # it passes a surface outside its rim, or through its hole
+    TOTAL_REFLECTION = 4  # a boundary reflects all of it
+    SHADOWED = 5  # a mirror, its rim or an obstacle is in its way
+
+
+class TracedRays(NamedTuple):
+    """Rays of pixels where they leave the system, in its frame."""
+
+    origins_m: Floats  # (..., 3): on the last surface
+    directions: Floats  # (..., 3), unit
+    valid: NDArray[np.bool_]  # (...,)
+    fates: NDArray[np.uint8]  # (...,) of `Fate`
+
+
+class Paths(NamedTuple):
+    """Ways of rays through a system."""
+
+    points_m: Floats  # (surfaces + 1, n, 3): the camera, and the hit on each surface
+    directions: Floats  # (n, 3), unit: behind the last surface
+    fates: NDArray[np.uint8]  # (n,) of `Fate`
+
+
+def trace(
+    surfaces: Sequence[Surface],
+    indices: Sequence[float],
+    obstacles: Sequence[Rod],
+    origins_m: Floats,
+    directions: Floats,
+    fates: NDArray[np.uint8],
+) -> Paths:
+    """Trace rays (n, 3) from a camera; those whose fate is known already have NaN points.
+
+    Args:
+        surfaces: in the order of the rays from the camera.
+        indices: (surfaces + 1) refractive indices between them.
+        obstacles: opaque parts.
+        origins_m, directions: of the rays, system frame.
+        fates: (n,) of `Fate`: SEEN for those to trace.
+    """
+    points = np.full((len(surfaces) + 1, len(origins_m), 3), np.nan)
+    points[0] = origins_m
+    along, fates = directions.copy(), fates.copy()
+    for number, surface in enumerate(surfaces):
+        rows = np.flatnonzero(fates == Fate.SEEN)
+        begin, toward = points[number, rows], along[rows]
+        lengths, beyond_rim = surface.hits(begin, toward)
+        hit = np.isfinite(lengths)
+        fates[rows[~hit]] = np.where(beyond_rim[~hit], Fate.RIM, Fate.MISSED)
+        rows, toward = rows[hit], toward[hit]
+        at = begin[hit] + lengths[hit, None] * toward
+        blocked = _blocked(surfaces, obstacles, number, begin[hit], toward, lengths[hit])
+        fates[rows[blocked]] = Fate.SHADOWED
+        points[number + 1, rows] = at
+        along[rows] = _deflected(surface, at, toward, indices[number] / indices[number + 1])
+        fates[rows[np.isnan(along[rows, 0])]] = Fate.TOTAL_REFLECTION
+    rows = np.flatnonzero(fates == Fate.SEEN)
+    endless = np.full(len(rows), np.inf)
+    number = len(surfaces)
+    blocked = _blocked(surfaces, obstacles, number, points[number, rows], along[rows], endless)
+    fates[rows[blocked]] = Fate.SHADOWED
+    return Paths(points, along, fates)
+
+
+def _deflected(surface: Surface, points_m: Floats, directions: Floats, ratio: float) -> Floats:
+    """Directions (n, 3) behind a surface; NaN where a boundary reflects totally.
+
+    Args:
+        surface: mirror or boundary.
+        points_m: (n, 3) where they meet it.
+        directions: (n, 3) before it.
+        ratio: refractive index before a boundary, over that behind it.
+    """
+    normals = surface.normals(points_m)
+    along = np.einsum("nj,nj->n", directions, normals)[:, None]
+    found: Floats
+    if surface.is_mirror:
+        found = directions - 2.0 * along * normals
+    else:
+        normals = np.where(along > 0.0, normals, -normals)
+        cosine = np.abs(along)
+        squared = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+        root = np.sqrt(np.where(squared >= 0.0, squared, np.nan))
+        found = ratio * directions + (root - ratio * cosine) * normals
+    found /= np.linalg.norm(found, axis=1, keepdims=True)
+    return found
+
+
+def _blocked(
+    surfaces: Sequence[Surface],
+    obstacles: Sequence[Rod],
+    number: int,
+    origins_m: Floats,
+    directions: Floats,
+    lengths_m: Floats,
+) -> NDArray[np.bool_]:
+    """Mask (n,) of the ways to surface `number` that an obstacle or another mirror is in."""
+    blocked = np.zeros(len(origins_m), dtype=np.bool_)
+    ends_m = np.where(np.isfinite(lengths_m), (1.0 - 1e-9) * lengths_m, np.inf)
+    for obstacle in obstacles:
+        blocked |= obstacle.hits(origins_m, directions) < ends_m
+    for other, surface in enumerate(surfaces):
+        if surface.is_mirror and other != number:
+            hits = surface.hits(origins_m, directions, leaving=other == number - 1)
+            blocked |= hits.lengths_m < ends_m
+    return blocked
