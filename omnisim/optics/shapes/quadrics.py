@@ -56,8 +56,9 @@ class Quadric(Shape):
     def hessians(self, points_m: Floats) -> Floats:
         """2 A, 2 A and 2 B on the diagonal."""
         a, b, _ = self.coefficients
-        second = np.diag(np.array([2.0 * a, 2.0 * a, 2.0 * b]))
-        return np.broadcast_to(second, (len(points_m), 3, 3))
+        found = np.zeros((len(points_m), 3, 3))
+        found[:, range(3), range(3)] = 2.0 * a, 2.0 * a, 2.0 * b
+        return found
 
     def sag_m(self, radii_m: Floats) -> Floats:
         """Smaller root of B z² − C z + A r² = 0: without cancellation 2 A r²/(C + √…)."""
