@@ -73,6 +73,7 @@ sheets: setup
 	@mkdir -p omnisim/sensors/sheets
 	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
 	$(BIN)/python -m omnisim.plots.boxes_3d_sheet omnisim/sensors/sheets/boxes-3d.jpg
+	$(BIN)/python .ci/make_world_picture.py docs/how-to/match.jpg
 	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup
