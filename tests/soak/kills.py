@@ -1,4 +1,7 @@
-"""Drives that are killed at random moments and resumed: the bytes of an undisturbed run."""
+"""Drives that are killed at random moments and resumed: the bytes of an undisturbed run.
+
+Two robots and an object move in one world; one of the robots has a sensor of each type.
+"""
 
 import random
 import signal
@@ -7,10 +10,22 @@ import sys
 import time
 from pathlib import Path
 
+from omnisim.resources import SCENES
+from omnisim.simulation.sensors.registry import MOUNT_TYPES
+
 DRIVE = (
-    "drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "32", "--step", "2",
-    "--turn-step", "60", "--quality", "fast", "--seed", "7", "--also", "instance",
+    "drive", "match.toml", "--robot", "all.toml", "--path", "lap", "--robot", "superscout",
+    "--path", "lap_clockwise", "--size", "32", "--step", "3", "--turn-step", "90",
+    "--quality", "fast", "--seed", "7", "--also", "instance",
 )  # fmt: skip
+SCENE = """
+extends = "soccer"
+[[objects]]
+name = "box"
+file = "box.obj"
+shuttle = { from_m = [-1.0, -1.0, 0.2], to_m = [1.0, 1.0, 0.2], period_s = 9.0 }
+"""
+BOX = "v 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 MAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     "from omnisim.cli.app import main; main()"
@@ -26,6 +41,18 @@ def contents(folder: Path) -> dict[str, bytes]:
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def write_inputs(folder: Path) -> None:
+    """Write a scene with a moving object, and a robot with a sensor of each type."""
+    (folder / "match.toml").write_text(SCENE)
+    (folder / "box.obj").write_text(BOX)
+    robot = (SCENES / "p2at" / "robot.toml").read_text(encoding="utf-8").partition("[[sensors]]")[0]
+    sensors = [
+        f'[[sensors]]\nname = "{kind}"\ntype = "{kind}"\nposition_m = [0.0, 0.0, {1.0 + 0.1 * k}]\n'
+        for k, kind in enumerate(MOUNT_TYPES)
+    ]
+    (folder / "all.toml").write_text(robot.replace('body = "p2at.glb"\n', "") + "".join(sensors))
 
 
 def start(folder: Path) -> subprocess.Popen[str]:
@@ -93,6 +120,7 @@ def kills(folder: Path, times: int, seed: int, print_line=print) -> None:
     Raises:
         RuntimeError: a run that does not end, or with other bytes; it stays in the folder.
     """
+    write_inputs(folder)
     moments, begun = random.Random(seed), time.monotonic()
     finish(folder / "whole")
     duration_s = time.monotonic() - begun
