@@ -12,6 +12,7 @@ Pictures and ground truth: `Renderer`, `Frame`, `Stage`; channels are in
 Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
 Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
+Spinning lidars: `SpinningLidar`, `LidarRenderer` and `PointCloud` of `omnisim.sensors`.
 Errors: `OmnisimError`.
 
 Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`

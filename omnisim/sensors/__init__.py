@@ -7,9 +7,12 @@ if TYPE_CHECKING:
     from omnisim.sensors.depth_renderer import DepthRenderer
     from omnisim.sensors.laser_renderer import LaserRenderer
     from omnisim.sensors.laser_scanner import LaserScanner
+    from omnisim.sensors.lidar_renderer import LidarRenderer
     from omnisim.sensors.omnicamera import OmniCamera
+    from omnisim.sensors.point_cloud import PointCloud
     from omnisim.sensors.renderer import Renderer
     from omnisim.sensors.scan import Scan
+    from omnisim.sensors.spinning_lidar import SpinningLidar
     from omnisim.sensors.stage import Stage
 
 # Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
@@ -18,9 +21,12 @@ _MODULES = {
     "DepthRenderer": "depth_renderer",
     "LaserRenderer": "laser_renderer",
     "LaserScanner": "laser_scanner",
+    "LidarRenderer": "lidar_renderer",
     "OmniCamera": "omnicamera",
+    "PointCloud": "point_cloud",
     "Renderer": "renderer",
     "Scan": "scan",
+    "SpinningLidar": "spinning_lidar",
     "Stage": "stage",
 }
 __all__ = [
@@ -28,9 +34,12 @@ __all__ = [
     "DepthRenderer",
     "LaserRenderer",
     "LaserScanner",
+    "LidarRenderer",
     "OmniCamera",
+    "PointCloud",
     "Renderer",
     "Scan",
+    "SpinningLidar",
     "Stage",
 ]
 
