@@ -31,6 +31,7 @@ from pydantic import Field
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
 from omnisim.parameters import Number
+from omnisim.poses import rotation_angles
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.is_written import is_written
@@ -49,6 +50,7 @@ READINGS_SUFFIX = ".csv"
 COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
 STANDARD_GRAVITY_MPS2 = 9.80665
 MAX_READINGS = 10_000_000  # half a gigabyte; 14 hours at 200 Hz
+MAX_TURN_DEG = 120.0  # from pose to pose: near half a turn no smooth motion is found
 LATE = 1e-3  # of the time between readings: printed times are rounded
 _READING, _START = 0, 1  # streams of random numbers
 
@@ -140,15 +142,23 @@ class MountedImu(MountedSensor):
         return f"{self.rate_hz:g} Hz, gravity {self.gravity_mps2:g} m/s²"
 
     def check_trajectory(self, truth: Trajectory) -> None:
-        """Refuse more readings than memory holds.
+        """Refuse more readings than memory holds, and turns between poses that are too wide.
 
         Raises:
-            RunError: naming sensor, rate, and what is expected.
+            RunError: naming sensor, what is wrong, and what is expected.
         """
         if truth.duration_s * self.rate_hz >= MAX_READINGS:
             raise RunError(
                 f"sensor {self.name!r}: rate_hz = {self.rate_hz:g}: expected fewer than "
                 f"{MAX_READINGS} readings, got {truth.duration_s:g} s of them"
+            )
+        rotations = truth.world_from_base[:, :3, :3]
+        turns_deg = np.abs(np.degrees(rotation_angles(rotations[:-1], rotations[1:])))
+        if np.any(turns_deg > MAX_TURN_DEG):
+            step = int(np.argmax(turns_deg))
+            raise RunError(
+                f"sensor {self.name!r}: step {step} → {step + 1}: expected a turn of at most "
+                f"{MAX_TURN_DEG:g}°, got {turns_deg[step]:.4g}°"
             )
 
     def open(self, stage: Stage, settings: DriveSettings) -> Instrument:

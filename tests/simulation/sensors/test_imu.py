@@ -287,3 +287,30 @@ def test_the_unit_may_be_turned_on_its_robot():
     change = np.swapaxes(path(times - h)[1], 1, 2) @ path(times + h)[1]
     rate = Rotation.from_matrix(change).as_rotvec() / (2 * h)
     np.testing.assert_allclose(turned[:, :3], rate, atol=1e-6)
+
+
+def test_turns_that_no_smooth_motion_follows_are_refused():
+    (imu,) = vehicle_of().sensors
+    turns = Trajectory.on_ground(np.arange(3.0), np.zeros((3, 2)), np.radians((0.0, 119.0, 240.0)))
+    with pytest.raises(
+        RunError, match=r"sensor 'imu': step 1 → 2: expected a turn of at most 120°"
+    ):
+        imu.check_trajectory(turns)
+    imu.check_trajectory(wavy())
+    imu.check_trajectory(Trajectory(np.zeros(1), np.eye(4)[None]))
+
+
+def test_wide_turns_have_even_rates():
+    """At the widest turns allowed rates do not jump where two pieces of the motion meet."""
+    random = np.random.default_rng(0)
+    axes = random.standard_normal((30, 3))
+    turns = Rotation.from_rotvec(np.radians(119.9) * axes / np.linalg.norm(axes, axis=1)[:, None])
+    rotations = [Rotation.identity()]
+    for turn in turns:
+        rotations.append(rotations[-1] * turn)
+    poses = np.tile(np.eye(4), (31, 1, 1))
+    poses[:, :3, :3] = [one.as_matrix() for one in rotations]
+    times = np.cumsum(random.uniform(0.1, 1.0, 31))
+    motion = SmoothMotion(Trajectory(times, poses))
+    before, after = (motion.at(times[1:-1] + share).angular_rate_radps for share in (-1e-7, 1e-7))
+    np.testing.assert_allclose(before, after, atol=1e-3)
