@@ -21,6 +21,7 @@ MOST_CONTACTS = 5  # notes; the manifest has all
 def run(request: DriveRequest) -> None:
     """Record a run of each robot, or resume an unfinished one, and print a summary."""
     vehicles = _load_vehicles(request)
+    _check_cameras(request, vehicles)
     routes = [_route(request, path) for path in request.paths]
     first = drive_of(request, next(iter(vehicles.values())), routes[0])
     plans = {
@@ -56,6 +57,14 @@ def _load_vehicles(request: DriveRequest) -> dict[str, Vehicle]:
             raise RunError(f"--robot {text!r}: a second {name}: expected NAME={source}")
         vehicles[name] = vehicle
     return vehicles
+
+
+def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
+    """Refuse ground truth of robots without cameras."""
+    option = "--also" if request.also else "--boxes-3d" if request.boxes_3d else None
+    sensors = (one for vehicle in vehicles.values() for one in vehicle.sensors)
+    if option and not any(sensor.has_ground_truth for sensor in sensors):
+        raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
 
 
 def _route(request: DriveRequest, path: str) -> Route:
