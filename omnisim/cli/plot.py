@@ -14,7 +14,7 @@ from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.robot import read_odometry
 from omnisim.scene import Scene, load_scene
 from omnisim.simulation.drive import scene_contents
-from omnisim.simulation.run_folder import GROUND_TRUTH, ODOMETRY, PLOT, RunFolder
+from omnisim.simulation.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
 from omnisim.trajectories import Trajectory, read_trajectory
 
 
@@ -36,9 +36,15 @@ def run(request: PlotRequest) -> None:
         shown = [step for step in steps_to_show(len(truth)) if step < done]
         pictures = {step: read_image(recorded.file(camera, step, ".png"))[0] for step in shown}
     title = _title(recorded, truth, reckoned, done)
-    figure = run_figure(title, _scene(recorded, request.scene), truth, reckoned, pictures)
+    scene, others = _scene(recorded, request.scene), _others(recorded)
+    figure = run_figure(title, scene, truth, reckoned, pictures, others)
     write_plot(target, figure)
     out.print(f"{target}: {done} of {pluralize(len(truth), 'step')}", markup=False)
+
+
+def _others(run: RunFolder) -> dict[str, Trajectory]:
+    """Trajectories of other robots and of dynamic objects, by name."""
+    return {file.stem: read_trajectory(file) for file in sorted((run.path / OBJECTS).glob("*.tum"))}
 
 
 def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:

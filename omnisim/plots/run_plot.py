@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ from omnisim.trajectories import Trajectory
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
 STRIP = 6  # pictures
 STRIP_IN = 3.0  # height, at most
+OTHERS = ("#7a3fa0", "#2b8a57", "#b03060", "#8a6d1f")
 TITLE_LETTERS = 110  # in a line
 
 
@@ -28,6 +30,7 @@ def run_figure(
     truth: Trajectory,
     reckoned: NDArray[np.float64] | None,
     pictures: dict[int, NDArray[np.uint8]],
+    others: Mapping[str, Trajectory] | None = None,
 ) -> Figure:
     """The plot of a run.
 
@@ -37,6 +40,7 @@ def run_figure(
         truth: poses of the base.
         reckoned: (n, 2) positions by dead reckoning, or None: no odometry.
         pictures: (height, width, 3) by step, at most a handful.
+        others: poses of other robots and of dynamic objects, by name.
     """
     low, high = _extent(truth, reckoned, scene)
     size = high - low
@@ -57,6 +61,9 @@ def run_figure(
         draw_scene_map(axes, scene, low, high, float(np.median(truth.positions_m[:, 2])))
         for landmark in scene.landmarks:
             draw_landmark(axes, landmark)
+    for k, (name, other) in enumerate((others or {}).items()):
+        color = OTHERS[k % len(OTHERS)]
+        axes.plot(*other.positions_m[:, :2].T, "o", color=color, ms=4, label=name, zorder=4)
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     if reckoned is not None:
         axes.plot(reckoned[:, 0], reckoned[:, 1], "--", color=RECKONED, lw=1.6, label="odometry")
@@ -77,7 +84,7 @@ def run_figure(
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     for column, (step, picture) in enumerate(pictures.items()):
         strip = figure.add_subplot(grid[1, column])
         strip.set_axis_off()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,7 +38,8 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
     where, path = f"object {table.name!r}", folder / table.file
     if not path.is_file():
         raise SceneError(f"{where}: file = {table.file!r}: no such file beside it")
-    shape = load_shape(path, table.up_axis)
+    # fingerprints name the file: not by where this machine has it
+    shape = dataclasses.replace(load_shape(path, table.up_axis), name=table.file)
     if shape.objects:
         raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
     try:
