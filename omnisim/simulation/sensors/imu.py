@@ -46,13 +46,14 @@ from omnisim.simulation.sensors.sensor import (
 from omnisim.trajectories import Trajectory
 from omnisim.trajectories.smooth_motion import SmoothMotion
 
-READINGS_SUFFIX = ".csv"
+READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
 COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
 STANDARD_GRAVITY_MPS2 = 9.80665
 MAX_READINGS = 10_000_000  # half a gigabyte; 14 hours at 200 Hz
 MAX_TURN_DEG = 120.0  # from pose to pose: near half a turn no smooth motion is found
 LATE = 1e-3  # of the time between readings: printed times are rounded
 _READING, _START = 0, 1  # streams of random numbers
+_BLOCK = 100_000  # readings at a time, which bounds memory
 
 
 @dataclass(frozen=True)
@@ -76,15 +77,16 @@ class ImuErrors:
 
     def biases(self, count: int, rate_hz: float, key: int) -> NDArray[np.float64]:
         """Biases (count, 6) of the first readings: of three rates, then of three forces."""
-        walk, start = (
-            self._six(self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz)
-            / math.sqrt(rate_hz),
-            self._six(self.gyro_bias_sigma_radps, self.accel_bias_sigma_mps2),
+        walk = self._six(
+            self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
         )
-        steps = walk * _numbers(np.arange(count), _READING, key)[1]
-        steps[0] = start * _numbers(np.arange(1), _START, key)[0][0]
-        biases: NDArray[np.float64] = np.cumsum(steps, axis=0)
-        return biases
+        start = self._six(self.gyro_bias_sigma_radps, self.accel_bias_sigma_mps2)
+        biases = np.empty((count, 6))
+        for first in range(0, count, _BLOCK):
+            indices = np.arange(first, min(first + _BLOCK, count))
+            biases[indices] = walk / math.sqrt(rate_hz) * _numbers(indices, _READING, key)[1]
+        biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
+        return np.cumsum(biases, axis=0, out=biases)
 
     def noise(self, indices: NDArray[np.int64], rate_hz: float, key: int) -> NDArray[np.float64]:
         """White noise (n, 6) of readings (n,): of three rates, then of three forces."""
@@ -126,6 +128,7 @@ class MountedImu(MountedSensor):
     base_from_imu: NDArray[np.float64]
     noun: ClassVar[str] = "IMU"
     suffixes: ClassVar[tuple[str, ...]] = (READINGS_SUFFIX,)
+    document_names: ClassVar[tuple[str, ...]] = (PARAMETERS,)
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
@@ -140,6 +143,22 @@ class MountedImu(MountedSensor):
     def summary(self) -> str:
         """Rate and gravity."""
         return f"{self.rate_hz:g} Hz, gravity {self.gravity_mps2:g} m/s²"
+
+    def documents(self) -> dict[str, str]:
+        """Mount, rate and noise, with the keys of EuRoC's sensor.yaml; the body is the base."""
+        errors = self.errors
+        numbers = {
+            "rate_hz": self.rate_hz,
+            "gyroscope_noise_density": errors.gyro_noise_radps_per_sqrt_hz,
+            "gyroscope_random_walk": errors.gyro_bias_walk_radps2_per_sqrt_hz,
+            "accelerometer_noise_density": errors.accel_noise_mps2_per_sqrt_hz,
+            "accelerometer_random_walk": errors.accel_bias_walk_mps3_per_sqrt_hz,
+            "gravity_mps2": self.gravity_mps2,
+        }
+        pose = ", ".join(map(_yaml_number, self.base_from_imu.ravel()))
+        lines = ("sensor_type: imu", "T_BS:", "  cols: 4", "  rows: 4", f"  data: [{pose}]")
+        rest = (f"{key}: {_yaml_number(number)}" for key, number in numbers.items())
+        return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
 
     def check_trajectory(self, truth: Trajectory) -> None:
         """Refuse more readings than memory holds, and turns between poses that are too wide.
@@ -296,3 +315,8 @@ def _numbers(indices: NDArray[np.int64], stream: int, key: int) -> NDArray[np.fl
     """Two sets of normal numbers (2, n, 6) for readings (n,) and axes."""
     hashes = pcg4d(indices[:, None], np.arange(6), stream, key)
     return np.stack((normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3]))).astype(np.float64)
+
+
+def _yaml_number(number: float) -> str:
+    """Number as YAML 1.1 reads one: with a point, also before an exponent."""
+    return np.format_float_scientific(number, trim="0")

@@ -1,10 +1,12 @@
 """The IMU: closed forms, strapdown integration, Allan deviations, and runs that go on."""
 
+import dataclasses
 import itertools
 import math
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from omnisim.errors import RobotFileError, RunError
@@ -196,6 +198,13 @@ def test_axes_readings_seeds_and_names_have_noise_of_their_own():
         assert not np.any(other[:, 1:] == (noise + ideal)[:, 1:])
 
 
+def test_biases_do_not_depend_on_how_many_are_asked_for():
+    errors = dataclasses.replace(DEVICES["bmi160"], gyro_bias_sigma_radps=0.1)
+    many = errors.biases(250_000, 200.0, 5)
+    assert np.array_equal(many[:100_001], errors.biases(100_001, 200.0, 5))
+    assert many[0, :3].all()
+
+
 def test_any_step_alone_has_the_same_readings():
     trajectory = wavy()
     rows = readings_of(trajectory)
@@ -228,7 +237,10 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
     )
     drive, run = Drive(load_scene("soccer"), vehicle, ROUTE, seed=3), tmp_path / "run"
     steps = list(drive.plan().record(run))[-1]
-    files = sorted((run / "imu").iterdir())
+    assert (run / "imu" / "sensor.yaml").read_text() == vehicle.sensors[0].documents()[
+        "sensor.yaml"
+    ]
+    files = sorted((run / "imu").glob("*.csv"))
     assert [file.name for file in files] == [f"{step:06d}.csv" for step in range(steps)]
     assert files[0].read_text().startswith(f"{COLUMNS}\n0.000000000,")
     before = [file.read_bytes() for file in files]
@@ -238,6 +250,25 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
     assert [file.read_bytes() for file in files] == before
     rows = np.concatenate([np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2) for file in files])
     np.testing.assert_allclose(np.diff(rows[:, 0]), 0.005, atol=2e-9)
+
+
+def test_parameters_are_in_a_file_like_eurocs():
+    (unit,) = vehicle_of(roll_deg=1e-9, position_m=[0.1, 0.2, 0.3]).sensors
+    parameters = yaml.safe_load(unit.documents()["sensor.yaml"])
+    pose_of_unit = np.reshape(parameters["T_BS"]["data"], (4, 4))
+    np.testing.assert_array_equal(pose_of_unit, unit.base_from_imu)
+    # the numbers of EuRoC's own file
+    assert {key: parameters[key] for key in list(parameters)[2:-1]} == {
+        "rate_hz": 200.0,
+        "gyroscope_noise_density": 1.6968e-04,
+        "gyroscope_random_walk": 1.9393e-05,
+        "accelerometer_noise_density": 2.0000e-3,
+        "accelerometer_random_walk": 3.0000e-3,
+    }
+    (unit,) = vehicle_of(device="bmi160").sensors
+    parameters = yaml.safe_load(unit.documents()["sensor.yaml"])
+    assert parameters["gyroscope_noise_density"] == 8e-5  # a number, not a text
+    assert parameters["gravity_mps2"] == G
 
 
 def test_it_may_be_inside_of_the_body(tmp_path):
