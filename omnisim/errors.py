@@ -30,7 +30,7 @@ class SceneError(OmnisimError):
 
 
 class SensorFileError(OmnisimError):
-    """A sensor file with an unknown key or an impossible value."""
+    """A sensor or optics file with an unknown key or an impossible value."""
 
 
 class RobotFileError(OmnisimError):

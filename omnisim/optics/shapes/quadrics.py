@@ -66,13 +66,16 @@ class Quadric(Shape):
         inside = c * c - 4.0 * a * b * radii_m**2
         root = np.sqrt(np.where(inside >= 0.0, inside, np.nan))
         below = c + root
-        return np.divide(
+        found: Floats = np.divide(
             2.0 * a * radii_m**2, below, out=np.zeros_like(root), where=below > 0.0
-        ) + np.where(np.isnan(root), np.nan, 0.0)
+        )
+        found[np.isnan(root)] = np.nan
+        return found
 
 
 def _divided(values: Floats, by: Floats) -> Floats:
-    return np.divide(values, by, out=np.full(len(by), np.nan), where=by != 0.0)
+    found: Floats = np.divide(values, by, out=np.full(len(by), np.nan), where=by != 0.0)
+    return found
 
 
 @dataclass(frozen=True)
