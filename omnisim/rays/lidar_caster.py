@@ -19,9 +19,8 @@ _FIRINGS_AT_ONCE = 128
 class LidarCaster:
     """Casts the beams of a lidar into a scene.
 
-    Surfaces are those of pictures: single-sided ones are not there from behind. Which surface a
-    beam hits is found with the dynamic objects where they are in the middle of a slice; how far it
-    is, with the object where it is at the firing.
+    Surfaces reflect on both sides. Which surface a beam hits is found with the dynamic objects where
+    they are in the middle of a slice; how far it is, with the object where it is at the firing.
 
     Args:
         beams: of the lidar.
@@ -67,7 +66,7 @@ class LidarCaster:
     ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
         """Ranges and 1 + instance (n,) of rays (n,) in a slice."""
         poses = one.middle.world_from_objects
-        found = scene.first_hits(rays, ObjectState(poses, self._hidden))
+        found = scene.first_hits(rays, ObjectState(poses, self._hidden), both_sides=True)
         hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
         found, rays = found.take(hit), rays.take(hit)
         geometry = scene.caster.geometry

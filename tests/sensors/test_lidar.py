@@ -68,22 +68,26 @@ def _drive(time_s):
 
 @needs_opengl
 @pytest.mark.parametrize("backend", ["cube", "rays"])
+@pytest.mark.parametrize("speed_mps", [0.0, 1.5])
 @pytest.mark.parametrize("name", ["courtyard", pytest.param("mapping", marks=pytest.mark.slow)])
-def test_points_are_where_exact_rays_hit(name, backend):
+def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
     """99.9 % of the points to 1 mm; the others are where less than a texel shows of a surface."""
-    if backend == "rays":
-        pytest.importorskip("embreex", reason="embreex is missing")
     scene = opaque_part(load_scene(name))
-    world_from_lidar = pose((1.5, 0.7, 1.3), yaw_deg=20.0)
-    with LidarRenderer(scene, EXACT, backend=backend) as renderer:
-        cloud = renderer.scan(world_from_lidar)
-    directions = EXACT.beams.directions.reshape(-1, 3) @ world_from_lidar[:3, :3].T
-    origins_m = np.tile(world_from_lidar[:3, 3], (len(directions), 1))
-    expected_m = _embree_ranges(scene, origins_m, directions)
+    here = pose((1.5, 0.7, 1.3), yaw_deg=20.0)
+
+    def motion(time_s):
+        return here @ pose((speed_mps * time_s, 0.0, 0.0), yaw_deg=30.0 * speed_mps * time_s)
+
+    poses = np.stack([motion(time_s - EXACT.period_s) for time_s in EXACT.times_s])
+    directions = np.einsum("fij,rfj->rfi", poses[:, :3, :3], EXACT.beams.directions)
+    origins_m = np.broadcast_to(poses[:, :3, 3], directions.shape)
+    expected_m = _embree_ranges(scene, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
     expected_m[expected_m > EXACT.range_max_m] = 0.0
+    with LidarRenderer(scene, EXACT, backend=backend) as renderer:
+        cloud = renderer.scan(motion)
     error_m = np.abs(_grid(cloud).ravel() - expected_m)
     assert (error_m <= 1e-3).mean() >= 0.999
-    assert len(cloud.points) > 0.5 * len(directions)
+    assert len(cloud.points) > 0.5 * len(expected_m)
 
 
 @needs_opengl
@@ -129,6 +133,28 @@ def test_objects_move_while_the_lidar_turns(backend):
     assert np.count_nonzero(ahead) > 1000
     np.testing.assert_allclose(cloud.points["x"][ahead], 5.0 - 6.0 * times_s, atol=2e-5)
     assert set(np.unique(cloud_at_rest.points["instance"])) == {1, 2}
+
+
+@needs_opengl
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+@pytest.mark.parametrize("x_m", [-2.0, 2.0])
+def test_surfaces_reflect_on_both_sides(backend, x_m):
+    """A single-sided square, seen from its front and from behind; also where it moves."""
+    if backend == "rays":
+        pytest.importorskip("embreex", reason="embreex is missing")
+    corners = np.array([[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]], dtype=np.float32)
+    mesh = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), 0)
+    wall, here = scene_of([mesh], [Material()]), pose((x_m, 0.0, 0.0))
+    with LidarRenderer(wall, SMALL, backend=backend) as renderer:
+        static = renderer.scan(here).points
+    with (
+        Stage(scene_of([], []), dynamic_objects={"wall": wall}, backend=backend) as stage,
+        LidarRenderer(stage, SMALL) as renderer,
+    ):
+        dynamic = renderer.scan(WorldState({"body": here, "wall": np.eye(4)})).points
+    for points in (static, dynamic):
+        np.testing.assert_allclose(points["x"], -x_m, atol=1e-5)
+        assert len(points) > 1000
 
 
 @needs_opengl

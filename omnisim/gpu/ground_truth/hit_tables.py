@@ -43,7 +43,7 @@ class HitTables:
         draws = visibility.buffers.draw_items
         self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
         self._draw_items["first"] = [draw.first for draw in draws]
-        self._draw_items["flags"] = [_flags(draw) for draw in draws]
+        self._draw_items["flags"] = [_flags(draw, visibility.both_sides) for draw in draws]
         entries = len(draws) * _DRAW_ITEM.itemsize // 16
         self._texture = table_texture(visibility.buffers.context, entries, "the scene's instances")
 
@@ -70,9 +70,9 @@ class HitTables:
         visibility.triangle_ids.texture.use(_UNITS["u_primitives"])
 
 
-def _flags(draw: DrawItem) -> int:
+def _flags(draw: DrawItem, both_sides: bool) -> int:
     return (
         _MASKED * (draw.material.hit_cutoff > 0.0)
-        + _DOUBLE_SIDED * draw.material.double_sided
+        + _DOUBLE_SIDED * (draw.material.double_sided or both_sides)
         + _FLIPS_WINDING * draw.flips_winding
     )

@@ -36,6 +36,8 @@ _RAYS_UNIT = 1
 class LidarPass:
     """Intersects a lidar's beams with the triangles that virtual cameras see.
 
+    Surfaces reflect on both sides.
+
     What sees a slice of a certain width is made once.
 
     Args:
@@ -51,7 +53,9 @@ class LidarPass:
         self, buffers: SceneBuffers, beams: LidarBeams, hidden: Collection[ObjectPart] = ()
     ):
         self._buffers, self._beams = buffers, beams
-        self._cameras = VirtualCameras(NEAR_M, beams.max_range_m, hidden=frozenset(hidden))
+        self._cameras = VirtualCameras(
+            NEAR_M, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
+        )
         context, size = buffers.context, (len(beams.azimuths_rad), len(beams.elevations_rad))
         buffers.check_readable("to look up what its beams hit")
         with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "take fewer"):

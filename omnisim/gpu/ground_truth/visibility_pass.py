@@ -29,11 +29,11 @@ class VisibilityPass:
     Args:
         buffers: the scene and its dynamic objects; other passes may draw from them, too.
         plan: the tiles.
-        cameras: their depth range and the hidden instances count.
+        cameras: their depth range and sides, and the hidden instances count.
         albedo: also be able to draw plain base colours.
 
     Attributes:
-        buffers, plan, near_m, far_m: as given.
+        buffers, plan, near_m, far_m, both_sides: as given.
         id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
         triangle_ids: table of the IDs.
         albedo_atlas: texture of the square root of linear RGB, or None.
@@ -52,6 +52,7 @@ class VisibilityPass:
         context = buffers.context
         self.buffers, self.plan = buffers, plan
         self.near_m, self.far_m = cameras.near_m, cameras.far_m
+        self.both_sides = cameras.both_sides
         size = (plan.width_px, plan.height_px)
         with gpu_allocation(
             f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
@@ -101,7 +102,14 @@ class VisibilityPass:
             return self._compiled[variant]
 
         indices = buffers.triangles.indices
-        return SceneDrawer(buffers, indices, find_program, ids.first_of_item, ids.append_clusters)
+        return SceneDrawer(
+            buffers,
+            indices,
+            find_program,
+            ids.first_of_item,
+            ids.append_clusters,
+            self._cameras.both_sides,
+        )
 
     def render(
         self,

@@ -55,6 +55,7 @@ class SceneDrawer(Generic[P]):
         find_program: of a material and the shading of its triangles.
         id_of_item: ID of the first triangle of an item.
         assign_ids: gives IDs to the triangles of clusters (n,), and returns the first.
+        both_sides: draw back faces, too.
 
     Attributes:
         programs: all of them.
@@ -67,7 +68,9 @@ class SceneDrawer(Generic[P]):
         find_program: Callable[[Material, Shading], P],
         id_of_item: Mapping[int, int],
         assign_ids: Callable[[NDArray[np.intp]], int],
+        both_sides: bool = False,
     ):
+        self._both_sides = both_sides
         self._context, self._items = buffers.context, buffers.draw_items
         self._item_programs = [find_program(one.material, Shading.UNKNOWN) for one in self._items]
         self._item_arrays = {
@@ -137,5 +140,6 @@ class SceneDrawer(Generic[P]):
             program.draw(self._batch_arrays[program], first, count, self._first_id + first // 3)
 
     def _cull_back_faces(self, material: Material) -> None:
-        toggle = self._context.disable if material.double_sided else self._context.enable
+        shows_back = material.double_sided or self._both_sides
+        toggle = self._context.disable if shows_back else self._context.enable
         toggle(moderngl.CULL_FACE)

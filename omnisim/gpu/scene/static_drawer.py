@@ -44,15 +44,18 @@ class StaticDrawer:
         geometry: the clusters.
         plan: the tiles.
         samples: of a texel.
+        both_sides: all clusters are seen from behind, too.
 
     Attributes:
         triangles: submitted for the last frame.
     """
 
-    def __init__(self, geometry: StaticGeometry, plan: TilePlan, samples: int):
+    def __init__(
+        self, geometry: StaticGeometry, plan: TilePlan, samples: int, both_sides: bool = False
+    ):
         self._geometry = geometry
         double_sided = np.array([batch.material.double_sided for batch in geometry.batches])
-        double_sided = double_sided[geometry.batch_of_cluster]
+        double_sided = double_sided[geometry.batch_of_cluster] | both_sides
         anchor_m = geometry.anchor_m
         self._culler = ClusterCuller(geometry.hierarchy, double_sided, anchor_m, plan, samples)
         self.triangles = 0

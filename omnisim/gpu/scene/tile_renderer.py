@@ -32,6 +32,7 @@ class VirtualCameras:
         unlit: show plain base colours.
         background: linear RGB where nothing is hit.
         hidden: parts of dynamic objects that are not drawn.
+        both_sides: show all surfaces from behind, too.
     """
 
     near_m: float
@@ -40,6 +41,7 @@ class VirtualCameras:
     unlit: bool = False
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     hidden: frozenset[ObjectPart] = frozenset()
+    both_sides: bool = False
 
 
 class TileRenderer:
@@ -51,7 +53,7 @@ class TileRenderer:
     Args:
         buffers: the scene and its dynamic objects.
         plan: the tiles.
-        cameras: their depth range counts.
+        cameras: their depth range and sides count.
         items: (n,) draw items to draw one by one, front to back.
         samples: of a texel.
 
@@ -71,7 +73,9 @@ class TileRenderer:
         self._context, self._buffers, self._items = buffers.context, buffers, items
         self.views = TileViews(plan, cameras.near_m, cameras.far_m)
         geometry = buffers.static_geometry
-        self.static = None if geometry is None else StaticDrawer(geometry, plan, samples)
+        self.static = (
+            None if geometry is None else StaticDrawer(geometry, plan, samples, cameras.both_sides)
+        )
 
     def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
         """Clear a target and use it, with depth."""
