@@ -22,10 +22,11 @@ from omnisim.scene.model import (
     Scene,
     ScenePath,
     StartPose,
+    bounds_m,
 )
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import SceneSource, resolve_source
-from omnisim.scene.start_pose import find_start
+from omnisim.scene.start_pose import default_start, find_start
 from omnisim.scene.textures import TextureStore
 
 _GLTF = {".glb", ".gltf"}
@@ -52,25 +53,27 @@ def load_scene(
     return _load_source(source, FileAxes(up_axis, meters_per_unit), ())
 
 
-def _load_source(source: str | Path, axes: FileAxes, outer: tuple[Path, ...]) -> Scene:
-    """Load a scene that those of the outer TOMLs extend, or have as an object."""
+def _load_source(
+    source: str | Path, axes: FileAxes, outer: tuple[Path, ...], is_shape: bool = False
+) -> Scene:
+    """Load a scene that those of the outer TOMLs extend, or have as the shape of an object."""
     try:
         found = resolve_source(source)
     except OSError as reason:  # a name too long, a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if found.toml is None:
-        return _load_mesh_file(source, found, axes)
+        return _load_mesh_file(source, found, axes, is_shape)
     path = found.toml.resolve()
     if path in outer:
         raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
     outer = (*outer, path)
     if found.settings.extends is None:
-        scene = _load_mesh_file(source, found, axes)
+        scene = _load_mesh_file(source, found, axes, is_shape)
     else:
         scene = _load_extended(str(source), found, axes, outer)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
-        return _load_source(path, FileAxes(axis), outer)
+        return _load_source(path, FileAxes(axis), outer, is_shape=True)
 
     try:
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
@@ -102,7 +105,9 @@ def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[P
     )
 
 
-def _load_mesh_file(source: str | Path, found: SceneSource, axes: FileAxes) -> Scene:
+def _load_mesh_file(
+    source: str | Path, found: SceneSource, axes: FileAxes, is_shape: bool
+) -> Scene:
     path, settings = found.mesh_file, found.settings
     assert path is not None
     try:
@@ -116,14 +121,16 @@ def _load_mesh_file(source: str | Path, found: SceneSource, axes: FileAxes) -> S
     if not data:
         raise SceneError(f"{path}: is an empty file")
     try:
-        return _load(str(source), path, data, settings, axes)
+        return _load(str(source), path, data, settings, axes, is_shape)
     except SceneError as reason:
         raise SceneError(f"{path}: {reason}") from None
     except MemoryError:
         raise SceneError(f"{path}: asks for more memory than there is") from None
 
 
-def _load(name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxes) -> Scene:
+def _load(
+    name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxes, is_shape: bool
+) -> Scene:
     suffix = path.suffix.lower()
     matrix = world_from_file(suffix, data, settings, axes)
     textures, assets = TextureStore(), AssetResolver(path)
@@ -138,6 +145,12 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxe
     instances = place(read, matrix)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
+    # nobody stands in a shape
+    start = (
+        default_start(bounds_m(read.meshes, instances))
+        if is_shape or settings.start is not None
+        else find_start(read.meshes, instances)
+    )
     notices = [*assets.notices, *textures.notices, *texture_notices(read), *read.notices]
     return Scene(
         name=name,
@@ -146,7 +159,7 @@ def _load(name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxe
         instances=instances,
         lighting=expose(read.lights, read.meshes, instances),
         background=settings.background or DEFAULT_BACKGROUND,
-        start=_start(settings) or find_start(read.meshes, instances),
+        start=_start(settings) or start,
         notices=tuple(
             printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in dict.fromkeys(notices)
         ),
