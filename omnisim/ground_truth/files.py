@@ -181,8 +181,6 @@ _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]
     "occluded_backward": (lambda occluded: occluded, {}),
 }
 
-_AS_EXR = ("z", "position", "scene_flow", "scene_flow_camera")
-
 
 def _write(
     picture: Path,
@@ -197,9 +195,6 @@ def _write(
     if name in _NUMBERS:
         encode, scale = _NUMBERS[name]
         write_numbers(path, encode(values))
-    elif name in _AS_EXR:
-        path = path.with_suffix(".exr")
-        write_exr(path, {name: values}, labels, metadata)
     elif name == "albedo":
         write_image(path, srgb8_from_linear(values))
     elif name in FLOWS:
@@ -207,6 +202,9 @@ def _write(
         write_flo(flo, values)
         write_kitti_flow(path, values)
         return [flo.name, path.name], {"kitti_steps_per_px": KITTI_STEPS_PER_PX}
+    elif values.dtype.kind == "f":
+        path = path.with_suffix(".exr")
+        write_exr(path, {name: values}, labels, metadata)
     else:
         write_numbers(path, _ids(path, name, values, labels))
     return [path.name], scale

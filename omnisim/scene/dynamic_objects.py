@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import assert_never
 
 import numpy as np
 
@@ -12,7 +13,13 @@ from omnisim.errors import SceneError, TrajectoryError
 from omnisim.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.scene.model import DynamicObject, Scene
 from omnisim.scene.object_motion import Along, Orbit, Rest, Rolling, Shuttle
-from omnisim.scene.scene_file import ObjectPathTable, ObjectTable
+from omnisim.scene.scene_file import (
+    ObjectPathTable,
+    ObjectTable,
+    ObjectTrajectoryTable,
+    OrbitTable,
+    ShuttleTable,
+)
 from omnisim.trajectories import Trajectory, read_trajectory
 
 LoadShape = Callable[[Path, str | None], Scene]  # of a file, by its axis that points up
@@ -52,16 +59,19 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
 
 
 def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
-    if table.path is not None:
-        return Along(_trajectory(table.path), table.path.repeats)
-    if table.trajectory is not None:
-        trajectory = read_trajectory(folder / table.trajectory.file)
-        return Along(trajectory, table.trajectory.repeats)
-    if table.orbit is not None:
-        return Orbit(**dict(table.orbit))
-    if table.shuttle is not None:
-        return Shuttle(**dict(table.shuttle))
-    return Rest(table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
+    match table.motion:
+        case None:
+            return Rest(table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
+        case ObjectPathTable() as path:
+            return Along(_trajectory(path), path.repeats)
+        case ObjectTrajectoryTable() as along:
+            return Along(read_trajectory(folder / along.file), along.repeats)
+        case OrbitTable() as orbit:
+            return Orbit(**dict(orbit))
+        case ShuttleTable() as shuttle:
+            return Shuttle(**dict(shuttle))
+        case other:
+            assert_never(other)
 
 
 def _trajectory(path: ObjectPathTable) -> Trajectory:

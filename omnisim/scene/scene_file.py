@@ -143,6 +143,9 @@ class ShuttleTable(Table):
     """Seconds of the way there and back."""
 
 
+MotionTable = ObjectPathTable | ObjectTrajectoryTable | OrbitTable | ShuttleTable
+
+
 class ObjectTable(Table):
     """Object that moves by the world's time: one of path, trajectory, orbit and shuttle; without
     them it rests."""
@@ -166,7 +169,7 @@ class ObjectTable(Table):
 
     @model_validator(mode="after")
     def _one_motion(self) -> ObjectTable:
-        given = [key for key in MOTIONS if getattr(self, key) is not None]
+        given = [key for key, value in self if isinstance(value, MotionTable)]
         if len(given) > 1:
             raise ValueError(f"expected one motion, got {' and '.join(given)}")
         if given and (self.position_m is not None or self.yaw_deg is not None):
@@ -175,8 +178,10 @@ class ObjectTable(Table):
             raise ValueError("rolling_radius_m: expected a motion")
         return self
 
-
-MOTIONS = ("path", "trajectory", "orbit", "shuttle")
+    @property
+    def motion(self) -> MotionTable | None:
+        """Table of its motion; None: it rests."""
+        return next((value for _, value in self if isinstance(value, MotionTable)), None)
 
 
 class LabelTable(Table):

@@ -252,10 +252,7 @@ def test_previews_are_black_without_a_hit_only(name):
     assert colors.dtype == np.uint8
     assert not colors[0, 0].any()
     assert colors[1:].any(axis=-1).mean() > 0.8
-    empty = {"range": np.inf, "z": np.inf, "position": np.nan}
-    empty |= {found: np.nan for found in CHANNELS if "flow" in found}
-    empty |= {found: 255 for found in CHANNELS if "occluded" in found}
-    nothing = np.full_like(channels[name], empty.get(name, 0))
+    nothing = np.full_like(channels[name], CHANNELS[name].empty)
     assert not preview(name, nothing, LABELS).any()
 
 
