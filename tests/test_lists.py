@@ -1,0 +1,47 @@
+"""Lists in documentation and on sheets, against the code: an addition that is left out is found."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import omnisim
+from omnisim.calibration import FORMATS
+from omnisim.cameras import CAMERA_MODELS
+from omnisim.plots import degradation_sheet
+from omnisim.sensors import degradations
+from omnisim.sensors.degradations import Degradation
+from tests.sensors.degradations.test_gpu_equals_reference import EXAMPLES
+
+PACKAGE = Path(omnisim.__file__).parent
+EFFECTS = [field.name for field in dataclasses.fields(Degradation)]
+# Random, of several pictures, or with an encoder: compared by tests of their own.
+NOT_ONE_STEP = {"shutter", "exposure", "noise", "encoding", "jpeg"}
+
+
+def _rows(folder):
+    """Names of the tables' rows in a package's README."""
+    text = (PACKAGE / folder / "README.md").read_text(encoding="utf-8")
+    return re.findall(r"^\| \[?`(\w+)`", text, re.MULTILINE)
+
+
+def test_readmes_have_a_row_for_each_model_format_and_degradation():
+    assert sorted(_rows("cameras")) == sorted(CAMERA_MODELS)
+    assert sorted(_rows("calibration")) == sorted(FORMATS)
+    assert _rows("sensors/degradations") == EFFECTS  # in the order of the light
+
+
+def test_readme_counts_models_and_formats():
+    text = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+    assert f"**{len(CAMERA_MODELS)} camera models**" in text
+    assert f" {len(FORMATS)} calibration formats" in text
+
+
+def test_each_degradation_has_its_export_its_example_and_its_picture():
+    parts = {**degradations.preset("bad-day").parts, "encoding": degradations.Encoding()}
+    kinds = {name: type(part).__name__ for name, part in parts.items()}
+    assert set(kinds) == set(EFFECTS)
+    assert set(kinds.values()) <= set(degradations.__all__)
+    compared = {type(part).__name__ for part, _ in EXAMPLES.values()}
+    assert {name for name, kind in kinds.items() if kind not in compared} == NOT_ONE_STEP
+    shown = (*degradation_sheet.WHOLE.values(), *degradation_sheet.PARTS.values())
+    assert {name for one in shown for name in one.parts} == set(EFFECTS)
