@@ -1,6 +1,7 @@
 """A vehicle made of boxes, what stands around it, and one that is a robot, with their sensors."""
 
 import dataclasses
+import re
 import tomllib
 from pathlib import Path
 
@@ -22,6 +23,14 @@ from omnisim.scene.model import (
 from tests.scenes import room, scene_of
 
 P2AT = Path(__file__).resolve().parents[1] / "scenes" / "p2at"
+
+
+def p2at_with_every_sensor():
+    """Text of its robot file with the sensors that are comments there."""
+    text = (P2AT / "robot.toml").read_text(encoding="utf-8")
+    return re.sub(r"(?m)^# (?=\[\[sensors\]\]|\w+ = )", "", text)
+
+
 CAMERA = OmniCamera(polygons=None, base_from_rig=pose((-0.1, 0.05, 0.6), 2.0, -3.0, 10.0)).resized(
     180
 )

@@ -53,6 +53,7 @@ from tests.camera_examples import CAMERA_EXAMPLES
 from tests.fuzz.mutations import glb
 from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
 from tests.scene.gltf_builder import png, skinned_and_textured
+from tests.vehicles import p2at_with_every_sensor
 
 SIZE_PX = 24
 LINES = re.compile(r"(?m)^\[\[labels\]\]\n(?:.+\n)*")
@@ -127,8 +128,8 @@ def _moving_objects(folder: Path) -> None:
 
 def _robot(folder: Path) -> None:
     _box_obj(folder)
-    text = (SCENES / "p2at" / "robot.toml").read_text()
-    text = re.sub(r"(?m)^hides = .*$", 'hides = ["box"]', text.replace("p2at.glb", "box.obj"))
+    text = p2at_with_every_sensor().replace("p2at.glb", "box.obj")
+    text = re.sub(r"(?m)^hides = .*$", 'hides = ["box"]', text)
     (folder / "robot.toml").write_text(text)
     shutil.copy(SCENES / "p2at" / "omnicam.toml", folder)
 

@@ -12,6 +12,7 @@ from omnisim.robot import builtin_robots, parse_robot
 from omnisim.sensors import LaserScanner
 from omnisim.simulation import Vehicle
 from omnisim.simulation.fingerprint import fingerprint
+from tests.vehicles import P2AT, p2at_with_every_sensor
 
 CAMERA = {"name": "omni", "type": "omnicamera", "position_m": (0.0, 0.0, 1.0)}
 SCANNER = {"name": "scan", "type": "lms200", "position_m": (0.0, 0.0, 1.0)}
@@ -54,6 +55,15 @@ def test_built_in_robots_are_whole():
         assert vehicle.camera().name == "omnicam"
         height_m = vehicle.body.bounds_m()[1, 2]
         assert height_m == pytest.approx(vehicle.footprint.height_m, abs=1e-3)
+
+
+def test_commented_sensors_of_the_pioneer_are_good(tmp_path):
+    for name in ("p2at.glb", "omnicam.toml"):
+        (tmp_path / name).symlink_to(P2AT / name)
+    (tmp_path / "robot.toml").write_text(p2at_with_every_sensor())
+    types = [one.type for one in Vehicle.load(tmp_path).sensors]
+    assert types[:2] == ["omnicamera", "lms200"]
+    assert {"imu", "depth_camera", "usarsim_sonar", "lidar"} <= set(types[2:])
 
 
 def test_the_pioneer():
