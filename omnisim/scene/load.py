@@ -27,7 +27,7 @@ from omnisim.scene.model import (
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import SceneSource, resolve_source
 from omnisim.scene.start_pose import default_start, find_start
-from omnisim.scene.textures import TextureStore
+from omnisim.scene.textures import TextureStore, large_textures
 
 _GLTF = {".glb", ".gltf"}
 MAX_NOTICE = 300
@@ -121,7 +121,8 @@ def _load_mesh_file(
     if not data:
         raise SceneError(f"{path}: is an empty file")
     try:
-        return _load(str(source), path, data, settings, axes, is_shape)
+        with large_textures():
+            return _load(str(source), path, data, settings, axes, is_shape)
     except SceneError as reason:
         raise SceneError(f"{path}: {reason}") from None
     except MemoryError:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from numpy.typing import NDArray
-from PIL.Image import Image
+from PIL.Image import DecompressionBombWarning, Image
 
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
@@ -57,6 +61,14 @@ class TextureStore:
                 )
             self._pixels[id(image)] = (image, pixels)
         return self._pixels[id(image)][1]
+
+
+@contextmanager
+def large_textures() -> Iterator[None]:
+    """Decode large images without Pillow's warning; it refuses larger ones than GPUs take."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DecompressionBombWarning)
+        yield
 
 
 def rgba8(image: Image) -> NDArray[np.uint8]:
