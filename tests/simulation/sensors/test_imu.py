@@ -14,11 +14,12 @@ from omnisim.poses import pose
 from omnisim.resources import SCENES
 from omnisim.robot import parse_robot
 from omnisim.scene import load_scene
+from omnisim.sensors.imu import DEVICES, ImuErrors, true_readings
 from omnisim.simulation import Vehicle
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.sensors import DriveSettings, Moment
-from omnisim.simulation.sensors.imu import COLUMNS, DEVICES, ImuErrors, true_readings
+from omnisim.simulation.sensors.imu import COLUMNS
 from omnisim.trajectories import Trajectory
 from omnisim.trajectories.smooth_motion import SmoothMotion
 
