@@ -19,8 +19,9 @@ _FIRINGS_AT_ONCE = 128
 class LidarCaster:
     """Casts the beams of a lidar into a scene.
 
-    Surfaces reflect on both sides. Which surface a beam hits is found with the dynamic objects where
-    they are in the middle of a slice; how far it is, with the object where it is at the firing.
+    Surfaces reflect on both sides. Which surface a beam hits is found with the dynamic objects
+    where they are in the middle of a slice; how far it is, with the object where it is at the
+    firing.
 
     Args:
         beams: of the lidar.

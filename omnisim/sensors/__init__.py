@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from omnisim.sensors.lidar_renderer import LidarRenderer
     from omnisim.sensors.omnicamera import OmniCamera
     from omnisim.sensors.point_cloud import PointCloud
+    from omnisim.sensors.range_sensor import RangeReading, RangeSensor, RangeSensorRenderer
     from omnisim.sensors.renderer import Renderer
     from omnisim.sensors.scan import Scan
     from omnisim.sensors.spinning_lidar import SpinningLidar
@@ -24,6 +25,9 @@ _MODULES = {
     "LidarRenderer": "lidar_renderer",
     "OmniCamera": "omnicamera",
     "PointCloud": "point_cloud",
+    "RangeReading": "range_sensor",
+    "RangeSensor": "range_sensor",
+    "RangeSensorRenderer": "range_sensor",
     "Renderer": "renderer",
     "Scan": "scan",
     "SpinningLidar": "spinning_lidar",
@@ -37,6 +41,9 @@ __all__ = [
     "LidarRenderer",
     "OmniCamera",
     "PointCloud",
+    "RangeReading",
+    "RangeSensor",
+    "RangeSensorRenderer",
     "Renderer",
     "Scan",
     "SpinningLidar",

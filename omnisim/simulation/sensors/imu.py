@@ -1,7 +1,7 @@
 """Inertial measurement units on vehicles: readings at their own rate, in the file of each step.
 
-Noise and bias follow from the drive's seed, the sensor's name and the number of the reading: any step
-can be measured by itself.
+Noise and bias follow from the drive's seed, the sensor's name and the number of the reading: any
+step can be measured by itself.
 """
 
 from __future__ import annotations
