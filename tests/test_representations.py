@@ -8,7 +8,7 @@ import pytest
 
 import omnisim
 from omnisim.calibration.ray_table import ray_table
-from omnisim.cameras import EquidistantCamera, RadialTableCamera
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera, RadialTableCamera
 from omnisim.errors import CalibrationError, OpticsError, SceneError
 from omnisim.frame import Frame
 from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels
@@ -119,6 +119,22 @@ def test_renderers_take_names_files_and_lenses(tmp_path):
         with omnisim.LaserRenderer(stage) as scanner:
             for shown in (stage, renderer, scanner, scanner.scan(np.eye(4))):
                 _check(shown)
+
+
+def test_calibrations_are_cameras_of_renderers(tmp_path):
+    path = tmp_path / "one.json"
+    lens = PerspectiveCamera(24, 20, 15.0, (11.5, 9.5))
+    calibration = omnisim.calibration_of(lens)
+    calibration.save(path, "omnisim")
+    for camera in (path, str(path), calibration, calibration.camera()):
+        sensor = omnisim.OmniCamera.of(camera)
+        assert sensor.model == lens
+        assert sensor.polygons is None
+    two = omnisim.Calibration((*calibration.cameras, omnisim.calibration_of(LENS, "b").camera()))
+    with pytest.raises(CalibrationError, match=r"expected one camera, got cam0, b: expected cal"):
+        omnisim.OmniCamera.of(two)
+    with pytest.raises(CalibrationError, match=r"none\.yaml: cannot be read"):
+        omnisim.OmniCamera.of("none.yaml")
 
 
 def test_other_types_say_what_was_expected():

@@ -66,6 +66,19 @@ class Calibration:
         names = ", ".join(self.names)
         raise CalibrationError(f"{self.source}: camera: expected one of {names}, got {name!r}")
 
+    def only_camera(self) -> CalibratedCamera:
+        """Camera of a calibration that has no other.
+
+        Raises:
+            CalibrationError: it has several.
+        """
+        if len(self.cameras) > 1:
+            raise CalibrationError(
+                f"{self.source}: expected one camera, got {', '.join(self.names)}: "
+                "expected calibration.camera(name)"
+            )
+        return self.cameras[0]
+
     def only(self, name: str) -> Calibration:
         """Calibration of one of the cameras.
 

@@ -30,6 +30,7 @@ from omnisim.sensors.quality import (
 from omnisim.short_repr import short_repr
 
 if TYPE_CHECKING:
+    from omnisim.calibration import CalibratedCamera, Calibration
     from omnisim.sensors.sensor_file import SensorSettings
 
 Polygons = int | Literal["auto"] | None  # of a mirror's mesh; None: exact
@@ -125,23 +126,37 @@ class OmniCamera:
         )
 
     @classmethod
-    def of(cls, camera: OmniCamera | CentralCamera | str | Path | None) -> OmniCamera:
+    def of(
+        cls, camera: OmniCamera | CentralCamera | Calibration | CalibratedCamera | str | Path | None
+    ) -> OmniCamera:
         """Sensor of whatever names one.
 
         Args:
-            camera: a sensor; a camera model; path of a sensor file; None: the paper's.
+            camera: a sensor; a camera model; path of a sensor file or of a calibration file of one
+                camera; such a calibration, or one of its cameras; None: the paper's.
 
         Raises:
             SensorFileError: naming file, key, value and what was expected.
+            CalibrationError: likewise, or several cameras.
             OpticsError: none of these.
         """
         if isinstance(camera, OmniCamera):
             return camera
         if camera is None:
             return cls()
-        if isinstance(camera, str | Path):
+        if isinstance(camera, CentralCamera):
+            return cls(camera)
+        if isinstance(camera, str | Path) and Path(camera).suffix.lower() in ("", ".toml"):
             return cls.from_file(camera)
-        return cls(camera)
+        # the time to import formats and fits is for those who use them
+        from omnisim.calibration import CalibratedCamera, Calibration, load_calibration
+
+        found = load_calibration(camera) if isinstance(camera, str | Path) else camera
+        if isinstance(found, Calibration):
+            found = found.only_camera()
+        if isinstance(found, CalibratedCamera):
+            return cls(found.camera, polygons=None)
+        return cls(found)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:

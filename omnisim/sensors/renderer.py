@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,9 @@ from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
 from omnisim.world import Motion, ObjectPart, WorldState
 
+if TYPE_CHECKING:
+    from omnisim.calibration import CalibratedCamera, Calibration
+
 
 class Renderer(SensorRenderer[CameraBackend]):
     """Renders a sensor's pictures of a scene; loads and compiles everything once.
@@ -33,8 +36,8 @@ class Renderer(SensorRenderer[CameraBackend]):
     Args:
         scene: static scene, or its path or built-in name; or a stage that has it and that other
             sensors share.
-        camera: the sensor, a bare camera model, or the path of a sensor file; by default the
-            paper's.
+        camera: the sensor, a bare camera model, a calibrated camera, or the path of a sensor file
+            or of a calibration file with one camera; by default the paper's.
         body: of the vehicle, in its base frame; a stage brings its own.
         hidden: names of the body's instances that are not drawn.
         unlit: show plain base colours, without lights.
@@ -49,12 +52,19 @@ class Renderer(SensorRenderer[CameraBackend]):
         GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
         SceneError: a hidden name that the body does not have, or a scene that cannot be read.
         SensorFileError: a sensor file that cannot be read.
+        CalibrationError: a calibration file that cannot be read, or of several cameras.
     """
 
     def __init__(
         self,
         scene: Scene | Stage | str | Path,
-        camera: OmniCamera | CentralCamera | str | Path | None = None,
+        camera: OmniCamera
+        | CentralCamera
+        | Calibration
+        | CalibratedCamera
+        | str
+        | Path
+        | None = None,
         *,
         body: Scene | None = None,
         hidden: Collection[str] = (),
