@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, MirroredCamera, summary
+from omnisim.cameras import CentralCamera, MirroredCamera, check_central, summary
 from omnisim.poses import inverse
 from omnisim.short_repr import short_repr
 
@@ -64,6 +64,9 @@ class CalibratedCamera:
         residuals: of the fit, if the camera is one.
         notes: for the reader of the file, a sentence each.
         file_model: model of the lens in the file, if there is a file.
+
+    Raises:
+        OpticsError: a camera without one viewpoint, which no calibration file holds.
     """
 
     name: str
@@ -72,6 +75,9 @@ class CalibratedCamera:
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
     file_model: str | None = None
+
+    def __post_init__(self) -> None:
+        check_central(self.camera, "calibration")
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), summary(self.camera))

@@ -28,7 +28,13 @@ from omnisim.calibration.linear_fit import (
     linear_fit,
     radial_profile,
 )
-from omnisim.cameras import CAMERA_MODELS, CentralCamera, PerspectiveCamera, UnifiedCamera
+from omnisim.cameras import (
+    CAMERA_MODELS,
+    CentralCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+    check_central,
+)
 from omnisim.cameras.field_of_view import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import CalibrationError, OpticsError
@@ -78,7 +84,9 @@ def fit_camera(
     Raises:
         CalibrationError: a model that cannot be fitted, or one that cannot see what the source
             shows.
+        OpticsError: a camera without one viewpoint.
     """
+    check_central(camera, "fit")
     fixed = dict(fixed or {})
     if isinstance(camera, model) and type(camera) is model and not mirrored and not fixed:
         return _evaluate(camera, camera, mirrored)

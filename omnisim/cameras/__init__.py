@@ -18,9 +18,12 @@ from typing import Any
 from omnisim.cameras.camera import (
     CameraSensor,
     CentralCamera,
+    NonCentralCamera,
     Pixels,
     Rays,
+    check_central,
     pixel_grid,
+    pixels_of_points,
     summary,
 )
 from omnisim.cameras.cylindrical import CylindricalCamera
@@ -65,6 +68,7 @@ __all__ = [
     "HyperbolicCamera",
     "KannalaBrandtCamera",
     "MirroredCamera",
+    "NonCentralCamera",
     "OcamcalibCamera",
     "OrthographicCamera",
     "ParabolicCamera",
@@ -77,8 +81,10 @@ __all__ = [
     "StereographicCamera",
     "UnifiedCamera",
     "camera_from_parameters",
+    "check_central",
     "period_px",
     "pixel_grid",
+    "pixels_of_points",
     "summary",
 ]
 

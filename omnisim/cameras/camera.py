@@ -82,6 +82,57 @@ class CentralCamera(Protocol):
         ...
 
 
+@runtime_checkable
+class NonCentralCamera(CentralCamera, Protocol):
+    """A camera whose rays start at origins of their own: a point's pixel depends on its distance.
+
+    It does all that a central one does, but that `pixel_from_ray` has directions to infinity.
+    """
+
+    def pixel_from_point(self, points_m: ArrayLike) -> Pixels:
+        """Pixels of points (..., 3), optical frame; valid where they are seen."""
+        ...
+
+
+def pixels_of_points(
+    camera: CentralCamera, points_m: NDArray[np.float64], is_finite: NDArray[np.bool_]
+) -> Pixels:
+    """Pixels of points (n, 3), optical frame, of any camera.
+
+    Args:
+        camera: the camera.
+        points_m: in metres; directions, where `is_finite` is false.
+        is_finite: (n,), false for points at infinity.
+    """
+    if not isinstance(camera, NonCentralCamera):
+        return camera.pixel_from_ray(points_m)
+    positions_px, valid = np.zeros((len(points_m), 2)), np.zeros(len(points_m), dtype=np.bool_)
+    for rows, project in (
+        (is_finite, camera.pixel_from_point),
+        (~is_finite, camera.pixel_from_ray),
+    ):
+        if rows.any():
+            positions_px[rows], valid[rows] = project(points_m[rows])
+    return Pixels(positions_px, valid)
+
+
+def check_central(camera: CentralCamera, use: str) -> None:
+    """Refuse a camera that has no effective viewpoint.
+
+    Args:
+        camera: the camera.
+        use: needs one.
+
+    Raises:
+        OpticsError: naming both.
+    """
+    if isinstance(camera, NonCentralCamera):
+        raise OpticsError(
+            f"{use}: expected a camera with one viewpoint, got model {camera.model_name!r}, whose "
+            "rays have origins of their own"
+        )
+
+
 def summary(camera: CentralCamera) -> str:
     """Model and size of a camera in a few words."""
     return f"{camera.model_name} {camera.width_px} × {camera.height_px} px"

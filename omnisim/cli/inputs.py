@@ -73,23 +73,36 @@ def read_sensor(path: Path | None) -> OmniCamera:
 
 
 def read_camera(
-    sensor: Path | None, calibration: Path | None, camera_name: str | None, mirrored: bool | None
+    sensor: Path | None,
+    calibration: Path | None,
+    camera_name: str | None,
+    mirrored: bool | None,
+    optics: Path | None = None,
 ) -> OmniCamera:
-    """Read the camera of a sensor file or of a calibration file; by default the paper's.
+    """Read the camera of a sensor, calibration or optics file; by default the paper's.
 
     Args:
         sensor: a sensor file.
         calibration: a calibration file.
         camera_name: a camera of the calibration file; by default the first.
         mirrored: it looks into a mirror; by default as in the file's metadata.
+        optics: an optics file.
 
     Raises:
-        OmnisimError: both files, or a fault of either.
+        OmnisimError: several files, or a fault of one.
     """
+    if optics is not None:
+        for option, path in (("--sensor", sensor), ("--camera", calibration)):
+            if path is not None:
+                raise OpticsError(f"{option}, --optics: expected one of them, got both")
     if calibration is None:
         for option, value in (("--camera-name", camera_name), ("--mirrored", mirrored)):
             if value is not None:
                 raise CalibrationError(f"{option}: requires --camera")
+        if optics is not None:
+            from omnisim.optics.system_file import read_optics_file  # seldom asked for
+
+            return OmniCamera(read_optics_file(optics))
         return read_sensor(sensor)
     check_calibration_path(calibration, sensor)
     # the time to import formats and fits is for those who use them

@@ -61,6 +61,16 @@ class RenderRequest:
             rich_help_panel=CAMERA,
         ),
     ] = None
+    optics: Annotated[
+        Path | None,
+        typer.Option(
+            "--optics",
+            metavar="FILE",
+            help="Optics file instead of a sensor file: mirrors and refracting surfaces in front "
+            "of a camera; requires --backend rays.",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None
     camera: Annotated[
         Path | None,
         typer.Option(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.atomic_file import check_distinct, check_target
+from omnisim.cameras import NonCentralCamera, check_central
 from omnisim.cli.arguments import Backend
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.inputs import (
@@ -26,7 +27,7 @@ from omnisim.cli.inputs import (
 )
 from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import FACE_NAMES, unfolded_cube
-from omnisim.errors import OutputError
+from omnisim.errors import OpticsError, OutputError
 from omnisim.extras import require_extra
 from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.files import (
@@ -153,6 +154,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
             "the scene": Path(request.scene),
             "the camera's file": request.camera,
             "the sensor file": request.sensor,
+            "the optics file": request.optics,
             "the labels' file": request.labels,
         },
     )
@@ -191,7 +193,16 @@ def _check_channel_options(request: RenderRequest, channels: Collection[str]) ->
 
 
 def _camera(request: RenderRequest) -> OmniCamera:
-    camera = read_camera(request.sensor, request.camera, request.camera_name, request.mirrored)
+    camera = read_camera(
+        request.sensor, request.camera, request.camera_name, request.mirrored, request.optics
+    )
+    if isinstance(camera.model, NonCentralCamera) and request.backend is not Backend.RAYS:
+        raise OpticsError(
+            "--backend cube: an optical system has no one viewpoint to draw from: expected "
+            "--backend rays"
+        )
+    if request.calibration is not None:
+        check_central(camera.model, "--calibration")
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)

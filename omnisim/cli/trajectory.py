@@ -25,6 +25,7 @@ ALL = "all"
 SINGLE_PICTURE = {
     "--faces": "faces",
     "--backend": "backend",
+    "--optics": "optics",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",
     "--previous": "previous_at",

@@ -286,6 +286,9 @@ def _solutions(matrices: Floats, vectors: Floats) -> Floats:
     rows = np.flatnonzero(good)
     if len(rows):
         scale = np.abs(matrices[rows]).max(axis=(1, 2))
-        kept = rows[(np.abs(np.linalg.det(matrices[rows] / scale[:, None, None])) > 1e-300)]
-        found[kept] = np.linalg.solve(matrices[kept], vectors[kept][..., None])[..., 0]
+        unit = matrices[rows] / scale[:, None, None]
+        kept = np.abs(np.linalg.det(unit)) > 1e-300
+        # those very matrices: one that rounding made regular may be singular as it was
+        solved = np.linalg.solve(unit[kept], vectors[rows[kept]][..., None])[..., 0]
+        found[rows[kept]] = solved / scale[kept, None]
     return found

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import CentralCamera, period_px, pixel_grid
+from omnisim.cameras import CentralCamera, check_central, period_px, pixel_grid
 from omnisim.errors import OpticsError, OutputError
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
 from omnisim.poses import check_pose
@@ -41,7 +41,7 @@ class ChannelUnwarping:
         valid: (height, width) pixels of the view that have a value.
 
     Raises:
-        OpticsError: the picture shows nothing of the view.
+        OpticsError: the picture shows nothing of the view, or its camera has no one viewpoint.
     """
 
     def __init__(
@@ -51,6 +51,7 @@ class ChannelUnwarping:
         camera_from_view: ArrayLike,
         covered: NDArray[np.bool_] | None = None,
     ):
+        check_central(camera, "unwarping")
         self._camera, self._view = camera, view
         self._camera_from_view = np.asarray(camera_from_view, dtype=np.float64)
         grid = pixel_grid(camera.width_px, camera.height_px)

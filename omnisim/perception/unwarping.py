@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.bilinear import corner_and_weights
-from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.cameras import CentralCamera, check_central, pixel_grid
 from omnisim.errors import OpticsError
 from omnisim.srgb import linear_from_srgb8, srgb8_from_linear
 
@@ -55,7 +55,7 @@ class Unwarping:
         valid: (height, width) which pixels of the view show the scene.
 
     Raises:
-        OpticsError: the picture shows nothing of the view.
+        OpticsError: the picture shows nothing of the view, or its camera has no one viewpoint.
     """
 
     def __init__(
@@ -66,6 +66,7 @@ class Unwarping:
         covered: NDArray[np.bool_] | None = None,
         samples: int | None = None,
     ):
+        check_central(camera, "unwarping")
         self._camera, self._view = camera, view
         self._rotation = np.asarray(camera_from_view, dtype=np.float64)
         self._shape = (camera.height_px, camera.width_px)

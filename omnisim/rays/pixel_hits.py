@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import NonCentralCamera, pixels_of_points
 from omnisim.ground_truth.hits import Hits
 from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.embree import NO_TRIANGLE
@@ -150,14 +151,35 @@ class PixelHits:
         hit = np.flatnonzero(draws_plus_one)
         moves = other_from_current[draws_plus_one[hit] - 1]
         points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
+        starts_m = self._starts_m(points_m, draws_plus_one > 0, world_from_rig)
+        points_m[hit] -= starts_m[hit]
         lengths_m = np.linalg.norm(points_m, axis=1)
         ends_m[hit] = (1.0 - _NEARER) * lengths_m[hit]
         rig = np.einsum("nj,ji->ni", points_m / lengths_m[:, None], world_from_rig[:3, :3])
         rays = self._limits.aim(rig, world_from_rig)
-        rays = rays._replace(far_m=np.minimum(rays.far_m, ends_m))
+        rays = rays._replace(
+            origins_m=rays.origins_m + starts_m, far_m=np.minimum(rays.far_m, ends_m)
+        )
         found = self._scene.first_hits(rays, objects, self._triangles[batch])
         is_hit: NDArray[np.bool_] = found.triangles != NO_TRIANGLE
         return is_hit
+
+    def _starts_m(
+        self,
+        points_m: NDArray[np.float64],
+        is_finite: NDArray[np.bool_],
+        world_from_rig: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Origins (n, 3), viewpoint frame, of the rays that see points (n, 3) from another pose."""
+        camera = self._pixels.camera
+        if not isinstance(camera, NonCentralCamera):
+            return np.zeros((1, 3)).repeat(len(points_m), axis=0)
+        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+        optical_m = np.einsum("nj,ji->ni", points_m, world_from_optical)
+        rays = camera.ray_from_pixel(pixels_of_points(camera, optical_m, is_finite).positions_px)
+        assert rays.origins_m is not None
+        starts_m: NDArray[np.float64] = np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)
+        return starts_m
 
     def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
         """Picture (height, width, …) of values (n, …) of the pixels that have a ray."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.gpu.capture.pixel_map import PixelMap
@@ -117,7 +118,17 @@ class CubeBackend(SceneBackend):
         self.scene = scene
 
     def camera(self, setup: CameraSetup) -> CubeCamera:
-        """Camera in the scene; its context is current, here and in all the camera's methods."""
+        """Camera in the scene; its context is current, here and in all the camera's methods.
+
+        Raises:
+            GraphicsError: a camera without one viewpoint, or a picture past the GPU's limits.
+        """
+        model = setup.sensor.model
+        if isinstance(model, NonCentralCamera):
+            raise GraphicsError(
+                f"camera: model {model.model_name!r} has no one viewpoint to draw from: "
+                "expected back end 'rays', got 'cube'"
+            )
         return CubeCamera(self, setup)
 
     def range_finder(

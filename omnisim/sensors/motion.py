@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.cameras import CentralCamera
+from omnisim.cameras import CentralCamera, pixels_of_points
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.parameters import Number, Parameters
 from omnisim.world import Pose
@@ -84,12 +84,16 @@ def moved_px(
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     rays = camera.ray_from_pixel(pixels)
     pixels, points_m = pixels[rays.valid], NEAREST_M * rays.directions[rays.valid]
+    if rays.origins_m is not None:
+        points_m += rays.origins_m[rays.valid]
+    is_finite = np.ones(len(points_m), dtype=np.bool_)
     world_from_optical = [one.world_from_rig.copy() for one in poses]
     for pose in world_from_optical:
         pose[:3, :3] = pose[:3, :3] @ camera.rig_from_optical
     static_px = np.zeros(len(points_m))
     for before, after in itertools.pairwise(world_from_optical):
-        seen = camera.pixel_from_ray(_moved(points_m, np.linalg.inv(after) @ before))
+        moved_m = _moved(points_m, np.linalg.inv(after) @ before)
+        seen = pixels_of_points(camera, moved_m, is_finite)
         static_px += np.where(seen.valid, np.linalg.norm(seen.positions_px - pixels, axis=-1), 0.0)
     dynamic_px = [
         _object_px(camera, rays.directions[rays.valid], world_from_optical, path, corners_m)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import Pixels, period_px, pixel_grid
+from omnisim.cameras import Pixels, period_px, pixel_grid, pixels_of_points
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
 from omnisim.sensors.hit_source import HitSource
@@ -24,7 +24,8 @@ class OpticalFlow:
     from the other viewpoint in float64. Where nothing is hit, the point is infinitely far: only the
     camera's rotation moves it.
 
-    The point is occluded where the ray from the other viewpoint to it hits something nearer.
+    The point is occluded where the ray from the other viewpoint to it hits something nearer. An
+    optical system projects it by its exact inverse; that ray starts where the system has it.
 
     Flow through a mirror's mesh is that of the exact model, from where the exact camera would see
     the pixel's point to where it would see it then: the mesh's own error, the same in both but for
@@ -111,7 +112,9 @@ class OpticalFlow:
                 None if objects is None else objects[batch],
                 other_optical_from_current,
             )
-            positions_px[batch], valid[batch] = self._camera.pixel_from_ray(optical_m)
+            positions_px[batch], valid[batch] = pixels_of_points(
+                self._camera, optical_m, points_m[batch, 3] > 0.0
+            )
         return Pixels(positions_px, valid)
 
     def _is_inside(self, pixels: Pixels) -> NDArray[np.bool_]:

@@ -259,25 +259,53 @@ class LensTable(Table):
             raise SensorFileError(f"{source}: lens.calibration: {reason}") from None
 
 
+class OpticsTable(Table):
+    """An optical system in place of the first and third group: its rays need not meet in a point.
+
+    Only back end "rays" takes its pictures.
+    """
+
+    file: str
+    """Optics file, relative to this file."""
+    mounting: MountingTable = Field(default_factory=MountingTable)
+
+    def make_camera(self, source: str) -> CentralCamera:
+        """The optical system of the file.
+
+        Raises:
+            SensorFileError: naming the file, its key and what was expected.
+        """
+        from omnisim.optics.system_file import read_optics_file  # few sensors have one
+
+        return read_optics_file(Path(source).parent / self.file)
+
+
 class SensorFile(Table):
-    """A whole sensor file: either a mirror and the camera that looks at it, or a lens."""
+    """A whole sensor file: a mirror and the camera that looks at it, a lens, or optics."""
 
     mirror: MirrorTable = Field(default_factory=MirrorTable)
     virtual_cameras: VirtualCamerasTable = Field(default_factory=VirtualCamerasTable)
     camera: CameraTable = Field(default_factory=CameraTable)
     lens: LensTable | None = None
+    optics: OpticsTable | None = None
     degradation: dict[str, Any] = Field(default_factory=dict)
     """Table of the effects that make the camera less than ideal, see the degradations; left out:
     none."""
 
     @model_validator(mode="after")
     def _mirror_or_lens(self) -> SensorFile:
-        if self.lens is not None:
-            if "mirror" in self.model_fields_set:
-                raise ValueError("[lens] and [mirror] both define the camera: expected one of them")
-            extra = self.camera.model_fields_set - {"quality", "supersampling"}
-            if extra:
-                raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")
+        given = [name for name in ("lens", "optics") if getattr(self, name) is not None]
+        given += ["mirror"] if "mirror" in self.model_fields_set else []
+        if len(given) > 1:
+            words = "both define the camera: expected one of them"
+            raise ValueError(f"[{given[0]}] and [{given[1]}] {words}")
+        extra = self.camera.model_fields_set - {"quality", "supersampling"}
+        if self.lens is not None and extra:
+            raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")
+        if self.optics is not None and extra:
+            raise ValueError(
+                f"camera.{min(extra)}: is a key of the optics file, where there is one"
+            )
         return self
 
 
@@ -327,8 +355,9 @@ def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
 
 def _settings(file: SensorFile, source: str) -> SensorSettings:
     model: CentralCamera
-    if file.lens is not None:
-        model, polygons, mounting = file.lens.make_camera(source), None, file.lens.mounting
+    other = file.lens or file.optics
+    if other is not None:
+        model, polygons, mounting = other.make_camera(source), None, other.mounting
     else:
         polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
         model = file.camera.make_camera(file.mirror.make_mirror(source), source)

@@ -1,0 +1,165 @@
+"""Pictures and ground truth of optical systems without one viewpoint, by formulas."""
+
+import math
+
+import numpy as np
+import pytest
+
+from omnisim import OmniCamera, Renderer
+from omnisim.calibration import calibration_of
+from omnisim.calibration.fit import fit_camera
+from omnisim.cameras import UnifiedCamera, pixel_grid
+from omnisim.errors import GraphicsError, OmnisimError
+from omnisim.gpu.pipeline import ScenePoses
+from omnisim.optics import OpticalSystem, Surface
+from omnisim.optics.shapes import Conic
+from omnisim.perception.unwarping import Unwarping
+from omnisim.perception.views import cylinder_view
+from omnisim.poses import pose
+from omnisim.sensors.degradations import preset
+from omnisim.sensors.motion import moved_px
+from tests.optics.examples import SYSTEMS
+from tests.scenes import room, room_color, room_hit, scene_of
+from tests.vehicles import box
+
+NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
+AFTER = NOW @ pose((0.12, 0.05, 0.02), 1.0, 0.5, 4.0)
+
+
+@pytest.fixture
+def embree():
+    """Skip without the ray caster."""
+    pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+
+
+def _small(name):
+    return SYSTEMS[name].scaled(0.2)
+
+
+def _world_rays(system, world_from_rig, pixels):
+    """Origins and directions in the world of pixels, and their validity."""
+    world_from_optical = world_from_rig[:3, :3] @ system.rig_from_optical
+    rays = system.ray_from_pixel(pixels)
+    origins = rays.origins_m @ world_from_optical.T + world_from_rig[:3, 3]
+    return origins, rays.directions @ world_from_optical.T, rays.valid
+
+
+@pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola", "port", "folded"])
+def test_picture_and_channels(embree, name):
+    system = _small(name)
+    origins, directions, valid = _world_rays(system, NOW, pixel_grid(72, 72))
+    expected = room_hit(origins, directions)
+    sensor = OmniCamera(system, supersampling=1)
+    channels = ("range", "z", "position", "normals", "normals_camera", "albedo", "instance")
+    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+        frame = renderer.render(NOW, linear=True, also=channels)
+    np.testing.assert_array_equal(frame.has_ray, valid)
+    assert valid.mean() > 0.2
+    found = {key: value[valid] for key, value in frame.channels.items()}
+    np.testing.assert_allclose(frame.linear[valid], room_color(expected[valid]), atol=1e-3)
+    np.testing.assert_allclose(found["position"], expected[valid], atol=2e-6)
+    lengths_m = np.linalg.norm(expected - origins, axis=-1)
+    np.testing.assert_allclose(found["range"], lengths_m[valid], rtol=2e-6)
+    axis = NOW[:3, :3] @ system.rig_from_optical[:, 2]
+    np.testing.assert_allclose(found["z"], (expected[valid] - NOW[:3, 3]) @ axis, atol=2e-6)
+    assert (found["instance"] == 1).all()
+    facing = np.einsum("nj,nj->n", found["normals"], directions[valid])
+    assert (facing < 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["sphere", "cone", "tilted port"])
+def test_flow_leads_to_the_pixel_whose_ray_meets_the_point(embree, name):
+    system = _small(name)
+    meshes, poses = [room(), box("box", 0, half_m=0.4)], [np.eye(4), pose((1.0, 0.6, 0.1))]
+    with Renderer(scene_of(meshes, poses=poses), system, backend="rays") as renderer:
+        frame = renderer.render(NOW, also=("flow", "position"), next_state=AFTER)
+    points, status = frame.channels["position"], frame.channels["occluded"]
+    flow = frame.channels["flow"].astype(np.float64)
+    # a few rays leave a port so obliquely that they start behind the room's wall
+    known = np.isfinite(flow[..., 0]) & (status < 2) & np.isfinite(points[..., 0])
+    assert known.sum() > 500
+    there = pixel_grid(72, 72)[known] + flow[known]
+    origins, directions, valid = _world_rays(system, AFTER, there)
+    assert valid.mean() > 0.99
+    ways = points[known] - origins
+    lengths_m = np.linalg.norm(ways, axis=-1)
+    # flow is stored in float32, and a pixel is up to 0.1 rad
+    misses = np.linalg.norm(np.cross(ways, directions), axis=-1) / lengths_m
+    assert misses[valid].max() < 1e-5
+    shown = _shows(renderer.scene, origins, directions, lengths_m)
+    assert (shown == (status[known] == 0))[valid].mean() > 0.995
+    assert (status == 1).sum() > 3
+
+
+def _shows(scene, origins, directions, lengths_m):
+    """Mask of the rays in whose way nothing is before a length."""
+    from omnisim.rays.caster import RayCaster, Rays
+
+    count = len(origins)
+    rays = Rays(origins, directions, np.full(count, 0.05), np.full(count, np.inf))
+    return RayCaster(scene).cast(rays).ranges_m >= (1.0 - 2e-3) * lengths_m
+
+
+def test_what_is_near_is_seen_from_where_the_mirror_is(embree):
+    """A hand's breadth from a sphere of 100 mm, one viewpoint would be off by pixels."""
+    system = OpticalSystem(
+        SYSTEMS["tilted camera"].camera.scaled(0.5), (Surface(Conic(0.1), pose((0, 0, 0.3))),)
+    )
+    origins, directions, valid = _world_rays(system, NOW, pixel_grid(180, 180))
+    near = pose((0.4, -0.1, 0.35), yaw_deg=20.0)
+    with Renderer(
+        scene_of([room(), box("box", 0, half_m=0.05)], poses=[np.eye(4), near]),
+        OmniCamera(system, near_m=0.01),
+        backend="rays",
+    ) as renderer:
+        instance = renderer.render(NOW, also=("instance",)).channels["instance"]
+        np.testing.assert_array_equal(
+            instance[valid] == 2, _hits_box(origins[valid], directions[valid], near)
+        )
+        middle = np.mean(origins[valid], axis=0)
+        central = _hits_box(np.broadcast_to(middle, origins[valid].shape), directions[valid], near)
+    exact = instance[valid] == 2
+    assert exact.sum() > 100
+    assert (exact != central).sum() > 20
+
+
+def _hits_box(origins, directions, world_from_box, half_m=0.05):
+    local = (origins - world_from_box[:3, 3]) @ world_from_box[:3, :3]
+    toward = directions @ world_from_box[:3, :3]
+    ends = np.sort(np.stack(((-half_m - local) / toward, (half_m - local) / toward)), 0)
+    return ends[1].min(axis=-1) >= np.maximum(ends[0].max(axis=-1), 0.0)
+
+
+def test_degraded(embree):
+    system = _small("sphere")
+    sensor = OmniCamera(system, degradation=preset("webcam"))
+    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+        frame = renderer.render(NOW, motion=lambda now_s: NOW)
+        again = renderer.render(NOW, motion=lambda now_s: NOW)
+    assert frame.rgb[frame.valid].std() > 5.0
+    np.testing.assert_array_equal(frame.rgb, again.rgb)
+
+
+def test_motion_by_the_exact_inverse():
+    """A step towards a port moves the picture by as much as the inverse of its rays says."""
+    assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(NOW)]) == pytest.approx(
+        0.0, abs=1e-6
+    )
+    assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(AFTER)]) > 1.0
+
+
+def test_virtual_cameras_refuse_it():
+    expected = "camera: model 'optics' has no one viewpoint to draw from: expected back end 'rays'"
+    with pytest.raises(GraphicsError, match=expected):
+        Renderer(scene_of([room()]), _small("sphere"))
+
+
+def test_what_needs_one_viewpoint_says_so():
+    system = _small("sphere")
+    one = "expected a camera with one viewpoint, got model 'optics'"
+    with pytest.raises(OmnisimError, match=f"unwarping: {one}"):
+        Unwarping(system, cylinder_view(90, -math.radians(30.0), 0.0).camera, np.eye(3))
+    with pytest.raises(OmnisimError, match=f"calibration: {one}"):
+        calibration_of(system)
+    with pytest.raises(OmnisimError, match=f"fit: {one}"):
+        fit_camera(system, UnifiedCamera)
