@@ -300,12 +300,9 @@ class SensorFile(Table):
             words = "both define the camera: expected one of them"
             raise ValueError(f"[{given[0]}] and [{given[1]}] {words}")
         extra = self.camera.model_fields_set - {"quality", "supersampling"}
-        if self.lens is not None and extra:
-            raise ValueError(f"camera.{min(extra)}: is a key of [lens], where there is one")
-        if self.optics is not None and extra:
-            raise ValueError(
-                f"camera.{min(extra)}: is a key of the optics file, where there is one"
-            )
+        if extra and given in (["lens"], ["optics"]):
+            owner = "[lens]" if self.lens is not None else "the optics file"
+            raise ValueError(f"camera.{min(extra)}: is a key of {owner}, where there is one")
         return self
 
 
