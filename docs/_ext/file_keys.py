@@ -158,6 +158,7 @@ def _table_in(annotation: Any) -> tuple[type[Table], bool] | None:
 def key_pages() -> dict[str, str]:
     """Markdown of the keys of each kind of file, by the name of its page."""
     from omnisim.localization.parameters import FilterParameters
+    from omnisim.optics.system_file import OpticsFile
     from omnisim.robot.robot_file import RobotFile
     from omnisim.scene.scene_file import LabelFile, SceneFile
     from omnisim.sensors.sensor_file import SensorFile
@@ -169,6 +170,7 @@ def key_pages() -> dict[str, str]:
         "robot-file-keys": (*tables(RobotFile), *_mounts()),
         "filter-file-keys": tables(FilterParameters),
         "degradation-keys": _effects(),
+        "optics-file-keys": (*tables(OpticsFile), *_shapes()),
     }
     return {name: "\n\n".join(sections) + "\n" for name, sections in pages.items()}
 
@@ -179,6 +181,14 @@ def _mounts() -> Iterator[str]:
     for name, mount in MOUNT_TYPES.items():
         yield f'## `[[sensors]]`, `type = "{name}"`\n\n{_summary(mount)}'
         yield from tables(mount, "sensors")
+
+
+def _shapes() -> Iterator[str]:
+    from omnisim.optics.system_file import shape_schemas
+
+    for name, table, source in shape_schemas():
+        yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{_summary(source)}'
+        yield from tables(table, "surfaces", source)
 
 
 def _effects() -> Iterator[str]:

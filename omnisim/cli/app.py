@@ -15,6 +15,13 @@ from omnisim.cli import INTERRUPTED
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.command import Command, Group, command
 from omnisim.cli.console import err, out
+from omnisim.cli.optics_requests import (
+    OpticsCheckRequest,
+    OpticsDesignRequest,
+    OpticsPlotRequest,
+    OpticsProfileRequest,
+    OpticsRaysRequest,
+)
 from omnisim.cli.picture_requests import (
     MirrorRequest,
     RenderRequest,
@@ -63,6 +70,12 @@ calibration_app = typer.Typer(
     name="calibration",
     cls=Group,
     help="Calibration files of other tools: convert, show, list the formats.",
+    no_args_is_help=True,
+)
+optics_app = typer.Typer(
+    name="optics",
+    cls=Group,
+    help="Optical systems without one viewpoint: check, plot, design.",
     no_args_is_help=True,
 )
 
@@ -242,7 +255,48 @@ def list_formats() -> None:
     list_formats()
 
 
-for group in (robot_app, landmarks_app, calibration_app):
+@command(optics_app, OpticsCheckRequest, "check")
+def check_optics(request: OpticsCheckRequest) -> None:
+    """Check an optical system, and measure the errors of a central model of it by distance."""
+    from omnisim.cli.optics import check
+
+    check(request)
+
+
+@command(optics_app, OpticsPlotRequest, "plot")
+def plot_optics(request: OpticsPlotRequest) -> None:
+    """Plot an optical system: profile, rays, caustic, resolution by image radius."""
+    require_extra("plots", "omnisim optics plot")
+    from omnisim.cli.optics import plot
+
+    plot(request)
+
+
+@command(optics_app, OpticsRaysRequest, "rays")
+def write_optics_rays(request: OpticsRaysRequest) -> None:
+    """Write the ray of each pixel, origin and direction, as a table."""
+    from omnisim.cli.optics import rays
+
+    rays(request)
+
+
+@command(optics_app, OpticsDesignRequest, "design")
+def design_optics(request: OpticsDesignRequest) -> None:
+    """Design a mirror's profile: constant resolution by angle, or on the ground."""
+    from omnisim.cli.optics import design
+
+    design(request)
+
+
+@command(optics_app, OpticsProfileRequest, "profile")
+def write_optics_profile(request: OpticsProfileRequest) -> None:
+    """Write the profile of a surface, for a lathe."""
+    from omnisim.cli.optics import profile
+
+    profile(request)
+
+
+for group in (robot_app, landmarks_app, calibration_app, optics_app):
     app.add_typer(group)
 
 

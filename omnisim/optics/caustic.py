@@ -57,7 +57,7 @@ def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
     by_pixel = ray_jacobians(system, pixels_px)
     frame = _across(rays.directions)
     o, d = (np.einsum("...ji,...jk->...ik", frame, part) for part in by_pixel)
-    square = np.linalg.det(d)
+    square, constant = _determinants(d), _determinants(o)
     linear = (
         o[..., 0, 0] * d[..., 1, 1]
         + d[..., 0, 0] * o[..., 1, 1]
@@ -66,11 +66,19 @@ def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         # of a double root rounding may leave none
-        root = np.sqrt(np.maximum(linear**2 - 4.0 * square * np.linalg.det(o), 0.0))
+        root = np.sqrt(np.maximum(linear**2 - 4.0 * square * constant, 0.0))
         lengths = np.stack(((-linear - root) / (2.0 * square), (-linear + root) / (2.0 * square)))
     lengths = np.moveaxis(np.where(np.isfinite(lengths), lengths, np.nan), 0, -1)
     origins_m = np.where(rays.valid[..., None], rays.origins_m, np.nan)
     found: Floats = origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
+    return found
+
+
+def _determinants(matrices: Floats) -> Floats:
+    """Determinants (...,) of matrices (..., 2, 2)."""
+    found: Floats = (
+        matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
+    )
     return found
 
 

@@ -124,7 +124,10 @@ def _error(
 
 
 def _pixels(system: RaySource) -> Floats:
-    """Centres (n, 2) of pixels evenly over the picture."""
-    step = max(1, int(np.sqrt(system.width_px * system.height_px / _SAMPLES)))
-    u, v = np.meshgrid(np.arange(0, system.width_px, step), np.arange(0, system.height_px, step))
-    return np.stack((u.ravel(), v.ravel()), axis=1).astype(np.float64)
+    """Positions (n, 2) evenly over the picture, to the middles of its outermost pixels."""
+    step = max(1.0, np.sqrt(system.width_px * system.height_px / _SAMPLES))
+    sides = [
+        np.linspace(0.0, size - 1.0, int(np.ceil(size / step)))
+        for size in (system.width_px, system.height_px)
+    ]
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)

@@ -56,6 +56,12 @@ class Surface:
         """Reflects, or else refracts."""
         return self.medium is None
 
+    @property
+    def visible_radius_m(self) -> float:
+        """Radius about its axis within which all of it is; may be infinite."""
+        reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
+        return min(reach_m, self.shape.domain_m)
+
     def points_from_system(self, points_m: Floats) -> Floats:
         """Points (n, 3) in the surface's frame."""
         moved = points_m - self.system_from_surface[:3, 3]
@@ -81,8 +87,7 @@ class Surface:
         """
         origins = self.points_from_system(origins_m)
         along = self.directions_from_system(directions)
-        reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
-        lengths = self.shape.intersections(origins, along, reach_m)
+        lengths = self.shape.intersections(origins, along, self.visible_radius_m)
         scale = np.linalg.norm(origins, axis=1) if leaving else np.zeros(len(origins))
         ahead = lengths > (_SHARE_OFF * scale)[:, None]
         lengths = np.where(ahead, lengths, np.nan)

@@ -313,13 +313,13 @@ class OpticsFile(Table):
     obstacles: Annotated[tuple[ObstacleTable, ...], Field(max_length=64)] = ()
 
 
-def read_optics_file(path: Path) -> OpticalSystem:
+def read_optics_file(path: str | Path) -> OpticalSystem:
     """Read an optical system.
 
     Raises:
         SensorFileError: naming file, key, value and what was expected.
     """
-    return _make_system(read_toml(path, OpticsFile, SensorFileError), str(path))
+    return _make_system(read_toml(Path(path), OpticsFile, SensorFileError), str(path))
 
 
 def parse_optics(table: Mapping[str, Any], source: str = "optics") -> OpticalSystem:

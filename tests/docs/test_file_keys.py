@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from omnisim.localization.parameters import FilterParameters
+from omnisim.optics.system_file import OpticsFile, shape_schemas
 from omnisim.parameters import Table, table_of
 from omnisim.robot.robot_file import RobotFile
 from omnisim.scene.scene_file import LabelFile, SceneFile
@@ -14,7 +15,15 @@ from omnisim.sensors.sensor_file import SensorFile
 from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
 EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
-FILES = (FilterParameters, LabelFile, RobotFile, SceneFile, SensorFile, *MOUNT_TYPES.values())
+FILES = (
+    FilterParameters,
+    LabelFile,
+    OpticsFile,
+    RobotFile,
+    SceneFile,
+    SensorFile,
+    *MOUNT_TYPES.values(),
+)
 
 
 @pytest.fixture
@@ -46,6 +55,14 @@ def test_every_key_of_a_file_has_its_help(file_keys, model):
 def test_every_key_of_a_degradation_has_its_help(file_keys, effect):
     assert effect.__doc__
     assert not list(_without_help(file_keys, table_of(effect), effect))
+
+
+@pytest.mark.parametrize(
+    ("table", "source"), [one[1:] for one in shape_schemas()], ids=lambda kind: kind.__name__
+)
+def test_every_key_of_a_shape_has_its_help(file_keys, table, source):
+    assert source.__doc__
+    assert not list(_without_help(file_keys, table, source))
 
 
 def test_pages_have_a_row_for_each_key(file_keys):

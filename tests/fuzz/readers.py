@@ -24,6 +24,7 @@ from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import read_channels, write_image
 from omnisim.localization.parameters import DEFAULT as FILTER_FILE
 from omnisim.localization.parameters import read_parameters
+from omnisim.optics import read_optics_file
 from omnisim.perception.color_model import BINS, ColorModel
 from omnisim.perception.color_model_file import load_model, save_model
 from omnisim.perception.unwarping import Unwarping
@@ -56,6 +57,7 @@ from tests.scene.gltf_builder import png, skinned_and_textured
 from tests.vehicles import p2at_with_every_sensor
 
 SIZE_PX = 24
+OPTICS = Path(__file__).parents[2] / "examples" / "optics"
 LINES = re.compile(r"(?m)^\[\[labels\]\]\n(?:.+\n)*")
 
 
@@ -146,6 +148,12 @@ def _read_sensors(folder: Path) -> None:
     """Read the one that is damaged: the last that was written."""
     path = max(folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
     OmniCamera.from_file(path).model.ray_from_pixel([[0.0, 0.0], [9.0, 5.0]])
+
+
+def _read_optics(folder: Path) -> None:
+    """Read all of them: one is damaged, or a profile that it names."""
+    for path in sorted(folder.glob("*.toml")):
+        read_optics_file(path).rays([[180.0, 100.0], [9.0, 5.0]])
 
 
 def _copy(source: Path, name: str, folder: Path) -> None:
@@ -322,6 +330,7 @@ def _readers() -> list[Reader]:
         Reader("sensor-lens", partial(_write, "a.toml", SENSOR),
                lambda f: OmniCamera.from_file(f / "a.toml")),
         Reader("sensor-models", _sensors, _read_sensors),
+        Reader("optics", partial(shutil.copytree, OPTICS, dirs_exist_ok=True), _read_optics),
         Reader("preset", partial(_copy, PRESETS / "bad-day.toml", "a.toml"),
                lambda f: preset("a.toml", f)),
         Reader("labels", partial(_write, "a.toml", LABELS),

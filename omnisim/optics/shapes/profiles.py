@@ -36,11 +36,6 @@ class Profile(Shape):
     def derivatives(self, radii_m: Floats) -> Derivatives:
         """Profile at distances from the axis, also somewhat beyond its domain."""
 
-    @property
-    def domain_m(self) -> float:
-        """Largest distance from the axis."""
-        return np.inf
-
     def heights_m(self, radii_m: Floats) -> Floats:
         """Profile without its derivatives."""
         return self.derivatives(radii_m).heights_m
@@ -72,7 +67,6 @@ class Profile(Shape):
 
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """First two crossings within the radius."""
-        radius_m = min(radius_m, self.domain_m)
         batches = range(0, len(origins_m), _RAYS_PER_BATCH)
         found = [
             self._crossings(origins_m[first:last], directions[first:last], radius_m)

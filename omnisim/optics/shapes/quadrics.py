@@ -24,6 +24,12 @@ class Quadric(Shape):
     def coefficients(self) -> tuple[float, float, float]:
         """A, B and C ≥ 0 of A r² + B z² = C z; the sheet at the vertex has 2 B z < C."""
 
+    @property
+    def domain_m(self) -> float:
+        """Radius of the equator, where there is one."""
+        a, b, c = self.coefficients
+        return 0.5 * c / math.sqrt(a * b) if a * b > 0.0 else math.inf
+
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """Both roots of the quadratic equation, without cancellation, polished by a Newton step."""
         a, b, c = self.coefficients

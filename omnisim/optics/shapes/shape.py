@@ -6,6 +6,7 @@ looks at it. A mirror that bulges towards that camera has z > 0 off its axis.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import ClassVar, NamedTuple
 
@@ -30,6 +31,11 @@ class Shape(ABC):
     """
 
     shape_name: ClassVar[str]
+
+    @property
+    def domain_m(self) -> float:
+        """Largest distance from the axis; may be infinite."""
+        return math.inf
 
     @abstractmethod
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:

@@ -1,0 +1,155 @@
+"""`omnisim optics`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from omnisim.atomic_file import check_distinct, check_suffix, check_target
+from omnisim.calibration.ray_table import write_ray_table
+from omnisim.cameras import summary
+from omnisim.cli.console import out, pluralize
+from omnisim.cli.optics_requests import (
+    OpticsCheckRequest,
+    OpticsDesignRequest,
+    OpticsPlotRequest,
+    OpticsProfileRequest,
+    OpticsRaysRequest,
+)
+from omnisim.errors import OpticsError
+from omnisim.optics.centrality import measure_centrality
+from omnisim.optics.design import Design
+from omnisim.optics.media import WAVELENGTHS_UM
+from omnisim.optics.profile_file import sampled, write_profile
+from omnisim.optics.system import OpticalSystem
+from omnisim.optics.system_file import read_optics_file
+from omnisim.optics.tracing import Fate
+from omnisim.short_repr import counted
+
+DISTANCES_M = (0.3, 1.0, 5.0)
+_FATES = {
+    Fate.OUTSIDE: "outside the lens's own picture",
+    Fate.MISSED: "pass a surface",
+    Fate.RIM: "outside a rim or in a hole",
+    Fate.TOTAL_REFLECTION: "totally reflected",
+    Fate.SHADOWED: "shadowed",
+}
+
+
+def check(request: OpticsCheckRequest) -> None:
+    """Print what pixels see, and the errors of a central model by distance."""
+    system = read_optics_file(request.system)
+    found = measure_centrality(system, request.at_distance or DISTANCES_M)
+    out.print(f"{request.system}: {_summary(system)}", markup=False)
+    out.print(_shares(system), markup=False)
+    x, y, z = found.viewpoint_m
+    misses_mm = 1e3 * found.misses_m
+    out.print(
+        f"best viewpoint: ({x:.5f}, {y:.5f}, {z:.5f}) m in the sensor's optical frame; rays miss "
+        f"it by {misses_mm.mean():.3g} mm on average, {misses_mm.max():.3g} mm at most",
+        markup=False,
+    )
+    out.print("A central model with the same directions is off, for points")
+    table = Table(box=None, pad_edge=False)
+    table.add_column("at")
+    for heading in ("median", "99 %", "at most", "not shown"):
+        table.add_column(heading, justify="right")
+    for error in found.errors:
+        values = error.median_px, error.percentile_99_px, error.max_px
+        pixels = ["–" if math.isnan(value) else f"{value:.3g} px" for value in values]
+        table.add_row(f"{error.distance_m:g} m", *pixels, f"{100.0 * error.left_out:.1f} %")
+    out.print(table)
+
+
+def plot(request: OpticsPlotRequest) -> None:
+    """Plot the profile, its rays and caustic, and the resolution."""
+    from omnisim.plots.optics_plot import optics_figure
+    from omnisim.plots.plot_file import check_plot_target, write_plot
+
+    check_plot_target(request.output)
+    _check_distinct(request.output, request.system)
+    system = read_optics_file(request.system)
+    write_plot(request.output, optics_figure(request.system.name, system))
+    out.print(f"{request.output}: {_summary(system)}", markup=False)
+
+
+def rays(request: OpticsRaysRequest) -> None:
+    """Write the rays of all pixels."""
+    if request.color is not None and request.color not in WAVELENGTHS_UM:
+        raise OpticsError(f"--color: expected R, G or B, got {request.color!r}")
+    check_suffix(request.output, ".exr")
+    check_target(request.output)
+    _check_distinct(request.output, request.system)
+    system = read_optics_file(request.system).of_color(request.color)
+    write_ray_table(request.output, system)
+    out.print(f"{request.output}: {_summary(system)}", markup=False)
+
+
+def design(request: OpticsDesignRequest) -> None:
+    """Write the profile of a designed mirror."""
+    check_suffix(request.output, ".csv")
+    check_target(request.output)
+    wanted = Design(request.distance_m, request.half_angle_deg)
+    if (request.equi_angular_deg is None) == (request.equi_ground_m is None):
+        raise OpticsError("design: expected either --equi-angular or --equi-ground")
+    if request.equi_angular_deg is not None:
+        if request.height_m is not None:
+            raise OpticsError("--height: expected --equi-ground beside it")
+        profile = wanted.equi_angular(request.equi_angular_deg)
+    else:
+        assert request.equi_ground_m is not None
+        if request.height_m is None:
+            raise OpticsError("--equi-ground: expected --height beside it")
+        profile = wanted.equi_ground(request.height_m, request.equi_ground_m)
+    write_profile(request.output, *profile)
+    out.print(
+        f"{request.output}: {pluralize(len(profile.radii_m), 'point')}, rim radius "
+        f"{1e3 * profile.radii_m[-1]:.4g} mm, height {1e3 * profile.heights_m[-1]:.4g} mm",
+        markup=False,
+    )
+
+
+def profile(request: OpticsProfileRequest) -> None:
+    """Write the profile of a surface."""
+    check_suffix(request.output, ".csv")
+    check_target(request.output)
+    _check_distinct(request.output, request.system)
+    surfaces = read_optics_file(request.system).surfaces
+    if not 0 <= request.surface < len(surfaces):
+        raise OpticsError(
+            f"--surface: expected 0 to {len(surfaces) - 1} in {request.system}, "
+            f"got {request.surface}"
+        )
+    surface = surfaces[request.surface]
+    radius_m = surface.visible_radius_m
+    if math.isinf(radius_m):
+        raise OpticsError(f"{request.system}: surfaces.{request.surface}.rim_radius_m: missing")
+    radii_m, heights_m = sampled(surface.shape, radius_m, request.points)
+    write_profile(request.output, radii_m, heights_m)
+    out.print(
+        f"{request.output}: {pluralize(request.points, 'point')} of {surface.name}, radius "
+        f"{1e3 * radius_m:.4g} mm",
+        markup=False,
+    )
+
+
+def _check_distinct(output: Path, system: Path) -> None:
+    check_distinct({"what is written": output}, {"the optics file": system})
+
+
+def _summary(system: OpticalSystem) -> str:
+    mirrors = sum(surface.is_mirror for surface in system.surfaces)
+    boundaries = len(system.surfaces) - mirrors
+    parts = counted(mirrors, "mirror"), counted(boundaries, "boundary", "boundaries")
+    return f"{summary(system.camera)}, {' and '.join(filter(None, parts))}"
+
+
+def _shares(system: OpticalSystem) -> str:
+    """Shares of the pixels by their rays' fates."""
+    fates = system.all_rays().fates
+    shares = {fate: 100.0 * float(np.mean(fates == fate)) for fate in Fate}
+    others = [f"{shares[fate]:.1f} % {words}" for fate, words in _FATES.items() if shares[fate]]
+    return "; ".join([f"{shares[Fate.SEEN]:.1f} % of the pixels see something", *others])

@@ -1,0 +1,111 @@
+"""Parameters of the commands of `omnisim optics`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SystemArgument = Annotated[
+    Path, typer.Argument(metavar="SYSTEM", help="Optics file: .toml.", show_default=False)
+]
+
+
+@dataclass(frozen=True)
+class OpticsCheckRequest:
+    """Parameters of `omnisim optics check`."""
+
+    system: SystemArgument
+    at_distance: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--at-distance",
+            metavar="METRES",
+            help="Distance of points from the viewpoint; may be repeated.",
+            show_default="0.3, 1 and 5",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class OpticsPlotRequest:
+    """Parameters of `omnisim optics plot`."""
+
+    system: SystemArgument
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Plot: .png .pdf .svg.")
+    ]
+
+
+@dataclass(frozen=True)
+class OpticsRaysRequest:
+    """Parameters of `omnisim optics rays`."""
+
+    system: SystemArgument
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="FILE", help="Ray table: .exr, 32-bit floats."),
+    ]
+    color: Annotated[
+        str | None,
+        typer.Option(
+            "--color", metavar="R|G|B", help="Wavelength of a colour.", show_default="the d line"
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class OpticsDesignRequest:
+    """Parameters of `omnisim optics design`."""
+
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Profile: .csv, r_m,z_m.")
+    ]
+    distance_m: Annotated[
+        float,
+        typer.Option("--distance", metavar="METRES", help="From the pinhole to the mirror's tip."),
+    ]
+    half_angle_deg: Annotated[
+        float,
+        typer.Option(
+            "--half-angle", metavar="DEGREES", help="From the axis to the rim, at the pinhole."
+        ),
+    ]
+    equi_angular_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--equi-angular",
+            metavar="DEGREES",
+            help="Constant angular resolution, up to this angle from straight down at the rim.",
+        ),
+    ] = None
+    equi_ground_m: Annotated[
+        float | None,
+        typer.Option(
+            "--equi-ground",
+            metavar="METRES",
+            help="Constant resolution on the ground, up to this distance at the rim.",
+        ),
+    ] = None
+    height_m: Annotated[
+        float | None,
+        typer.Option(
+            "--height", metavar="METRES", help="Pinhole above the ground, for --equi-ground."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class OpticsProfileRequest:
+    """Parameters of `omnisim optics profile`."""
+
+    system: SystemArgument
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Profile: .csv, r_m,z_m.")
+    ]
+    surface: Annotated[
+        int, typer.Option("--surface", metavar="NUMBER", help="Number of the surface, from 0.")
+    ] = 0
+    points: Annotated[
+        int, typer.Option("--points", metavar="POINTS", min=4, max=100_000, help="Lines.")
+    ] = 501

@@ -1,0 +1,74 @@
+"""`omnisim optics`: output, files and errors."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import omnisim as package
+from omnisim.calibration.ray_table import read_ray_table
+from omnisim.optics import read_optics_file
+from omnisim.optics.profile_file import read_profile
+
+EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"
+SPHERE = EXAMPLES / "sphere.toml"
+
+
+def test_check(omnisim):
+    status, out, err = omnisim(
+        "optics", "check", SPHERE, "--at-distance", 0.5, "--at-distance", "2"
+    )
+    assert (status, err) == (0, "")
+    assert "perspective 360 × 360 px, 1 mirror" in out
+    assert "68.6 % of the pixels see something; 30.7 % pass a surface" in out
+    assert "best viewpoint: (0.00000, 0.00000, 0.15570) m" in out
+    assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0.5", "2"]
+
+
+@pytest.mark.parametrize("name", ["folded", "dome-port", "tilted-mirror"])
+def test_plot(omnisim, tmp_path, name):
+    status, _, err = omnisim("optics", "plot", EXAMPLES / f"{name}.toml", "-o", "a.svg")
+    assert (status, err) == (0, "")
+    assert "caustic" not in err
+    assert (tmp_path / "a.svg").stat().st_size > 10_000
+
+
+def test_rays(omnisim, tmp_path):
+    status, _, err = omnisim("optics", "rays", SPHERE, "-o", "rays.exr")
+    assert (status, err) == (0, "")
+    table, rays = read_ray_table(tmp_path / "rays.exr"), read_optics_file(SPHERE).all_rays()
+    np.testing.assert_array_equal(table.valid, rays.valid)
+    np.testing.assert_allclose(table.origins_m[table.valid], rays.origins_m[rays.valid], atol=1e-8)
+
+
+def test_rays_of_a_colour(omnisim, tmp_path):
+    for color in "RB":
+        name = f"{color}.exr"
+        path = EXAMPLES / "flat-port.toml"
+        assert omnisim("optics", "rays", path, "-o", name, "--color", color)[0] == 0
+    red, blue = (read_ray_table(tmp_path / f"{color}.exr").directions for color in "RB")
+    assert np.abs(red - blue).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [("equi-angular", (105,)), ("equi-ground", (5, "--height", 0.6))],
+)
+def test_design_makes_the_examples(omnisim, tmp_path, name, arguments):
+    status, out, err = omnisim(
+        "optics", "design", f"--{name}", *arguments, "--distance", 0.1, "--half-angle", 20,
+        "-o", "a.csv",
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    assert "501 points, rim radius 4" in out
+    made, expected = read_profile(tmp_path / "a.csv"), read_profile(EXAMPLES / f"{name}.csv")
+    np.testing.assert_allclose(made.table_heights_m, expected.table_heights_m, atol=1e-12)
+
+
+def test_profile(omnisim, tmp_path):
+    status, out, err = omnisim("optics", "profile", SPHERE, "-o", "a.csv", "--points", 40)
+    assert (status, err) == (0, "")
+    assert "a.csv: 40 points of sphere, radius 29 mm" in out
+    shape = read_optics_file(SPHERE).surfaces[0].shape
+    profile = read_profile(tmp_path / "a.csv")
+    np.testing.assert_allclose(profile.table_heights_m, shape.sag_m(profile.radii_m))
