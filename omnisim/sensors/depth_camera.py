@@ -203,11 +203,11 @@ class DepthCamera(Parameters, name="depth_camera"):
         second_u = columns + self._margin_px - self._disparity_m / z_m.astype(np.float64)
         left = np.clip(np.floor(second_u).astype(np.intp), 0, self.second_width_px - 2)
         beside = second_z_m[rows, left], second_z_m[rows, left + 1]
-        share = second_u - left
-        is_edge = np.maximum(*beside) > EDGE_RATIO * np.minimum(*beside)
-        nearest = np.where(share < 0.5, *beside) * math.sqrt(EDGE_RATIO)
-        # along a plane, the inverse of depth is even from pixel to pixel
-        between = (1.0 + SHADOW_SHARE) / ((1.0 - share) / beside[0] + share / beside[1])
+        farther = np.maximum(*beside)
+        is_edge = farther > EDGE_RATIO * np.minimum(*beside)
+        nearest = np.where(second_u - left < 0.5, *beside) * math.sqrt(EDGE_RATIO)
+        # along a surface the point is between what two neighbours see
+        limit_m = np.where(is_edge, nearest, farther * (1.0 + SHADOW_SHARE))
         in_picture = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
-        seen: NDArray[np.bool_] = in_picture & (z_m <= np.where(is_edge, nearest, between))
+        seen: NDArray[np.bool_] = in_picture & (z_m <= limit_m)
         return seen
