@@ -27,6 +27,7 @@ from omnisim.simulation.sensors.sensor import (
     Measurement,
     Moment,
     MountedSensor,
+    RendererInstrument,
 )
 
 DEPTH_SUFFIX = ".png"
@@ -132,19 +133,8 @@ class DepthCameraMount(SensorMount):
         return MountedDepthCamera(self.type, self.name, self.hides, camera, self.base_from_mount)
 
 
-class DepthInstrument(Instrument):
-    """Takes a depth camera's pictures.
-
-    Args:
-        renderer: closed with the instrument.
-    """
-
-    def __init__(self, renderer: DepthRenderer):
-        self._renderer = renderer
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
+class DepthInstrument(RendererInstrument[DepthRenderer]):
+    """Takes a depth camera's pictures."""
 
     def measure(self, moment: Moment) -> DepthMeasurement:
         """Take the depths of a moment: a shutter that takes no time."""

@@ -27,6 +27,7 @@ from omnisim.simulation.sensors.sensor import (
     Measurement,
     Moment,
     MountedSensor,
+    RendererInstrument,
 )
 
 DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
@@ -134,7 +135,7 @@ class LidarMount(SensorMount):
         )
 
 
-class LidarInstrument(Instrument):
+class LidarInstrument(RendererInstrument[LidarRenderer]):
     """Takes a lidar's point clouds.
 
     Args:
@@ -143,11 +144,8 @@ class LidarInstrument(Instrument):
     """
 
     def __init__(self, renderer: LidarRenderer, file_format: str):
-        self._renderer, self._file_format = renderer, file_format
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
+        super().__init__(renderer)
+        self._file_format = file_format
 
     def measure(self, moment: Moment) -> LidarMeasurement:
         """Take the cloud of the revolution that ends at a moment."""

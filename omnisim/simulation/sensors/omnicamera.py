@@ -39,6 +39,7 @@ from omnisim.simulation.sensors.sensor import (
     Measurement,
     Moment,
     MountedSensor,
+    RendererInstrument,
 )
 from omnisim.trajectories import Trajectory
 
@@ -168,7 +169,7 @@ class OmniCameraMount(SensorMount):
         return MountedCamera(self.type, self.name, self.hides, mounted)
 
 
-class CameraInstrument(Instrument):
+class CameraInstrument(RendererInstrument[Renderer]):
     """Takes a camera's pictures.
 
     Args:
@@ -177,11 +178,8 @@ class CameraInstrument(Instrument):
     """
 
     def __init__(self, renderer: Renderer, settings: DriveSettings):
-        self._renderer, self._settings = renderer, settings
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
+        super().__init__(renderer)
+        self._settings = settings
 
     def measure(self, moment: Moment) -> CameraMeasurement:
         """Take the picture of a moment, of the file of the picture before if it is metered."""

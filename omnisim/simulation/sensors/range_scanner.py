@@ -23,6 +23,7 @@ from omnisim.simulation.sensors.sensor import (
     Measurement,
     Moment,
     MountedSensor,
+    RendererInstrument,
 )
 
 SCAN_SUFFIX = ".csv"
@@ -143,19 +144,8 @@ class RangeScannerMount(_ScannerMount):
         )
 
 
-class ScannerInstrument(Instrument):
-    """Takes a laser scanner's scans.
-
-    Args:
-        renderer: closed with the instrument.
-    """
-
-    def __init__(self, renderer: LaserRenderer):
-        self._renderer = renderer
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
+class ScannerInstrument(RendererInstrument[LaserRenderer]):
+    """Takes a laser scanner's scans."""
 
     def measure(self, moment: Moment) -> ScannerMeasurement:
         """Take the scan of a moment."""

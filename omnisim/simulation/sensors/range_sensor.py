@@ -24,6 +24,7 @@ from omnisim.simulation.sensors.sensor import (
     Measurement,
     Moment,
     MountedSensor,
+    RendererInstrument,
 )
 
 READING_SUFFIX = ".csv"
@@ -144,19 +145,8 @@ class InfraredMount(_RangeSensorMount):
         )
 
 
-class RangeInstrument(Instrument):
-    """Takes the readings of a sonar or infrared sensor.
-
-    Args:
-        renderer: closed with the instrument.
-    """
-
-    def __init__(self, renderer: RangeSensorRenderer):
-        self._renderer = renderer
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
+class RangeInstrument(RendererInstrument[RangeSensorRenderer]):
+    """Takes the readings of a sonar or infrared sensor."""
 
     def measure(self, moment: Moment) -> RangeMeasurement:
         """Take the range of a moment."""

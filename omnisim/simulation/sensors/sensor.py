@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,24 @@ class Instrument(Closing):
             RunError: the files of the step before are damaged.
             OmnisimError: the instrument is closed.
         """
+
+
+RendererT = TypeVar("RendererT", bound=Closing)
+
+
+class RendererInstrument(Instrument, Generic[RendererT]):
+    """Instrument that measures by a renderer.
+
+    Args:
+        renderer: closed with the instrument.
+    """
+
+    def __init__(self, renderer: RendererT):
+        self._renderer = renderer
+
+    def close(self) -> None:
+        """Close the renderer."""
+        self._renderer.close()
 
 
 @dataclass(frozen=True, eq=False)
