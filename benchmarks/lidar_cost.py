@@ -70,7 +70,8 @@ def main(source: str) -> None:
     scene = _opaque_part(load_scene(source))
     lidar = dataclasses.replace(SpinningLidar.hdl64e().without_errors(), firings=1024)
     x_m, y_m, z_m = scene.start.position_m
-    here = pose((x_m, y_m, z_m + 1.0), yaw_deg=scene.start.yaw_deg)
+    # not along walls: a beam exactly along an edge hits either side
+    here = pose((x_m, y_m, z_m + 1.0), yaw_deg=scene.start.yaw_deg + 10.0)
     motions: dict[str, Motion] = {
         "at rest": lambda _: here,
         "1 m/s, 0.5 rad/s": lambda time_s: here @ pose((time_s, 0.0, 0.0), yaw_deg=28.65 * time_s),

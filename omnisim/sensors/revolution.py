@@ -15,8 +15,8 @@ from omnisim.sensors.spinning_lidar import SpinningLidar
 
 SLICES = (8, 16, 32, 64)  # of a revolution in motion
 # From a slice's start to its end lidar and objects move so far at most: a texel of what is seen
-# from the middle is then next to what a firing hits.
-MAX_PATH_M, MAX_TURN_RAD = 0.02, 0.06
+# from the middle is then next to what a firing hits, but for a firing along a surface.
+MAX_PATH_M, MAX_TURN_RAD = 0.01, 0.06
 # In a slice points move straight. From their true way they are at most so far off, in its middle.
 MAX_SKEW_M = 1e-4
 

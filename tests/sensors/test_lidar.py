@@ -71,7 +71,11 @@ def _drive(time_s):
 @pytest.mark.parametrize("speed_mps", [0.0, 1.5])
 @pytest.mark.parametrize("name", ["courtyard", pytest.param("mapping", marks=pytest.mark.slow)])
 def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
-    """99.9 % of the points to 1 mm; the others are where less than a texel shows of a surface."""
+    """99.9 % of the points to 1 mm; the others are where less than a texel shows of a surface.
+
+    In motion 99.7 %: a firing that looks along a door may meet a face that the middle of its slice
+    does not see, and all rings of one of 512 firings are 0.2 %.
+    """
     scene = opaque_part(load_scene(name))
     here = pose((1.5, 0.7, 1.3), yaw_deg=20.0)
 
@@ -86,7 +90,7 @@ def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
     with LidarRenderer(scene, EXACT, backend=backend) as renderer:
         cloud = renderer.scan(motion)
     error_m = np.abs(_grid(cloud).ravel() - expected_m)
-    assert (error_m <= 1e-3).mean() >= 0.999
+    assert (error_m <= 1e-3).mean() >= (0.997 if speed_mps and backend == "cube" else 0.999)
     assert len(cloud.points) > 0.5 * len(expected_m)
 
 

@@ -25,8 +25,9 @@ from omnisim.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.world import ObjectPart
 
 # A triangle is found where a texel near the beam shows it, or an adjacent one: measured in mapping,
-# 0.06 % of the beams of five revolutions miss one at 1.5 texels, 0.03 % at 2, 0.02 % at 2.5.
-TEXELS_PER_BEAM = 2.0
+# 0.06 % of the beams of five revolutions miss one at 1.5 texels, 0.03 % at 2, 0.02 % at 2.5; a
+# revolution takes a sixth longer at 2.5 than at 2.
+TEXELS_PER_BEAM = 2.5
 NEAR_M = 0.01
 # A slice's virtual camera sees so much more than the slice, for what turns while it lasts.
 MARGIN_RAD = 0.05
