@@ -88,7 +88,10 @@ def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[P
     assert settings.extends is not None
     assert toml is not None
     beside = toml.parent / settings.extends
-    base = _load_source(beside if beside.exists() else settings.extends, axes, outer)
+    try:
+        base = _load_source(beside if beside.exists() else settings.extends, axes, outer)
+    except SceneError as reason:
+        raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
     return extend(
         base,
         dataclasses.replace(
