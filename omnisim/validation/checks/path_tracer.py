@@ -71,11 +71,11 @@ def check(fixture: Fixture, title: str) -> Section:
         "mirror, a mesh of the hyperboloid so fine that it is off by 0.001 px, and on into the "
         "textured scene, whose surfaces shine in their base colours. It knows nothing of our rays "
         f"or of ξ. Its own noise is {floor:.1f} dB; what is left between it and our default "
-        f"picture is antialiasing: with {FINE} × {FINE} captures a pixel they come closer still.",
+        f"picture is antialiasing: with {FINE} × {FINE} samples per pixel they come closer still.",
         (
             Measure("exact capture, default quality", psnr_db(pair.traced, exact, pair.inside),
                     "dB", BOUND_DB, at_least=True),
-            Measure(f"exact capture, {FINE} × {FINE} captures a pixel",
+            Measure(f"exact capture, {FINE} × {FINE} samples per pixel",
                     psnr_db(pair.traced, fine, pair.inside), "dB", FINE_BOUND_DB, at_least=True),
             Measure("markers, mean distance", mean_abs(markers), "px", MARKER_BOUND_PX),
             Measure("markers, largest distance", max_abs(markers), "px", 2.0 * MARKER_BOUND_PX),
