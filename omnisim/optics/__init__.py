@@ -1,6 +1,6 @@
 """Optical systems that need no single viewpoint: mirrors of any profile, misaligned, and ports."""
 
-from omnisim.optics.caustic import caustic_points, ray_jacobians
+from omnisim.optics.caustic import caustic_points, pixel_jacobians, ray_jacobians
 from omnisim.optics.centrality import CentralError, Centrality, common_point, measure_centrality
 from omnisim.optics.design import Design
 from omnisim.optics.surface import Rod, Surface
@@ -20,6 +20,7 @@ __all__ = [
     "caustic_points",
     "common_point",
     "measure_centrality",
+    "pixel_jacobians",
     "ray_jacobians",
     "read_optics_file",
 ]

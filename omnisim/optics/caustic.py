@@ -1,4 +1,4 @@
-"""Caustic of a system: the surface that its rays touch, where neighbours meet.
+"""Derivatives of a system's rays by their pixels, and its caustic, where neighbours meet.
 
 Source: Swaminathan, Grossberg & Nayar, Caustics of catadioptric cameras (ICCV 2001): points
 o + t d whose Jacobian by pixel and t is singular, a quadratic equation in t.
@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.cameras.camera import as_pixels
+from omnisim.cameras.camera import as_directions, as_pixels
 from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.tracing import TracedRays
 
@@ -46,6 +46,34 @@ def ray_jacobians(system: Tracer, pixels_px: ArrayLike) -> RayJacobians:
             origins[..., axis] += share * rays.origins_m
             directions[..., axis] += share * rays.directions
     return RayJacobians(origins, directions)
+
+
+def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -> Floats:
+    """Derivatives (..., 2, 3) of the pixels of points (..., 3) by those points.
+
+    Args:
+        system: that shows them.
+        pixels_px: (..., 2) where, as `pixel_from_point` has them.
+        points_m: in the sensor's optical frame.
+    """
+    rays, by_pixel = system.rays(pixels_px), ray_jacobians(system, pixels_px)
+    away = as_directions(points_m) - rays.origins_m
+    lengths_m = np.einsum("...j,...j->...", away, rays.directions)[..., None, None]
+    across = _across(rays.directions)
+    moved = np.einsum("...ji,...jk->...ik", across, by_pixel.origins_m)
+    moved += lengths_m * np.einsum("...ji,...jk->...ik", across, by_pixel.directions)
+    # across the ray, the point moves with the pixel: a 2 × 2 system, by Cramer's rule
+    swapped = np.stack(
+        (
+            np.stack((moved[..., 1, 1], -moved[..., 0, 1]), axis=-1),
+            np.stack((-moved[..., 1, 0], moved[..., 0, 0]), axis=-1),
+        ),
+        axis=-2,
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = swapped / _determinants(moved)[..., None, None]
+    found: Floats = np.einsum("...ij,...kj->...ik", inverse, across)
+    return found
 
 
 def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:

@@ -30,6 +30,7 @@ _LARGEST_STEP = 0.5  # as a share of the surface's radius of curvature, and of i
 _RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # among all rays by how near they pass a point
 _POINTS_PER_BATCH = 1 << 13
 _MISS = 1e-7  # of its distance: a traced ray that passes a point farther off does not show it
+_NEAREST = 64  # rays from which all pixels of a point are sought, besides the local minima
 _SAME_PX = 1e-5
 
 
@@ -109,8 +110,9 @@ class Inverse:
         misses = np.full(self._seen.shape, np.inf)
         misses[self._seen] = self._misses(target)[0]
         around = scipy.ndimage.minimum_filter(misses, size=3, mode="constant", cval=np.inf)
-        is_start = (misses == around)[self._seen]
-        starts = np.flatnonzero(is_start)
+        is_least = (misses == around)[self._seen]
+        nearest = np.argsort(misses[self._seen])[:_NEAREST]  # beside a fold two are close
+        starts = np.union1d(np.flatnonzero(is_least), nearest)
         many = Targets(np.repeat(target.points, len(starts), axis=0), target.weight)
         pixels, valid = self._from_starts(many, starts)
         kept: list[Floats] = []

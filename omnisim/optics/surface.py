@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +63,11 @@ class Surface:
         reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
         return min(reach_m, self.shape.domain_m)
 
+    @cached_property
+    def is_convex(self) -> bool:
+        """Bulges towards the camera everywhere: a ray that it reflects does not come back."""
+        return self.shape.is_convex(self.visible_radius_m)
+
     def points_from_system(self, points_m: Floats) -> Floats:
         """Points (n, 3) in the surface's frame."""
         moved = points_m - self.system_from_surface[:3, 3]
@@ -106,8 +112,9 @@ class Surface:
         inside: NDArray[np.bool_] = (
             np.hypot(points_m[:, 0] - x, points_m[:, 1] - y) <= self.rim_radius_m
         )
-        if self.hole_radius_m > 0.0:
-            inside &= np.hypot(points_m[:, 0], points_m[:, 1]) >= self.hole_radius_m
+        hole_m = max(self.hole_radius_m, self.shape.tip_radius_m)
+        if hole_m > 0.0:
+            inside &= np.hypot(points_m[:, 0], points_m[:, 1]) >= hole_m
         return inside
 
     def normals(self, points_m: Floats) -> Floats:

@@ -11,6 +11,7 @@ from omnisim.optics import (
     caustic_points,
     common_point,
     measure_centrality,
+    pixel_jacobians,
     ray_jacobians,
 )
 from omnisim.optics.shapes import TabulatedProfile
@@ -70,6 +71,20 @@ def test_jacobians_are_those_of_the_inverse():
         np.testing.assert_allclose(
             system.pixel_from_ray(moved).positions_px, pixels + step, atol=1e-7
         )
+
+
+def test_jacobians_of_pixels_by_points():
+    system = SYSTEMS["tilted camera"]
+    pixels = np.array([[170.0, 200.0], [220.0, 150.0]])
+    rays = system.rays(pixels)
+    points_m = rays.origins_m + 0.7 * rays.directions
+    found = pixel_jacobians(system, pixels, points_m)
+    for axis in range(3):
+        step_m = 1e-5 * np.eye(3)[axis]
+        ahead, back = (
+            system.pixel_from_point(points_m + x).positions_px for x in (step_m, -step_m)
+        )
+        np.testing.assert_allclose(found[..., axis], (ahead - back) / 2e-5, rtol=1e-6, atol=1e-5)
 
 
 def test_caustic_of_a_hyperbola_is_its_focus():

@@ -59,6 +59,19 @@ def test_point_seen_twice():
     assert len(SYSTEMS["sphere"].pixels_from_point(point_m)) == 1
 
 
+def test_all_pixels_have_that_of_the_ray():
+    system = SYSTEMS["wave"]
+    pixels = _pixels(system, 400)
+    rays = system.rays(pixels)
+    points_m = rays.origins_m + rays.directions
+    nearest_px = [
+        np.linalg.norm(system.pixels_from_point(point_m) - pixel, axis=1).min(initial=np.inf)
+        for point_m, pixel in zip(points_m, pixels, strict=True)
+    ]
+    # the rest is beside a fold, where two pixels of a point meet
+    assert np.mean(np.less(nearest_px, BOUND_PX)) > 0.98
+
+
 @pytest.mark.parametrize("name", ["sphere", "port"])
 def test_points_that_nothing_shows(name):
     system = SYSTEMS[name]

@@ -16,6 +16,7 @@ from omnisim.optics.shapes.shape import Floats, Level, Shape
 from omnisim.parameters import Number, Parameters, Signed
 
 _SAMPLES = 25  # along a ray, between which a surface is crossed once at most
+_CONVEXITY_SAMPLES = 2049
 _RAYS_PER_BATCH = 1 << 14  # intermediate arrays stay in the cache
 _NEWTON_STEPS = 60
 _TINY_M = 1e-12  # from the axis, where f'(r)/r becomes f''
@@ -39,6 +40,13 @@ class Profile(Shape):
     def heights_m(self, radii_m: Floats) -> Floats:
         """Profile without its derivatives."""
         return self.derivatives(radii_m).heights_m
+
+    def is_convex(self, radius_m: float) -> bool:
+        """Signs of slope and curvature at samples; not, where the radius has no bound."""
+        if np.isinf(radius_m):
+            return False
+        profile = self.derivatives(np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES))
+        return bool((profile.slopes >= 0.0).all() and (profile.curvatures > 0.0).all())
 
     def sag_m(self, radii_m: Floats) -> Floats:
         """z(r) in its domain."""

@@ -30,6 +30,10 @@ class Quadric(Shape):
         a, b, c = self.coefficients
         return 0.5 * c / math.sqrt(a * b) if a * b > 0.0 else math.inf
 
+    def is_convex(self, radius_m: float) -> bool:
+        """Sign of A, that of the curvature."""
+        return self.coefficients[0] >= 0.0
+
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """Both roots of the quadratic equation, without cancellation, polished by a Newton step."""
         a, b, c = self.coefficients
@@ -145,6 +149,7 @@ class Cone(Parameters, Quadric, name="shape"):
     """A cone, its tip towards the camera."""
 
     shape_name = "cone"
+    tip_radius_m = 1e-9
     half_angle_deg: Annotated[Number, Field(ge=1.0, le=89.0)]
     """Degrees between axis and surface: 45 reflects the axis to the horizon."""
 

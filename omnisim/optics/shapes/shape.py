@@ -28,14 +28,20 @@ class Shape(ABC):
 
     Attributes:
         shape_name: of it in files.
+        tip_radius_m: about the axis, where it has no normal.
     """
 
     shape_name: ClassVar[str]
+    tip_radius_m: ClassVar[float] = 0.0
 
     @property
     def domain_m(self) -> float:
         """Largest distance from the axis; may be infinite."""
         return math.inf
+
+    @abstractmethod
+    def is_convex(self, radius_m: float) -> bool:
+        """Tell whether it bulges towards the camera everywhere within a radius."""
 
     @abstractmethod
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
