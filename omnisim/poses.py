@@ -60,8 +60,17 @@ def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
     Raises:
         OmnisimError: not (4, 4), not finite, or not a rotation and a translation.
     """
-    checked = np.asarray(matrix, dtype=np.float64)
-    if checked.shape != (4, 4) or not np.all(np.abs(checked) < LARGEST_M):
+    try:
+        checked = np.asarray(matrix, dtype=np.float64)
+    except (TypeError, ValueError):
+        kind = type(matrix).__name__
+        raise OmnisimError(f"pose: expected a finite 4 × 4 matrix, got {kind}") from None
+    if checked.shape != (4, 4):
+        shape = " × ".join(map(str, checked.shape)) or "one number"
+        raise OmnisimError(
+            f"pose: expected a finite 4 × 4 matrix, as omnisim.pose makes one, got {shape}"
+        )
+    if not np.all(np.abs(checked) < LARGEST_M):
         raise OmnisimError("pose: expected a finite 4 × 4 matrix")
     if not is_pose(checked):
         raise OmnisimError("pose: expected a rotation and a translation, no scale, no mirroring")

@@ -158,3 +158,19 @@ def test_wrapped_angles():
     np.testing.assert_allclose(wrapped, [wrap_angle(angle) for angle in angles], atol=1e-14)
     np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-14)
     assert np.all(np.abs(wrapped) <= math.pi)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((0.0, 0.0, 1.0), ", as omnisim.pose makes one, got 3"),
+        (np.eye(3), ", as .* got 3 × 3"),
+        (1.0, ", as .* got one number"),
+        ("here", ", got str"),
+        ([[1.0], [2.0, 3.0]], ", got list"),
+        (np.full((4, 4), np.nan), ""),
+    ],
+)
+def test_what_is_no_pose_says_what_was_expected(given, words):
+    with pytest.raises(OmnisimError, match=rf"^pose: expected a finite 4 × 4 matrix{words}$"):
+        check_pose(given)
