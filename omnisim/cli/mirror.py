@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cli.console import out
 from omnisim.cli.inputs import read_sensor
@@ -17,6 +19,9 @@ from omnisim.sensors.omnicamera import PAPER_POLYGONS
 def run(request: MirrorRequest) -> None:
     """Write the mesh and print its size and error."""
     check_mesh_target(request.output)
+    if request.optics is not None:
+        _write_surface(request, request.optics)
+        return
     camera = read_sensor(request.sensor)
     model = camera.model
     if not isinstance(model, HyperbolicCamera):
@@ -39,5 +44,22 @@ def run(request: MirrorRequest) -> None:
         f"in a picture of it {2.0 * model.rim_radius_px:.4g} px wide, off by "
         f"{error.mean_px:.3g} px on average, {error.percentile_95_px:.3g} px at 95 %, "
         f"{error.max_px:.3g} px at most",
+        markup=False,
+    )
+
+
+def _write_surface(request: MirrorRequest, optics: Path) -> None:
+    """Write the mesh of a surface of an optical system."""
+    from omnisim.optics.surface_mesh import tessellate_surface
+    from omnisim.optics.system_file import read_optics_file
+
+    if request.sensor is not None:
+        raise OpticsError("--sensor, --optics: expected one of them, got both")
+    surface = read_optics_file(optics).surface(request.surface, str(optics))
+    mesh = tessellate_surface(surface, request.polygons or PAPER_POLYGONS)
+    write_mirror(request.output, mesh, surface.name)
+    out.print(
+        f"{request.output}: {surface.name}, {len(mesh.triangles)} triangles, in its own frame, "
+        f"z towards the camera",
         markup=False,
     )

@@ -117,13 +117,7 @@ def profile(request: OpticsProfileRequest) -> None:
     check_suffix(request.output, ".csv")
     check_target(request.output)
     _check_distinct(request.output, request.system)
-    surfaces = read_optics_file(request.system).surfaces
-    if not 0 <= request.surface < len(surfaces):
-        raise OpticsError(
-            f"--surface: expected 0 to {len(surfaces) - 1} in {request.system}, "
-            f"got {request.surface}"
-        )
-    surface = surfaces[request.surface]
+    surface = read_optics_file(request.system).surface(request.surface, str(request.system))
     radius_m = surface.visible_radius_m
     if math.isinf(radius_m):
         raise OpticsError(f"{request.system}: surfaces.{request.surface}.rim_radius_m: missing")

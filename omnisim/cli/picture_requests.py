@@ -389,6 +389,14 @@ class MirrorRequest:
             show_default="the paper's mirror",
         ),
     ] = None
+    optics: Annotated[
+        Path | None,
+        typer.Option("--optics", metavar="FILE", help="Optics file instead: .toml."),
+    ] = None
+    surface: Annotated[
+        int,
+        typer.Option("--surface", metavar="NUMBER", help="Number of its surface, from 0."),
+    ] = 0
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,17 @@ class OpticalSystem:
             media.append(media[-1] if surface.medium is None else surface.medium)
         return tuple(refractive_index(medium, self.color) for medium in media)
 
+    def surface(self, number: int, source: str) -> Surface:
+        """Surface of a number; `source` names the system in messages.
+
+        Raises:
+            OpticsError: there is none.
+        """
+        if not 0 <= number < len(self.surfaces):
+            expected = f"expected 0 to {len(self.surfaces) - 1}"
+            raise OpticsError(f"{source}: surface: {expected}, got {number}")
+        return self.surfaces[number]
+
     def scaled(self, scale: float) -> Self:
         """The same view in a picture `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, camera=self.camera.scaled(scale))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import omnisim as package
 from omnisim.calibration.ray_table import read_ray_table
@@ -72,3 +73,25 @@ def test_profile(omnisim, tmp_path):
     shape = read_optics_file(SPHERE).surfaces[0].shape
     profile = read_profile(tmp_path / "a.csv")
     np.testing.assert_allclose(profile.table_heights_m, shape.sag_m(profile.radii_m))
+
+
+@pytest.mark.parametrize(
+    ("name", "surface", "area_m2"),
+    [
+        # caps and frusta: 2 π R h, and π r s
+        ("sphere", 0, 2.0 * np.pi * 0.03 * (0.03 - np.sqrt(0.03**2 - 0.029**2))),
+        ("cone", 0, np.pi * 0.08**2 / np.sin(np.radians(50.0))),
+    ],
+)
+def test_mesh_of_a_surface(omnisim, tmp_path, name, surface, area_m2):
+    path = EXAMPLES / f"{name}.toml"
+    arguments = ("mirror", "--optics", path, "--surface", surface, "-n", 16384, "-o", "m.ply")
+    status, _, err = omnisim(*arguments)
+    assert (status, err) == (0, "")
+    mesh = trimesh.load(tmp_path / "m.ply", process=False)
+    assert mesh.area == pytest.approx(area_m2, rel=2e-3)
+    toward_camera = mesh.face_normals[:, 2]
+    assert (toward_camera > 0.0).all()
+    assert (
+        np.einsum("nj,nj->n", mesh.face_normals, mesh.vertex_normals[mesh.faces[:, 2]]).min() > 0.9
+    )
