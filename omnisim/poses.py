@@ -66,9 +66,9 @@ def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
         kind = type(matrix).__name__
         raise OmnisimError(f"pose: expected a finite 4 × 4 matrix, got {kind}") from None
     if checked.shape != (4, 4):
-        shape = " × ".join(map(str, checked.shape)) or "one number"
         raise OmnisimError(
-            f"pose: expected a finite 4 × 4 matrix, as omnisim.pose makes one, got {shape}"
+            "pose: expected a finite 4 × 4 matrix, as omnisim.pose makes one, "
+            f"got an array of shape {checked.shape}"
         )
     if not np.all(np.abs(checked) < LARGEST_M):
         raise OmnisimError("pose: expected a finite 4 × 4 matrix")

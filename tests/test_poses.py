@@ -163,9 +163,9 @@ def test_wrapped_angles():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ((0.0, 0.0, 1.0), ", as omnisim.pose makes one, got 3"),
-        (np.eye(3), ", as .* got 3 × 3"),
-        (1.0, ", as .* got one number"),
+        ((0.0, 0.0, 1.0), r", as omnisim\.pose makes one, got an array of shape \(3,\)"),
+        (np.eye(3), r", as .* got an array of shape \(3, 3\)"),
+        (1.0, r", as .* got an array of shape \(\)"),
         ("here", ", got str"),
         ([[1.0], [2.0, 3.0]], ", got list"),
         (np.full((4, 4), np.nan), ""),
