@@ -3,13 +3,16 @@
 import dataclasses
 import re
 from pathlib import Path
+from typing import get_args
 
 import omnisim
 from omnisim.calibration import FORMATS
 from omnisim.cameras import CAMERA_MODELS
+from omnisim.cli.arguments import Backend
 from omnisim.plots import degradation_sheet
 from omnisim.sensors import degradations
 from omnisim.sensors.degradations import Degradation
+from omnisim.sensors.stage import BackendName
 from tests.sensors.degradations.test_gpu_equals_reference import EXAMPLES
 
 PACKAGE = Path(omnisim.__file__).parent
@@ -45,3 +48,7 @@ def test_each_degradation_has_its_export_its_example_and_its_picture():
     assert {name for name, kind in kinds.items() if kind not in compared} == NOT_ONE_STEP
     shown = (*degradation_sheet.WHOLE.values(), *degradation_sheet.PARTS.values())
     assert {name for one in shown for name in one.parts} == set(EFFECTS)
+
+
+def test_the_command_has_each_back_end():
+    assert tuple(Backend) == get_args(BackendName)

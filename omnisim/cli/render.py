@@ -87,7 +87,7 @@ def run(request: RenderRequest) -> None:
         unlit=request.unlit,
         device=request.device,
         seed=request.seed,
-        backend="rays" if request.backend is Backend.RAYS else "cube",
+        backend=request.backend.value,
     ) as renderer:
         states = {
             other: WorldState({renderer.vehicle: there}, time_s + SIGNS[other] * interval_s)
