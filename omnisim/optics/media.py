@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+from omnisim.errors import OpticsError, did_you_mean
+
 # Vacuum wavelengths: helium's d line, by which catalogues name indices, and the dominant
 # wavelengths of sRGB's primaries.
+LARGEST_INDEX = 5.0
 D_LINE_UM = 0.58756
 WAVELENGTHS_UM: Mapping[str, float] = {"R": 0.6114, "G": 0.5491, "B": 0.4642}
 
@@ -62,7 +65,16 @@ def refractive_index(medium: str | float, color: str | None = None) -> float:
     Args:
         medium: name in `MEDIA`, or the index itself.
         color: "R", "G" or "B"; None: the index at the d line.
+
+    Raises:
+        OpticsError: an unknown medium or colour, or an impossible index.
     """
+    if color is not None and color not in WAVELENGTHS_UM:
+        raise OpticsError(f"color: expected R, G or B, got {color!r}")
     if not isinstance(medium, str):
+        if not 1.0 <= medium <= LARGEST_INDEX:
+            raise OpticsError(f"medium: expected an index of 1 to {LARGEST_INDEX:g}, got {medium}")
         return medium
+    if medium not in MEDIA:
+        raise OpticsError(f"medium {medium!r}: {did_you_mean(medium, MEDIA)}")
     return MEDIA[medium](D_LINE_UM if color is None else WAVELENGTHS_UM[color])

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.errors import OpticsError
 from omnisim.optics.shapes import Shape
 from omnisim.optics.shapes.shape import Floats
 from omnisim.poses import check_pose
@@ -38,7 +39,7 @@ class Surface:
         name: in messages.
 
     Raises:
-        OmnisimError: a pose that is none.
+        OmnisimError: a pose that is none, or a hole that leaves nothing of it.
     """
 
     shape: Shape
@@ -51,6 +52,11 @@ class Surface:
 
     def __post_init__(self) -> None:
         check_pose(self.system_from_surface)
+        if not 0.0 <= self.hole_radius_m < self.rim_radius_m:  # false for NaN, too
+            raise OpticsError(
+                f"{self.name}: hole_radius_m: expected 0 or more, and less than rim_radius_m = "
+                f"{self.rim_radius_m:g}, got {self.hole_radius_m:g}"
+            )
 
     @property
     def is_mirror(self) -> bool:
@@ -133,12 +139,21 @@ class Rod:
         begin_m, end_m: middles of its ends, system frame.
         radius_m: of the cylinder.
         name: in messages.
+
+    Raises:
+        OpticsError: no length or radius.
     """
 
     begin_m: tuple[float, float, float]
     end_m: tuple[float, float, float]
     radius_m: float
     name: str = "obstacle"
+
+    def __post_init__(self) -> None:
+        if tuple(self.begin_m) == tuple(self.end_m):
+            raise OpticsError(f"{self.name}: end_m: expected another point than begin_m")
+        if not self.radius_m > 0.0:
+            raise OpticsError(f"{self.name}: radius_m: expected more than 0, got {self.radius_m}")
 
     def hits(self, origins_m: Floats, directions: Floats) -> Floats:
         """Lengths (n,) at which rays (n, 3) enter it; 0 where they start inside, NaN: never."""

@@ -43,7 +43,7 @@ class OpticalSystem:
         rig_from_optical: (3, 3) orientation in a level rig; None: up into a mirror, else ahead.
 
     Raises:
-        OpticsError: a camera of omnisim's is missing, or an unknown medium.
+        OpticsError: no camera model, no surface, or an unknown medium or colour.
     """
 
     camera: CentralCamera
@@ -62,6 +62,9 @@ class OpticalSystem:
         if not isinstance(self.camera, CentralCamera):
             raise OpticsError(f"camera: expected a camera model, got {type(self.camera).__name__}")
         check_pose(self.system_from_camera)
+        if not self.surfaces:
+            raise OpticsError("surfaces: expected at least one, got none")
+        assert self.indices  # or it refuses a medium
 
     def __repr__(self) -> str:
         mirrors = sum(surface.is_mirror for surface in self.surfaces)
@@ -182,7 +185,7 @@ class OpticalSystem:
         """Unit directions (n, 3), camera's frame, to points (n, 3) of the system's."""
         moved = points_m - self.system_from_camera[:3, 3]
         found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_camera[:3, :3])
-        found /= np.linalg.norm(found, axis=1, keepdims=True)
+        found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300)
         return found
 
     def _pixels(self, points: Floats, weight: float) -> Pixels:

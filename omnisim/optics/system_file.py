@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from omnisim import poses
-from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.cameras import CentralCamera
+from omnisim.cameras.camera_table import camera_from_table
 from omnisim.errors import (
     CalibrationError,
     OmnisimError,
     OpticsError,
     SensorFileError,
-    did_you_mean,
 )
 from omnisim.frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
@@ -104,16 +104,7 @@ class CameraTable(AlignmentTable):
         if isinstance(width, int) and isinstance(height, int):
             middle = [0.5 * (width - 1), 0.5 * (height - 1)]
             parameters.setdefault("principal_point_px", middle)
-        try:
-            camera = camera_from_parameters(parameters)
-        except OpticsError as reason:
-            words = str(reason).removeprefix("camera: ")
-            raise SensorFileError(f"{source}: camera.{words}") from None
-        known = camera.parameters()
-        for key in parameters.keys() - known.keys():
-            hint = did_you_mean(key, known)
-            raise SensorFileError(f"{source}: camera.{key}: unknown key; {hint}")
-        return camera
+        return camera_from_table(parameters, source, "camera")
 
 
 class TableShape(Table):

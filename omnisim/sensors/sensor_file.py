@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import ConfigDict, Field, model_validator
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera, camera_from_parameters
-from omnisim.errors import CalibrationError, OpticsError, SensorFileError, did_you_mean
+from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras.camera_table import camera_from_table
+from omnisim.errors import CalibrationError, OpticsError, SensorFileError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.hyperbolic import (
     DEFAULT_RIM_RAD,
@@ -227,16 +228,7 @@ class LensTable(Table):
         if self.camera is not None:
             words = "is a name in a calibration file: expected calibration"
             raise SensorFileError(f"{source}: lens.camera: {words}")
-        parameters = {"model": self.model, **extra}
-        try:
-            camera = camera_from_parameters(parameters)
-        except OpticsError as reason:
-            raise _fault(f"{source}: lens.", reason, "camera: ") from None
-        known = camera.parameters()
-        for key in parameters.keys() - known.keys():
-            hint = did_you_mean(key, known)
-            raise SensorFileError(f"{source}: lens.{key}: unknown key; {hint}")
-        return camera
+        return camera_from_table({"model": self.model, **extra}, source, "lens")
 
     def _calibrated(self, file: str, extra: dict[str, Any], source: str) -> CentralCamera:
         mirrored = extra.pop("mirrored", None)

@@ -1,0 +1,32 @@
+"""Camera models in the tables of files: errors name file, key, value and what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.errors import OpticsError, SensorFileError, did_you_mean
+
+
+def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> CentralCamera:
+    """Camera of a table that holds its model and parameters, and nothing else.
+
+    Args:
+        parameters: the table.
+        source: names the file in messages.
+        key: of the table in its file.
+
+    Raises:
+        SensorFileError: naming the key and what was expected.
+    """
+    try:
+        camera = camera_from_parameters(parameters)
+    except OpticsError as reason:
+        words = str(reason).removeprefix("camera: ")
+        raise SensorFileError(f"{source}: {key}.{words}") from None
+    known = camera.parameters()
+    for name in parameters.keys() - known.keys():
+        hint = did_you_mean(name, known)
+        raise SensorFileError(f"{source}: {key}.{name}: unknown key; {hint}")
+    return camera
