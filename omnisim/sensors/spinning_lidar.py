@@ -90,7 +90,7 @@ class SpinningLidar(Parameters, name="lidar"):
 
         Source: Velodyne, HDL-64E S2 User's Manual, specifications: 32 lasers 1/3° apart above 32
         that are 1/2° apart, 120 m, less than 2 cm (one sigma), steps of 2 mm. 2083 firings are
-        0.173° apart. The numbers are assumed where they could not be checked, the least range above all.
+        0.173° apart. Numbers that could not be checked are assumed, the least range above all.
         """
         return cls(
             elevations_deg=HDL64E_ELEVATIONS_DEG,
