@@ -42,7 +42,8 @@ _FATES = {
 def check(request: OpticsCheckRequest) -> None:
     """Print what pixels see, and the errors of a central model by distance."""
     system = read_optics_file(request.system)
-    found = measure_centrality(system, request.at_distance or DISTANCES_M)
+    distances_m = (*(request.at_distance or ()), *(request.more_distances or ()))
+    found = measure_centrality(system, distances_m or DISTANCES_M)
     out.print(f"{request.system}: {_summary(system)}", markup=False)
     out.print(_shares(system), markup=False)
     x, y, z = found.viewpoint_m

@@ -21,9 +21,13 @@ class OpticsCheckRequest:
         typer.Option(
             "--at-distance",
             metavar="METRES",
-            help="Distance of points from the viewpoint; may be repeated.",
+            help="Distances of points from the viewpoint: --at-distance 0.3 1 5.",
             show_default="0.3, 1 and 5",
         ),
+    ] = None
+    more_distances: Annotated[
+        list[float] | None,
+        typer.Argument(metavar="METRES", help="More distances.", show_default=False),
     ] = None
 
 

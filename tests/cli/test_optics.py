@@ -16,9 +16,7 @@ SPHERE = EXAMPLES / "sphere.toml"
 
 
 def test_check(omnisim):
-    status, out, err = omnisim(
-        "optics", "check", SPHERE, "--at-distance", 0.5, "--at-distance", "2"
-    )
+    status, out, err = omnisim("optics", "check", SPHERE, "--at-distance", 0.5, 2)
     assert (status, err) == (0, "")
     assert "perspective 360 × 360 px, 1 mirror" in out
     assert "68.6 % of the pixels see something; 30.7 % pass a surface" in out

@@ -1,7 +1,9 @@
 """Optical systems of all kinds, for tests that hold for each."""
 
 import math
+from pathlib import Path
 
+import omnisim
 from omnisim import poses
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.optics import OpticalSystem, Rod, Surface
@@ -37,6 +39,7 @@ def folded():
     return upper, lower
 
 
+EXAMPLES = sorted((Path(omnisim.__file__).parents[1] / "examples" / "optics").glob("*.toml"))
 HYPERBOLA = Hyperbolic()
 FISHEYE = EquidistantCamera(360, 360, 110.0, (179.5, 179.5), math.radians(80.0))
 SYSTEMS = {

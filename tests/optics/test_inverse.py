@@ -7,9 +7,10 @@ import pytest
 import scipy
 
 from omnisim import poses
-from omnisim.optics import Fate, OpticalSystem, Rod, Surface
+from omnisim.cameras import pixel_grid
+from omnisim.optics import Fate, OpticalSystem, Rod, Surface, read_optics_file
 from omnisim.optics.shapes import Conic
-from tests.optics.examples import SYSTEMS, at, pinhole
+from tests.optics.examples import EXAMPLES, SYSTEMS, at, pinhole
 
 BOUND_PX = 1e-8
 
@@ -34,6 +35,19 @@ def test_round_trip(name, distance_m):
     errors_px = np.linalg.norm(found.positions_px - pixels, axis=1)
     assert found.valid.mean() >= 0.9999
     assert (errors_px < BOUND_PX).mean() >= 0.9999
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_all_pixels_of_the_examples(path):
+    system = read_optics_file(path)
+    rays = system.all_rays()
+    pixels = pixel_grid(system.width_px, system.height_px)[rays.valid]
+    for distance_m in (0.3, 1.0, 5.0):
+        points_m = (rays.origins_m + distance_m * rays.directions)[rays.valid]
+        found = system.pixel_from_point(points_m)
+        assert found.valid.all()
+        assert np.abs(found.positions_px - pixels).max() < BOUND_PX
 
 
 def test_optical_frame_begins_at_the_origin():

@@ -1,20 +1,18 @@
 """Optics files: the examples, and the messages of faults."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import omnisim
 from omnisim.errors import SensorFileError
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.optics import read_optics_file
 from omnisim.optics.profile_file import read_profile, sampled, write_profile
 from omnisim.optics.shapes import Conic
 from omnisim.optics.system_file import parse_optics
+from tests.optics.examples import EXAMPLES
 
-EXAMPLES = sorted((Path(omnisim.__file__).parents[1] / "examples" / "optics").glob("*.toml"))
 CAMERA = {"model": "perspective", "width_px": 360, "height_px": 360, "focal_length_px": 800.0}
 SPHERE = {"shape": "sphere", "radius_m": 0.03, "position_m": [0.0, 0.0, 0.15]}
 
