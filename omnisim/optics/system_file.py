@@ -55,7 +55,7 @@ class AlignmentTable(Table):
 
     position_m: _Point | None = None
     """Metres in the system's frame: x right, y down, z forward, from the camera where it is not
-    misaligned."""
+    misaligned. Left out: 0 for a camera, the pinhole in the focus for a hyperbolic mirror."""
     decenter_m: _Point = (0.0, 0.0, 0.0)
     """Metres, added to the position."""
     tilt_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)
@@ -186,7 +186,7 @@ class SurfaceTable(AlignmentTable):
     """
 
     name: str | None = None
-    """Name in messages; left out: its number."""
+    """Name in messages; left out: its shape's."""
     shape: ShapeName
     """Its form, with further keys; its axis is z, its vertex the position."""
     medium: _Medium | None = None
