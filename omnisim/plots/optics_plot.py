@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from omnisim.optics import OpticalSystem, Surface, caustic_points, ray_jacobians
+from omnisim.optics import OpticalSystem, Rod, Surface, caustic_points, ray_jacobians
 from omnisim.optics.tracing import Fate
 from omnisim.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, label_axes
 
@@ -50,8 +51,7 @@ def _draw_section(axes: Axes, system: OpticalSystem) -> None:
         color = BLUE if surface.is_mirror else GREEN
         axes.plot(1e3 * curve[:, 0], 1e3 * curve[:, 2], color=color, linewidth=2.0)
     for rod in system.obstacles:
-        x, _, z = 1e3 * np.transpose((rod.begin_m, rod.end_m))
-        axes.plot(x, z, color="black", linewidth=3.0)
+        axes.add_patch(Polygon(1e3 * _outline(rod), color="black"))
     points_m = caustic_points(system, _row(system, _COLUMNS)) + system.origin_m
     axes.plot(*(1e3 * points_m.reshape(-1, 3)[:, [0, 2]].T), ".", color=ORANGE, markersize=2.5)
     axes.plot(*(1e3 * system.system_from_camera[[0, 2], 3]), "o", color="black", markersize=4.0)
@@ -69,7 +69,7 @@ def _draw_section(axes: Axes, system: OpticalSystem) -> None:
         axes.plot([], [], ".", color=ORANGE, label="caustic")[0],
         axes.plot([], [], "o", color="black", markersize=4.0, label="pinhole")[0],
     ]
-    axes.legend(handles=handles, fontsize=8, loc="best", framealpha=0.9)
+    axes.legend(handles=handles, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=4)
 
 
 def _curve(surface: Surface, hits_m: Floats) -> Floats:
@@ -84,6 +84,16 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
     gone = (np.abs(x - middle) > surface.rim_radius_m) | (np.abs(x) < surface.hole_radius_m)
     points = np.column_stack((x, np.zeros_like(x), np.where(gone, np.nan, z)))
     return surface.directions_to_system(points) + surface.system_from_surface[:3, 3]
+
+
+def _outline(rod: Rod) -> Floats:
+    """Outline (4, 2) of a rod seen along y: its sides, as flat as they are seen."""
+    begin, end = np.array((rod.begin_m, rod.end_m))[:, [0, 2]]
+    along = end - begin
+    length_m = float(np.hypot(*along))
+    unit = along / length_m if length_m > 0.0 else np.array([1.0, 0.0])
+    aside = rod.radius_m * np.array([-unit[1], unit[0]])
+    return np.stack((begin - aside, end - aside, end + aside, begin + aside))
 
 
 def _draw_resolution(axes: Axes, system: OpticalSystem) -> None:
