@@ -34,6 +34,7 @@ LAYERS = (
     {"errors", "short_repr", "version"},
 )
 GPU_LAYERS = (
+    {"parallax_pipeline"},
     {"pipeline"},
     {"ground_truth"},
     {"capture", "degradation"},

@@ -67,7 +67,7 @@ class RenderRequest:
             "--optics",
             metavar="FILE",
             help="Optics file instead of a sensor file: mirrors and refracting surfaces in front "
-            "of a camera; requires --backend rays.",
+            "of a camera.",
             rich_help_panel=CAMERA,
         ),
     ] = None

@@ -27,7 +27,7 @@ from omnisim.cli.inputs import (
 )
 from omnisim.cli.picture_requests import RenderRequest
 from omnisim.cube import FACE_NAMES, unfolded_cube
-from omnisim.errors import OpticsError, OutputError
+from omnisim.errors import OutputError
 from omnisim.extras import require_extra
 from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.files import (
@@ -196,13 +196,11 @@ def _camera(request: RenderRequest) -> OmniCamera:
     camera = read_camera(
         request.sensor, request.camera, request.camera_name, request.mirrored, request.optics
     )
-    if isinstance(camera.model, NonCentralCamera) and request.backend is not Backend.RAYS:
-        raise OpticsError(
-            "--backend cube: an optical system has no one viewpoint to draw from: expected "
-            "--backend rays"
-        )
-    if request.calibration is not None:
-        check_central(camera.model, "--calibration")
+    for option, value in (("--calibration", request.calibration), ("--faces", request.faces)):
+        if value is not None:
+            check_central(camera.model, option)
+    if isinstance(camera.model, NonCentralCamera) and (request.also or request.boxes_3d):
+        require_extra("rays", "ground truth of an optical system")
     degradation = read_preset(request.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.calibration.rig import Rig, RigCamera
+from omnisim.cameras import check_central
 from omnisim.cli.calibration import read_calibration
 from omnisim.cli.console import pluralize, print_note
 from omnisim.cli.inputs import check_calibration_path, read_camera, refuse_options
@@ -71,6 +72,7 @@ def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
         source = path
     if source is None:
         sensor = read_camera(request.sensor, None, request.camera_name, request.mirrored)
+        check_central(sensor.model, "--trajectory")
         rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
         return rig, rig_vehicle(_name(request.sensor), rig, (sensor,))
     check_calibration_path(source, request.sensor)

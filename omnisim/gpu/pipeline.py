@@ -90,7 +90,7 @@ class Pipeline:
         check_picture_size(context, width, height)
         self.context, self._cube = context, cube
         self.size_px = (width // supersampling, height // supersampling)
-        self._picture_pass = picture_pass(samples, cube.plan, supersampling)
+        self._make_pass(samples, supersampling)
         with gpu_allocation(
             f"a capture of {width} × {height} px",
             "make the picture or camera.supersampling smaller",
@@ -102,6 +102,9 @@ class Pipeline:
             self._both_targets = context.framebuffer([encoded, self.linear])
         # once: nothing is ever drawn where nothing is valid
         self._both_targets.clear()
+
+    def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
+        self._picture_pass = picture_pass(samples, self._cube.plan, supersampling)
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
         """Draw the encoded picture, and the linear one where it is asked for."""

@@ -117,18 +117,12 @@ class CubeBackend(SceneBackend):
         self.buffers.update(scene)
         self.scene = scene
 
-    def camera(self, setup: CameraSetup) -> CubeCamera:
-        """Camera in the scene; its context is current, here and in all the camera's methods.
+    def camera(self, setup: CameraSetup) -> CameraBackend:
+        """Camera in the scene; its context is current, here and in all the camera's methods."""
+        if isinstance(setup.sensor.model, NonCentralCamera):
+            from omnisim.sensors.parallax_camera import Drawn, ParallaxCamera  # seldom needed
 
-        Raises:
-            GraphicsError: a camera without one viewpoint, or a picture past the GPU's limits.
-        """
-        model = setup.sensor.model
-        if isinstance(model, NonCentralCamera):
-            raise GraphicsError(
-                f"camera: model {model.model_name!r} has no one viewpoint to draw from: "
-                "expected back end 'rays', got 'cube'"
-            )
+            return ParallaxCamera(self, Drawn(self.buffers, self.surface_programs), setup)
         return CubeCamera(self, setup)
 
     def range_finder(

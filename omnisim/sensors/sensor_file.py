@@ -252,10 +252,7 @@ class LensTable(Table):
 
 
 class OpticsTable(Table):
-    """An optical system in place of the first and third group: its rays need not meet in a point.
-
-    Only back end "rays" takes its pictures.
-    """
+    """An optical system in place of the first and third group: its rays need not meet."""
 
     file: str
     """Optics file, relative to this file."""

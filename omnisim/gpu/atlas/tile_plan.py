@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,6 +146,18 @@ def plan_tiles(
             subdivided = _plan(parts, texels_per_pixel, face_size_px, level_bias)
             plan = min(subdivided, plan, key=lambda one: one.texels)
     return plan
+
+
+def plan_regions(
+    regions: Sequence[tuple[int, RegionDensity]], texels_per_pixel: float, level_bias: float
+) -> TilePlan:
+    """Plan a tile for each region of a face, by its index in `omnisim.cube.FACE_NAMES`.
+
+    Args:
+        regions: that do not overlap.
+        texels_per_pixel, level_bias: see `plan_tiles`.
+    """
+    return _plan(list(regions), texels_per_pixel, None, level_bias)
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:

@@ -83,7 +83,7 @@ class RemapPass:
             self._buffers[_LEVELS] = context.buffer(_by_pixel(target, 1, supersampling))
             defines.append("MIP_LEVELS")
         valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
-        self._array = _picture_array(context, valid, supersampling, *defines)
+        self._array = picture_array(context, valid, supersampling, *defines)
 
     @property
     def table_bytes(self) -> int:
@@ -117,7 +117,7 @@ class SamplePass:
         self._target = context.framebuffer([self._colors])
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
-        self._array = _picture_array(context, everything, supersampling)
+        self._array = picture_array(context, everything, supersampling)
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
         """See `PicturePass`."""
@@ -132,9 +132,10 @@ class SamplePass:
         self._array.render()
 
 
-def _picture_array(
+def picture_array(
     context: moderngl.Context, valid: NDArray[np.bool_], supersampling: int, *defines: str
 ) -> moderngl.VertexArray:
+    """Vertex array that draws the pixels (height, width) of drawn samples, or by tables."""
     program = build_program(
         context,
         "capture/picture.vert",

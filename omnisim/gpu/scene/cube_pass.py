@@ -123,6 +123,18 @@ class CubePass:
             self.atlas.build_mipmaps(0, self.plan.max_level)
         return self.atlas
 
+    def read_depth(self) -> NDArray[np.float32]:
+        """Depth (height, width) of the atlas as last drawn, without blended surfaces.
+
+        Raises:
+            GraphicsError: it has several samples a texel.
+        """
+        if self._is_multisampled:
+            raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
+        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
+        self._target.read_into(depth, components=1, attachment=-1, dtype="f4")
+        return depth
+
     def read_face(self, tile: Tile) -> NDArray[np.float32]:
         """Read the 90° of a face as last drawn: linear RGB (size, size, 3), first row at the top.
 

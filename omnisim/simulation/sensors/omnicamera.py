@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import summary
+from omnisim.cameras import check_central, summary
 from omnisim.errors import OmnisimError, RunError
 from omnisim.frame import Frame
 from omnisim.ground_truth.boxes_3d import boxes_json
@@ -164,6 +164,7 @@ class OmniCameraMount(SensorMount):
         camera = OmniCamera()
         if self.file is not None:
             camera = OmniCamera.from_file(file_beside(folder, self.file, f"{source}: file"))
+            check_central(camera.model, f"{source}: file = {self.file}")
         base_from_rig = self.base_from_mount @ camera.base_from_rig
         mounted = dataclasses.replace(camera, base_from_rig=base_from_rig)
         return MountedCamera(self.type, self.name, self.hides, mounted)

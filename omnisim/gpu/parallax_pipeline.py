@@ -1,0 +1,62 @@
+"""Pipeline of a camera whose rays do not meet in one point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.capture.parallax_pass import ParallaxPass
+from omnisim.gpu.capture.pixel_map import PixelMap
+from omnisim.gpu.pipeline import Pipeline, ScenePoses
+from omnisim.gpu.scene.cube_pass import CubePass
+
+# Linear RGB (n, 3) of samples (n,), counted row by row, at some poses.
+CastAt = Callable[[ScenePoses, NDArray[np.intp]], NDArray[np.float32]]
+
+
+class ParallaxPipeline(Pipeline):
+    """Pipeline that draws from the viewpoint nearest to all rays.
+
+    Args:
+        cube: the virtual cameras.
+        samples: of the camera whose pixels are the samples: their size counts.
+        parallax: samples the atlas.
+        viewpoint_m: (3,) rig frame.
+        cast: gives undecided samples; None: they keep what the last step found.
+        supersampling, linear_type: see `Pipeline`.
+
+    Attributes:
+        undecided_samples: of all pictures drawn since it was set to 0.
+    """
+
+    def __init__(
+        self,
+        cube: CubePass,
+        samples: PixelMap,
+        parallax: ParallaxPass,
+        viewpoint_m: NDArray[np.float64],
+        cast: CastAt | None,
+        supersampling: int,
+        linear_type: str,
+    ):
+        self._parallax, self._viewpoint_m, self._cast = parallax, viewpoint_m, cast
+        self.undecided_samples = 0
+        super().__init__(cube, samples, supersampling, "f2" if linear_type == "f2" else "f4")
+
+    def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
+        """Make none: the parallax pass is there."""
+
+    def draw(self, poses: ScenePoses, linear: bool) -> None:
+        """Draw the encoded picture, and the linear one where it is asked for."""
+        pose, cast = poses.world_from_rig.copy(), self._cast
+        pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
+        atlas = self._cube.render(pose, poses.world_from_objects)
+        self._parallax.draw(
+            atlas,
+            self._cube.read_depth(),
+            self._both_targets if linear else self.encoded_target,
+            None if cast is None else lambda samples: cast(poses, samples),
+        )
+        self.undecided_samples += self._parallax.undecided_samples

@@ -1,0 +1,78 @@
+"""Rays of a supersampled picture, interpolated between its pixels where they are smooth."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, pixel_grid
+
+# Pixels around a sample that must have a ray for it to be interpolated: near a rim rays bend fast.
+_SMOOTH_PX = 2
+_MARGIN_PX = 2  # around the picture
+
+
+class SampleRays(NamedTuple):
+    """Rays of all samples of a picture, optical frame."""
+
+    directions: NDArray[np.float32]  # (height, width, 3), unit
+    origins_m: NDArray[np.float32]  # (height, width, 3)
+    valid: NDArray[np.bool_]  # (height, width)
+
+
+def sample_rays(camera: CentralCamera, supersampling: int) -> SampleRays:
+    """Rays of the samples of a camera's pixels; those of the pixels' centres are traced.
+
+    Between them rays are interpolated cubically; near the edges of what is seen they are traced.
+
+    Args:
+        camera: with pixels.
+        supersampling: samples to a side of a pixel.
+    """
+    width, height = camera.width_px, camera.height_px
+    traced = camera.ray_from_pixel(
+        pixel_grid(width + 2 * _MARGIN_PX, height + 2 * _MARGIN_PX) - _MARGIN_PX
+    )
+    origins_m = np.zeros_like(traced.directions) if traced.origins_m is None else traced.origins_m
+    values = np.concatenate((traced.directions, origins_m), axis=-1)
+    u, v = ((np.arange(n * supersampling) + 0.5) / supersampling - 0.5 for n in (width, height))
+    values = _interpolated(_interpolated(values, v + _MARGIN_PX, 0), u + _MARGIN_PX, 1)
+    around = np.ones((2 * _SMOOTH_PX + 1, 2 * _SMOOTH_PX + 1), dtype=np.bool_)
+    smooth = scipy.ndimage.binary_erosion(traced.valid, around, border_value=1)
+    near = scipy.ndimage.binary_dilation(traced.valid, around)
+    rows, columns = (
+        np.floor(v + _MARGIN_PX).astype(int)[:, None],
+        np.floor(u + _MARGIN_PX).astype(int),
+    )
+    corners = [(rows + down, columns + right) for down in (0, 1) for right in (0, 1)]
+    valid = np.logical_and.reduce([smooth[corner] for corner in corners])
+    rest = np.logical_or.reduce([near[corner] for corner in corners]) & ~valid
+    at = np.argwhere(rest)
+    exact = camera.ray_from_pixel(np.stack((u[at[:, 1]], v[at[:, 0]]), axis=1))
+    valid[rest] = exact.valid
+    values[rest, :3] = exact.directions
+    values[rest, 3:] = 0.0 if exact.origins_m is None else exact.origins_m
+    values[~valid] = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    directions = values[..., :3] / np.linalg.norm(values[..., :3], axis=-1, keepdims=True)
+    return SampleRays(directions.astype(np.float32), values[..., 3:].astype(np.float32), valid)
+
+
+def _interpolated(
+    values: NDArray[np.float64], at: NDArray[np.float64], axis: int
+) -> NDArray[np.float64]:
+    """Values at positions (n,) along an axis, by cubic convolution. Source: Keys 1981."""
+    first = np.floor(at).astype(int)
+    t = (at - first).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+    weights = (
+        ((2.0 - t) * t - 1.0) * t,
+        (3.0 * t - 5.0) * t * t + 2.0,
+        ((4.0 - 3.0 * t) * t + 1.0) * t,
+        (t - 1.0) * t * t,
+    )
+    found = np.zeros_like(values.take(first, axis))
+    for tap, weight in enumerate(weights):
+        found += 0.5 * weight * values.take(first + tap - 1, axis)
+    return found
