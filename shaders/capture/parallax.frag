@@ -20,8 +20,9 @@ layout(location = 0) out vec4 out_color;
 layout(location = 1) out float out_undecided;
 
 const int STEPS = 6;
-const float PLACES[] = float[](0.9, 0.75, 0.6, 0.45, 0.3, 0.2);  // shares of the way to the surface
-const float HIDDEN = 0.98;  // a surface nearer than this share of a place's range hides it
+// shares of the way to the surface
+const float PLACES[] = float[](0.97, 0.92, 0.85, 0.75, 0.65, 0.55, 0.45, 0.35, 0.28, 0.2);
+const float HIDDEN = 0.995;  // a surface nearer than this share of a place's range hides it
 const float NOTHING_M = 1e9;
 const float FAR_M = 100.0;  // way that is looked along where nothing is met
 
@@ -74,7 +75,7 @@ void main() {
     }
     out_color = vec4(textureLod(u_atlas, uv_of(direction), start.w).rgb, 1.0);
     bool undecided = moved > u_tolerance_rad;
-    // places that are seen beside the surface, as those of most rays are not, need no look-up
+    // places that are seen within a texel of the surface need no look-up
     float aside = length(cross(origin, ray.xyz)) / length_m;
     for (int i = 0; i < PLACES.length() && !undecided; ++i)
         if (aside * (1.0 / PLACES[i] - 1.0) > u_tolerance_rad)
