@@ -194,12 +194,12 @@ class OpticalSystem:
         return Pixels(found.positions_px.reshape(*shape, 2), found.valid.reshape(shape))
 
     def uniforms(self) -> Uniforms:
-        """Refuse them: no shader traces rays.
+        """Refuse them: no shader traces its rays.
 
         Raises:
             OpticsError: always.
         """
-        raise OpticsError("camera: an optical system has rays only: expected back end 'rays'")
+        raise OpticsError("camera: an optical system has no shader")
 
     def parameters(self) -> CameraParameters:
         """Model, size and refractive indices, for the picture's metadata."""
