@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from enum import StrEnum
 from pathlib import Path
 from tokenize import TokenError
@@ -53,7 +54,8 @@ def read_npy(path: Path) -> NDArray[Any]:
     """
     try:
         # mapped, so that a damaged header cannot ask for more memory than the file has
-        values = np.array(np.load(path, mmap_mode="r", allow_pickle=False))
+        with warnings.catch_warnings(action="ignore"):  # of headers of Python 2
+            values = np.array(np.load(path, mmap_mode="r", allow_pickle=False))
     except OSError as reason:
         raise OutputError(f"{path}: cannot be read: {reason.strerror or 'damaged'}") from None
     except (ValueError, TypeError, EOFError, ArithmeticError, SyntaxError, TokenError):
