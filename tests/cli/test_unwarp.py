@@ -121,7 +121,7 @@ def test_sensor_file_replaces_metadata(omnisim, tmp_path):
     [
         ({"model": ["hyperbolic"]}, "got ['hyperbolic']"),
         ({"model": {}}, "camera: model: expected one of"),
-        ({"k": 10**400}, "camera: k: expected a number, got 1000"),
+        ({"k": 10**400}, "camera: k: expected a finite number, got 1000"),
         (
             {"focal_length_px": 1e300},
             "camera: focal_length_px: expected 1e-30 to 1e+30",
