@@ -90,14 +90,16 @@ class RadialTangential(NamedTuple):
         self, plane: NDArray[np.float64], error: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """The Jacobian's inverse times an error (..., 2)."""
-        x, y = plane[..., 0], plane[..., 1]
-        squared = x * x + y * y
-        growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
-        bend = 2.0 * self.k1 + squared * (4.0 * self.k2 + 6.0 * self.k3 * squared)
-        xx = growth + bend * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
-        yy = growth + bend * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
-        xy = bend * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y
-        determinant = np.maximum(xx * yy - xy * xy, 1e-12)
-        ex, ey = error[..., 0], error[..., 1]
-        step = np.stack((yy * ex - xy * ey, xx * ey - xy * ex), axis=-1)
-        return step / determinant[..., None]
+        # coefficients may be so large that far points are no numbers: no pixel sees those
+        with np.errstate(over="ignore", invalid="ignore"):
+            x, y = plane[..., 0], plane[..., 1]
+            squared = x * x + y * y
+            growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
+            bend = 2.0 * self.k1 + squared * (4.0 * self.k2 + 6.0 * self.k3 * squared)
+            xx = growth + bend * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
+            yy = growth + bend * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
+            xy = bend * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y
+            determinant = np.maximum(xx * yy - xy * xy, 1e-12)
+            ex, ey = error[..., 0], error[..., 1]
+            step = np.stack((yy * ex - xy * ey, xx * ey - xy * ex), axis=-1)
+            return np.asarray(step / determinant[..., None])
