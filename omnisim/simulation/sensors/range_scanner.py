@@ -13,20 +13,18 @@ from pydantic import AfterValidator, Field
 
 from omnisim.errors import OpticsError, RobotFileError
 from omnisim.parameters import Number
-from omnisim.sensors import LaserRenderer, LaserScanner, Scan
+from omnisim.sensors import LaserRenderer, LaserScanner
 from omnisim.sensors.stage import Stage
-from omnisim.simulation.is_written import is_written
 from omnisim.simulation.sensors.mount import Level, Positive, Seed, SensorMount
 from omnisim.simulation.sensors.sensor import (
+    TABLE_SUFFIX,
     DriveSettings,
     Instrument,
-    Measurement,
     Moment,
     MountedSensor,
     RendererInstrument,
+    TableMeasurement,
 )
-
-SCAN_SUFFIX = ".csv"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,7 +39,7 @@ class MountedScanner(MountedSensor):
     scanner: LaserScanner
     base_from_scanner: NDArray[np.float64]
     noun: ClassVar[str] = "scanner"
-    suffixes: ClassVar[tuple[str, ...]] = (SCAN_SUFFIX,)
+    suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
@@ -147,27 +145,6 @@ class RangeScannerMount(_ScannerMount):
 class ScannerInstrument(RendererInstrument[LaserRenderer]):
     """Takes a laser scanner's scans."""
 
-    def measure(self, moment: Moment) -> ScannerMeasurement:
+    def measure(self, moment: Moment) -> TableMeasurement:
         """Take the scan of a moment."""
-        return ScannerMeasurement(self._renderer.scan(moment.motion(moment.time_s), moment.number))
-
-
-@dataclass(frozen=True, eq=False)
-class ScannerMeasurement(Measurement):
-    """Scan of a laser scanner.
-
-    Attributes:
-        scan: with its pose.
-    """
-
-    scan: Scan
-
-    def save(self, stem: Path) -> None:
-        """Write the scan where it is missing.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
-        target = stem.with_suffix(SCAN_SUFFIX)
-        if not is_written(target):
-            self.scan.save_csv(target)
+        return TableMeasurement(self._renderer.scan(moment.motion(moment.time_s), moment.number))

@@ -14,20 +14,18 @@ from pydantic import Field
 
 from omnisim.errors import OpticsError, RobotFileError
 from omnisim.parameters import Number
-from omnisim.sensors.range_sensor import Count, RangeReading, RangeSensor, RangeSensorRenderer
+from omnisim.sensors.range_sensor import Count, RangeSensor, RangeSensorRenderer
 from omnisim.sensors.stage import Stage
-from omnisim.simulation.is_written import is_written
 from omnisim.simulation.sensors.mount import Level, Positive, Seed, SensorMount
 from omnisim.simulation.sensors.sensor import (
+    TABLE_SUFFIX,
     DriveSettings,
     Instrument,
-    Measurement,
     Moment,
     MountedSensor,
     RendererInstrument,
+    TableMeasurement,
 )
-
-READING_SUFFIX = ".csv"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +40,7 @@ class MountedRangeSensor(MountedSensor):
     sensor: RangeSensor
     base_from_sensor: NDArray[np.float64]
     noun: ClassVar[str] = "range"
-    suffixes: ClassVar[tuple[str, ...]] = (READING_SUFFIX,)
+    suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
@@ -148,27 +146,6 @@ class InfraredMount(_RangeSensorMount):
 class RangeInstrument(RendererInstrument[RangeSensorRenderer]):
     """Takes the readings of a sonar or infrared sensor."""
 
-    def measure(self, moment: Moment) -> RangeMeasurement:
+    def measure(self, moment: Moment) -> TableMeasurement:
         """Take the range of a moment."""
-        return RangeMeasurement(self._renderer.measure(moment.motion(moment.time_s), moment.number))
-
-
-@dataclass(frozen=True, eq=False)
-class RangeMeasurement(Measurement):
-    """Range of a sonar or infrared sensor.
-
-    Attributes:
-        reading: with its pose.
-    """
-
-    reading: RangeReading
-
-    def save(self, stem: Path) -> None:
-        """Write the range where it is missing.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
-        target = stem.with_suffix(READING_SUFFIX)
-        if not is_written(target):
-            self.reading.save_csv(target)
+        return TableMeasurement(self._renderer.measure(moment.motion(moment.time_s), moment.number))

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,11 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.sensors.stage import Closing, Stage
 from omnisim.short_repr import short_repr
+from omnisim.simulation.is_written import is_written
 from omnisim.trajectories import Trajectory
 from omnisim.world import Motion
+
+TABLE_SUFFIX = ".csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,34 @@ class Measurement(ABC):
         Raises:
             OutputError: a file cannot be written.
         """
+
+
+class CsvTable(Protocol):
+    """Measurement that is a table."""
+
+    def save_csv(self, path: str | Path) -> None:
+        """Write the table."""
+
+
+@dataclass(frozen=True, eq=False)
+class TableMeasurement(Measurement):
+    """Table of a sensor, such as a scan.
+
+    Attributes:
+        table: with its pose.
+    """
+
+    table: CsvTable
+
+    def save(self, stem: Path) -> None:
+        """Write the table where it is missing.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        target = stem.with_suffix(TABLE_SUFFIX)
+        if not is_written(target):
+            self.table.save_csv(target)
 
 
 class Instrument(Closing):
