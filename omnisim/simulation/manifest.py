@@ -56,7 +56,7 @@ class Manifest(_OpenTable):
     scene: _Scene
     robot: _Named
     path: _Named
-    steps: int = Field(ge=1)
+    steps: int = Field(ge=1, le=10**9)
     sensors: dict[SensorName, _Sensor]
     channels: tuple[str, ...] = Field(default=(), strict=False)
     channel_format: ChannelFormat = Field(default=ChannelFormat.AUTO, strict=False)
