@@ -28,3 +28,19 @@ def read_toml(path: Path, model: type[Model], error: type[OmnisimError]) -> Mode
         fault = "a number of thousands of digits, or too deep a nesting"
         raise error(f"{path}: not TOML: expected plain values, got {fault}") from None
     return parse_table(data, model, error, str(path))
+
+
+def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) -> Path:
+    """Find a file that a TOML names; `key` names file and key in messages.
+
+    Raises:
+        error: it is not there, or cannot be read.
+    """
+    path = folder / name
+    try:
+        is_there = path.is_file()
+    except OSError as reason:  # a name too long, a folder without permission
+        raise error(f"{key} = {name!r}: cannot be read: {reason.strerror}") from None
+    if not is_there:
+        raise error(f"{key} = {name!r}: no such file beside it")
+    return path

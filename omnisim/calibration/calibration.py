@@ -133,7 +133,11 @@ def load_calibration(
         CalibrationError: naming file, key, the expected value and the one found.
     """
     path = Path(path)
-    if path.is_dir():
+    try:
+        is_folder = path.is_dir()
+    except OSError as reason:  # a name too long
+        raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
+    if is_folder:
         cameras, format = read_kitti360_folder(path, mirrored), FORMAT
     else:
         cameras, format = read_cameras(path, format, mirrored)

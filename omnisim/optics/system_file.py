@@ -323,12 +323,12 @@ def parse_optics(table: Mapping[str, Any], source: str = "optics") -> OpticalSys
 
 
 def _make_system(file: OpticsFile, source: str) -> OpticalSystem:
-    surfaces = [
-        surface
-        for number, table in enumerate(file.surfaces)
-        for surface in table.make_surfaces(source, number)
-    ]
     try:
+        surfaces = [
+            surface
+            for number, table in enumerate(file.surfaces)
+            for surface in table.make_surfaces(source, number)
+        ]
         return OpticalSystem(
             file.camera.make_camera(source),
             tuple(surfaces),

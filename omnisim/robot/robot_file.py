@@ -194,22 +194,6 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
 
 
-def file_beside(folder: Path, name: str, key: str) -> Path:
-    """Find a file that a robot file names; `key` names file and key in messages.
-
-    Raises:
-        RobotFileError: it is not there, or cannot be read.
-    """
-    path = folder / name
-    try:
-        is_there = path.is_file()
-    except OSError as reason:  # a name too long, a folder without permission
-        raise RobotFileError(f"{key} = {name!r}: cannot be read: {reason.strerror}") from None
-    if not is_there:
-        raise RobotFileError(f"{key} = {name!r}: no such file beside it")
-    return path
-
-
 def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
     try:
         kinematics = None if table.kinematics is None else _kinematics(table.kinematics)

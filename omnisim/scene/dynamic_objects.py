@@ -20,6 +20,7 @@ from omnisim.scene.scene_file import (
     OrbitTable,
     ShuttleTable,
 )
+from omnisim.toml_file import find_beside
 from omnisim.trajectories import Trajectory, read_trajectory
 
 LoadShape = Callable[[Path, str | None], Scene]  # of a file, by its axis that points up
@@ -42,9 +43,8 @@ def load_objects(
 
 
 def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
-    where, path = f"object {table.name!r}", folder / table.file
-    if not path.is_file():
-        raise SceneError(f"{where}: file = {table.file!r}: no such file beside it")
+    where = f"object {table.name!r}"
+    path = find_beside(folder, table.file, f"{where}: file", SceneError)
     # fingerprints name the file: not by where this machine has it
     shape = dataclasses.replace(load_shape(path, table.up_axis), name=table.file)
     if shape.objects:

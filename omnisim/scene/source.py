@@ -8,7 +8,7 @@ from typing import NamedTuple
 from omnisim.errors import SceneError, did_you_mean
 from omnisim.resources import SCENES, built_in
 from omnisim.scene.scene_file import SceneFile
-from omnisim.toml_file import read_toml
+from omnisim.toml_file import find_beside, read_toml
 
 
 def builtin_scenes() -> list[str]:
@@ -56,7 +56,5 @@ def resolve_source(source: str | Path) -> SceneSource:
     settings = read_toml(path, SceneFile, SceneError)
     if settings.file is None:
         return SceneSource(None, settings, path)
-    mesh_file = path.parent / settings.file
-    if not mesh_file.is_file():
-        raise SceneError(f"{path}: file = {settings.file!r}: no such file beside it")
+    mesh_file = find_beside(path.parent, settings.file, f"{path}: file", SceneError)
     return SceneSource(mesh_file, settings, path)

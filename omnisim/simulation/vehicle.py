@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 from omnisim.errors import RobotFileError, SceneError, did_you_mean
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.odometry import OdometryErrors
-from omnisim.robot.robot_file import Footprint, Robot, file_beside, load_robot
+from omnisim.robot.robot_file import Footprint, Robot, load_robot
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.scene.start_pose import default_start
@@ -20,6 +20,7 @@ from omnisim.short_repr import short_repr
 from omnisim.simulation.sensors import MountedCamera, MountedScanner, MountedSensor
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.registry import parse_mounts, sensor_source
+from omnisim.toml_file import find_beside
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
 
@@ -164,7 +165,7 @@ def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted
 def _load_body(robot: Robot) -> Scene | None:
     if robot.body is None:
         return None
-    path = file_beside(robot.folder, robot.body, f"{robot.source}: body")
+    path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
     try:
         body = load_scene(path)
         # pictures and fingerprints name the body: not by where this machine has it; it is no scene

@@ -59,6 +59,10 @@ def test_misalignment_is_about_the_vertex():
         ({"shape": "asphere"}, "surfaces.0.rim_radius_m: missing"),
         ({"shape": "dome", "thickness_m": 0.1}, "surfaces.0.medium: missing"),
         (
+            {"rim_radius_m": 0.07, "hole_radius_m": 12},
+            "sphere: hole_radius_m: expected 0 or more, and less than rim_radius_m = 0.07, got 12",
+        ),
+        (
             {"shape": "dome", "thickness_m": 0.1, "medium": "water"},
             "surfaces.0.thickness_m: expected less than radius_m = 0.03, got 0.1",
         ),

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import check_central, summary
-from omnisim.errors import OmnisimError, RunError
+from omnisim.errors import OmnisimError, RobotFileError, RunError
 from omnisim.frame import Frame
 from omnisim.ground_truth.boxes_3d import boxes_json
 from omnisim.ground_truth.coco import coco_image, write_json
@@ -25,7 +25,6 @@ from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.files import BOXES_3D, write_sidecars
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import read_image
-from omnisim.robot.robot_file import file_beside
 from omnisim.robot.sensor_names import Name
 from omnisim.sensors import OmniCamera, Renderer
 from omnisim.sensors.stage import Stage
@@ -41,6 +40,7 @@ from omnisim.simulation.sensors.sensor import (
     MountedSensor,
     RendererInstrument,
 )
+from omnisim.toml_file import find_beside
 from omnisim.trajectories import Trajectory
 
 PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
@@ -163,7 +163,9 @@ class OmniCameraMount(SensorMount):
         """Read the sensor file, and mount its camera."""
         camera = OmniCamera()
         if self.file is not None:
-            camera = OmniCamera.from_file(file_beside(folder, self.file, f"{source}: file"))
+            camera = OmniCamera.from_file(
+                find_beside(folder, self.file, f"{source}: file", RobotFileError)
+            )
             check_central(camera.model, f"{source}: file = {self.file}")
         base_from_rig = self.base_from_mount @ camera.base_from_rig
         mounted = dataclasses.replace(camera, base_from_rig=base_from_rig)
