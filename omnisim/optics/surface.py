@@ -69,10 +69,28 @@ class Surface:
         reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
         return min(reach_m, self.shape.domain_m)
 
+    def may_return(self, origins_m: Floats, directions: Floats) -> NDArray[np.bool_]:
+        """Mask (n,) of rays that leave points (n, 3) on it and might come back, system frame."""
+        if self._is_convex:  # those that leave it backwards
+            normals = self.normals(origins_m)
+            to_camera = np.einsum("nj,j->n", normals, self.system_from_surface[:3, 2]) < 0.0
+            to_side_of_normal = np.einsum("nj,nj->n", normals, directions) > 0.0
+            backwards: NDArray[np.bool_] = to_camera != to_side_of_normal
+            return backwards
+        if self._is_rising:
+            along = self.directions_from_system(directions)
+            outward = np.sum(self.points_from_system(origins_m)[:, :2] * along[:, :2], axis=1)
+            back: NDArray[np.bool_] = (along[:, 2] > 0.0) | (outward < 0.0)
+            return back
+        return np.ones(len(origins_m), dtype=np.bool_)
+
     @cached_property
-    def is_convex(self) -> bool:
-        """Bulges towards the camera everywhere: a ray that it reflects does not come back."""
+    def _is_convex(self) -> bool:
         return self.shape.is_convex(self.visible_radius_m)
+
+    @cached_property
+    def _is_rising(self) -> bool:
+        return self.shape.is_rising(self.visible_radius_m)
 
     def points_from_system(self, points_m: Floats) -> Floats:
         """Points (n, 3) in the surface's frame."""

@@ -124,17 +124,8 @@ def _blocked(
             continue
         leaving = other == number - 1
         rows = np.arange(len(origins_m))
-        if leaving and surface.is_convex:  # it can only be in the way of rays behind it
-            rows = np.flatnonzero(_is_behind(surface, origins_m, directions))
+        if leaving:
+            rows = np.flatnonzero(surface.may_return(origins_m, directions))
         hits = surface.hits(origins_m[rows], directions[rows], leaving)
         blocked[rows] |= hits.lengths_m < ends_m[rows]
     return blocked
-
-
-def _is_behind(surface: Surface, points_m: Floats, directions: Floats) -> NDArray[np.bool_]:
-    """Mask (n,) of rays that leave points on a surface to the side away from the camera."""
-    normals = surface.normals(points_m)
-    toward_camera = np.einsum("nj,j->n", normals, surface.system_from_surface[:3, 2]) < 0.0
-    to_side_of_normal = np.einsum("nj,nj->n", normals, directions) > 0.0
-    found: NDArray[np.bool_] = toward_camera != to_side_of_normal
-    return found

@@ -12,6 +12,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.optics.shapes.height_table import HeightTable
 from omnisim.optics.shapes.shape import Floats, Level, Shape
 from omnisim.parameters import Number, Parameters, Signed
 
@@ -19,6 +20,8 @@ _SAMPLES = 25  # along a ray, between which a surface is crossed once at most
 _CONVEXITY_SAMPLES = 2049
 _RAYS_PER_BATCH = 1 << 14  # intermediate arrays stay in the cache
 _NEWTON_STEPS = 60
+_ROUNDING = 4e-16  # as a share of a length
+_SLACK = 0.01  # of a step between samples, by which a bracket is wider
 _TINY_M = 1e-12  # from the axis, where f'(r)/r becomes f''
 
 
@@ -37,20 +40,29 @@ class Profile(Shape):
     def derivatives(self, radii_m: Floats) -> Derivatives:
         """Profile at distances from the axis, also somewhat beyond its domain."""
 
-    def heights_m(self, radii_m: Floats) -> Floats:
-        """Profile without its derivatives."""
-        return self.derivatives(radii_m).heights_m
-
     def is_convex(self, radius_m: float) -> bool:
-        """Signs of slope and curvature at samples; not, where the radius has no bound."""
+        """Tell it by its bulge; not, where the radius has no bound."""
+        return self._bulge(radius_m) > 0
+
+    def is_rising(self, radius_m: float) -> bool:
+        """Sign of the slope at samples; not, where the radius has no bound."""
         if np.isinf(radius_m):
             return False
+        radii_m = np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES)
+        return bool((self.derivatives(radii_m).slopes >= 0.0).all())
+
+    def _bulge(self, radius_m: float) -> int:
+        """Signs of slope and curvature at samples: 1 where all are positive, −1 where all are
+        negative, else 0."""  # fmt: skip
+        if np.isinf(radius_m):
+            return 0
         profile = self.derivatives(np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES))
-        return bool((profile.slopes >= 0.0).all() and (profile.curvatures > 0.0).all())
+        signs = np.stack((profile.slopes, profile.curvatures))
+        return int((signs >= 0.0).all()) or -int((signs <= 0.0).all())
 
     def sag_m(self, radii_m: Floats) -> Floats:
         """z(r) in its domain."""
-        return np.where(radii_m <= self.domain_m, self.heights_m(radii_m), np.nan)
+        return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
 
     def level(self, points_m: Floats) -> Level:
         """z − z(r)."""
@@ -76,111 +88,142 @@ class Profile(Shape):
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """First two crossings within the radius."""
         batches = range(0, len(origins_m), _RAYS_PER_BATCH)
-        found = [
-            self._crossings(origins_m[first:last], directions[first:last], radius_m)
-            for first, last in ((first, first + _RAYS_PER_BATCH) for first in batches)
-        ]
-        return np.concatenate([np.empty((0, 2)), *found])
-
-    def _crossings(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
-        near_m, far_m = self._span(origins_m, directions, radius_m)
+        bulge, table = self._bulge(radius_m), HeightTable(self.sag_m, radius_m)
         found = np.full((len(origins_m), 2), np.nan)
-        reached = np.flatnonzero(np.isfinite(near_m + far_m))
-        found[reached] = self._crossings_between(
-            origins_m[reached], directions[reached], near_m[reached], far_m[reached]
-        )
+        for rows in (slice(first, first + _RAYS_PER_BATCH) for first in batches):
+            near_m, far_m = table.span(origins_m[rows], directions[rows])
+            reached = np.flatnonzero(near_m < far_m)  # false for NaN
+            o, d = origins_m[rows][reached], directions[rows][reached]
+            near_m, far_m = near_m[reached], far_m[reached]
+            if bulge:
+                ends = (near_m, far_m), (far_m, near_m)
+                both = [self._approached(o, d, *one, bulge) for one in ends]
+                found[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
+            else:
+                found[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
+        return found
+
+    def _approached(
+        self, origins_m: Floats, directions: Floats, begin_m: Floats, end_m: Floats, bulge: int
+    ) -> Floats:
+        """First crossings (n,) from one length to another of a profile that bulges to one side.
+
+        Along a ray, the depth below its surface is a concave function: outside, tangents rise
+        above it, and Newton's method comes to the nearest crossing without passing it. NaN where it
+        begins below the surface, or never crosses it.
+        """
+        found = np.full(len(begin_m), np.nan)
+        rows, at = np.arange(len(begin_m)), begin_m
+        forth, before = np.sign(end_m - begin_m), np.full(len(begin_m), np.nan)
+        for number in range(_NEWTON_STEPS):
+            o, d = origins_m[rows], directions[rows]
+            values, gradients = self.level(o + at[:, None] * d)
+            depths = bulge * values
+            slopes = bulge * forth * np.einsum("nj,nj->n", gradients, d)
+            steps = np.divide(-depths, slopes, out=np.zeros_like(at), where=slopes > 0.0)
+            at = at + forth * steps
+            inside = forth * (end_m[rows] - at) >= 0.0
+            arrived = inside & (depths >= 0.0) & (number > 0)  # rounding carried it over
+            approaches = inside & (depths < 0.0) & (slopes > 0.0)
+            moving = _is_moving(steps, before, at)
+            arrived |= approaches & ~moving
+            found[rows[arrived]] = at[arrived]
+            kept = approaches & moving
+            rows, at, before, forth = rows[kept], at[kept], steps[kept], forth[kept]
+            if len(rows) == 0:
+                break
         return found
 
     def _crossings_between(
-        self, origins_m: Floats, directions: Floats, near_m: Floats, far_m: Floats
+        self,
+        origins_m: Floats,
+        directions: Floats,
+        near_m: Floats,
+        far_m: Floats,
+        table: HeightTable,
     ) -> Floats:
         """First two crossings (n, 2) between two lengths (n,)."""
-        shares = np.linspace(0.0, 1.0, _SAMPLES)
-        lengths = near_m[:, None] + (far_m - near_m)[:, None] * shares
-        values = self._along(origins_m, directions, lengths)
-        lengths, values = self._with_peaks(origins_m, directions, lengths, values)
-        inside = values > 0.0
-        crossed = inside[:, 1:] != inside[:, :-1]
+        steps_m = (far_m - near_m) / (_SAMPLES - 1)
+        lengths = near_m + steps_m * np.arange(_SAMPLES)[:, None]
+        values = table.heights_above(origins_m, directions, lengths)
+        self._find_peaks(origins_m, directions, lengths, values)
+        below = values > 0.0
+        crossed = below[1:] != below[:-1]
         found = np.full((len(origins_m), 2), np.nan)
+        slack_m = _SLACK * steps_m  # for the table's error
         for column in range(2):
-            rows = np.flatnonzero(crossed.any(axis=1))
-            at = crossed[rows].argmax(axis=1)
-            crossed[rows, at] = False
+            rows = np.flatnonzero(crossed.any(axis=0))
+            at = crossed[:, rows].argmax(axis=0)
+            crossed[at, rows] = False
+            bracket = lengths[at, rows] - slack_m[rows], lengths[at + 1, rows] + slack_m[rows]
+            first, second = values[at, rows], values[at + 1, rows]
+            share = first / (first - second)
+            starts = lengths[at, rows] + share * (lengths[at + 1, rows] - lengths[at, rows])
+            sign = np.where(first > 0.0, -1.0, 1.0)
             found[rows, column] = self._refined(
-                origins_m[rows], directions[rows], lengths[rows, at], lengths[rows, at + 1]
+                origins_m[rows], directions[rows], bracket, starts, sign
             )
         return found
 
-    def _span(
-        self, origins_m: Floats, directions: Floats, radius_m: float
-    ) -> tuple[Floats, Floats]:
-        """Lengths (n,) between which rays are in the box of the profile; NaN: nowhere."""
-        heights = self.heights_m(np.linspace(0.0, radius_m, 129))
-        margin = 1e-3 * (heights.max() - heights.min()) + 1e-9
-        low, high = heights.min() - margin, heights.max() + margin
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            square = np.sum(directions[:, :2] ** 2, axis=1)
-            half = np.sum(directions[:, :2] * origins_m[:, :2], axis=1)
-            rest = np.sum(origins_m[:, :2] ** 2, axis=1) - radius_m**2
-            root = np.sqrt(half * half - square * rest)
-            parallel = square == 0.0
-            enter = np.where(parallel, np.where(rest <= 0.0, -np.inf, np.nan), -half - root)
-            leave = np.where(parallel, np.where(rest <= 0.0, np.inf, np.nan), -half + root)
-            enter, leave = (np.where(parallel, x, x / square) for x in (enter, leave))
-            ends = (np.array([low, high]) - origins_m[:, 2:]) / directions[:, 2:]
-            level = directions[:, 2] == 0.0
-            between = (origins_m[:, 2] >= low) & (origins_m[:, 2] <= high)
-            bottom = np.where(level, np.where(between, -np.inf, np.nan), ends.min(axis=1))
-            top = np.where(level, np.where(between, np.inf, np.nan), ends.max(axis=1))
-            near = np.maximum(np.maximum(enter, bottom), 0.0)
-            far = np.minimum(leave, top)
-            return np.where(near < far, near, np.nan), np.where(near < far, far, np.nan)
-
-    def _along(self, origins_m: Floats, directions: Floats, lengths: Floats) -> Floats:
-        """Heights above the surface, at lengths (n, m) or (n,) of rays (n, 3)."""
-        flat = lengths if lengths.ndim == 2 else lengths[:, None]
-        x, y, z = (origins_m[:, axis, None] + flat * directions[:, axis, None] for axis in range(3))
-        return (z - self.heights_m(np.sqrt(x * x + y * y))).reshape(lengths.shape)
-
-    def _with_peaks(
+    def _find_peaks(
         self, origins_m: Floats, directions: Floats, lengths: Floats, values: Floats
-    ) -> tuple[Floats, Floats]:
+    ) -> None:
         """Replace the sample at each ray's extreme by the peak of the parabola through it.
 
         A ray that cuts the limb of a mirror crosses it twice between two samples.
         """
-        rows = np.arange(len(values))
-        peak = np.clip((values * -np.sign(values[:, :1])).argmax(axis=1), 1, _SAMPLES - 2)
-        before, at, after = (values[rows, peak + step] for step in (-1, 0, 1))
+        rows = np.arange(values.shape[1])
+        peak = np.clip((values * -np.sign(values[0])).argmax(axis=0), 1, _SAMPLES - 2)
+        before, at, after = (values[peak + step, rows] for step in (-1, 0, 1))
         bend = before - 2.0 * at + after
         share = np.divide(before - after, 2.0 * bend, out=np.zeros_like(bend), where=bend != 0.0)
-        step_m = lengths[rows, 1] - lengths[rows, 0]
-        there = lengths[rows, peak] + np.clip(share, -0.999, 0.999) * step_m
-        lengths[rows, peak] = there
-        values[rows, peak] = self._along(origins_m, directions, there)
-        return lengths, values
+        there = lengths[peak, rows] + np.clip(share, -0.999, 0.999) * (lengths[1] - lengths[0])
+        lengths[peak, rows] = there
+        values[peak, rows] = self.level(origins_m + there[:, None] * directions).values
 
-    def _refined(self, origins_m: Floats, directions: Floats, low: Floats, high: Floats) -> Floats:
-        """Roots (n,) between two lengths, by Newton's method inside a shrinking bracket."""
-        low, high = low.copy(), high.copy()
-        sign = np.where(self._along(origins_m, directions, low) > 0.0, -1.0, 1.0)
-        lengths = 0.5 * (low + high)
-        active = np.arange(len(lengths))
+    def _refined(
+        self,
+        origins_m: Floats,
+        directions: Floats,
+        bracket: tuple[Floats, Floats],
+        starts: Floats,
+        sign: Floats,
+    ) -> Floats:
+        """Roots (n,) by Newton's method inside a shrinking bracket.
+
+        Args:
+            origins_m, directions: of the rays (n, 3).
+            bracket: two lengths (n,) around the root.
+            starts: (n,) between them.
+            sign: (n,) of the values behind the root.
+        """
+        low, high = bracket
+        lengths = starts.copy()
+        active, before = np.arange(len(lengths)), np.full(len(lengths), np.nan)
         for _ in range(_NEWTON_STEPS):
             if len(active) == 0:
                 break
             o, d, at = origins_m[active], directions[active], lengths[active]
             values, gradients = self.level(o + at[:, None] * d)
-            rising = sign[active] * values > 0.0
-            high[active] = np.where(rising, at, high[active])
-            low[active] = np.where(rising, low[active], at)
+            passed = sign[active] * values > 0.0
+            high[active] = np.where(passed, at, high[active])
+            low[active] = np.where(passed, low[active], at)
             slopes = np.einsum("nj,nj->n", gradients, d)
             after = at - np.divide(values, slopes, out=np.zeros_like(at), where=slopes != 0.0)
             outside = ~((after >= low[active]) & (after <= high[active])) | (slopes == 0.0)
             after = np.where(outside, 0.5 * (low[active] + high[active]), after)
             lengths[active] = after
-            active = active[np.abs(after - at) > 4e-16 * np.abs(after)]
+            steps = np.abs(after - at)
+            moving = _is_moving(steps, before, after) | outside
+            active, before = active[moving], steps[moving]
         return lengths
+
+
+def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.bool_]:
+    """Mask (n,) of Newton's iterations that go on: the next step is as much smaller, squared."""
+    rounding = _ROUNDING * np.abs(lengths)
+    found: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
+    return found
 
 
 def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, Floats, Floats]:
@@ -209,10 +252,6 @@ class Polynomial(Parameters, Profile, name="shape"):
     def derivatives(self, radii_m: Floats) -> Derivatives:
         """The polynomial and its derivatives."""
         return Derivatives(*_series((0.0, *self.coefficients), radii_m))
-
-    def heights_m(self, radii_m: Floats) -> Floats:
-        """The polynomial."""
-        return np.asarray(polyval(radii_m, (0.0, *self.coefficients)))
 
 
 @dataclass(frozen=True)
@@ -265,10 +304,10 @@ class TabulatedProfile(Profile):
     def __init__(self, radii_m: Floats, heights_m: Floats, pointed: bool = False):
         self.radii_m, self.table_heights_m = radii_m, heights_m
         begin: Literal["not-a-knot", "clamped"] = "not-a-knot" if pointed else "clamped"
-        self._spline = scipy.interpolate.CubicSpline(
-            radii_m, heights_m, bc_type=(begin, "not-a-knot")
-        )
-        self._slope, self._curvature = self._spline.derivative(), self._spline.derivative(2)
+        spline = scipy.interpolate.CubicSpline(radii_m, heights_m, bc_type=(begin, "not-a-knot"))
+        self._coefficients = spline.c  # (4, n − 1), from the cube on
+        steps_m = np.diff(radii_m)
+        self._is_even = bool(np.ptp(steps_m) <= 1e-9 * steps_m[0])
 
     @property
     def domain_m(self) -> float:
@@ -277,9 +316,14 @@ class TabulatedProfile(Profile):
 
     def derivatives(self, radii_m: Floats) -> Derivatives:
         """The spline and its derivatives."""
-        return Derivatives(self._spline(radii_m), self._slope(radii_m), self._curvature(radii_m))
-
-    def heights_m(self, radii_m: Floats) -> Floats:
-        """The spline."""
-        found: NDArray[np.float64] = self._spline(radii_m)
-        return found
+        last = len(self.radii_m) - 2
+        if self._is_even:
+            at = (radii_m * ((last + 1) / self.domain_m)).astype(np.intp)
+        else:
+            at = np.searchsorted(self.radii_m, radii_m, side="right") - 1
+        at = np.clip(at, 0, last)
+        t = radii_m - self.radii_m.take(at)
+        a, b, c, d = (coefficients.take(at) for coefficients in self._coefficients)
+        return Derivatives(
+            ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c, 6.0 * a * t + 2.0 * b
+        )

@@ -43,6 +43,10 @@ class Shape(ABC):
     def is_convex(self, radius_m: float) -> bool:
         """Tell whether it bulges towards the camera everywhere within a radius."""
 
+    def is_rising(self, radius_m: float) -> bool:
+        """Tell whether it goes away from the camera, outwards, everywhere within a radius."""
+        return self.is_convex(radius_m)
+
     @abstractmethod
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """Lengths (n, m) of rays (n, 3) to the surface, ascending; NaN: no more of them.
