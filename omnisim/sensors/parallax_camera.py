@@ -202,14 +202,17 @@ def _plan(rays: ViewpointRays, sensor: OmniCamera) -> TilePlan:
     for length_m in _NEAREST_M:
         places = origins_m + length_m * seen
         faces = face_index(places)
-        for face in np.unique(faces).tolist():
-            on_it = faces == face
+        for face in np.flatnonzero(np.bincount(faces)).tolist():
+            on_it = np.flatnonzero(faces == face)
             tangents = face_tangents(places[on_it], face)
             columns, rows = np.clip((0.5 * _PARTS * (tangents + 1.0)).astype(int), 0, _PARTS - 1).T
-            for column, row in np.unique(np.stack((columns, rows), axis=1), axis=0).tolist():
-                some = np.flatnonzero(on_it)[(columns == column) & (rows == row)]
+            parts = columns * _PARTS + rows
+            for part in np.flatnonzero(np.bincount(parts)).tolist():
+                column, row = divmod(part, _PARTS)
+                within = parts == part
+                some = on_it[within]
                 # a face's tangents grow faster than angles away from its middle
-                here = 1.0 + np.square(tangents[(columns == column) & (rows == row)]).sum(axis=1)
+                here = 1.0 + np.square(tangents[within]).sum(axis=1)
                 most = float((1.0 / (narrowest[some] * np.sqrt(here))).max())
                 least = float((1.0 / (steps[some, 0] * here)).min())
                 before = found.get((face, column, row), (np.inf, 0.0))

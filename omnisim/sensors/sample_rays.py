@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +38,9 @@ def sample_rays(camera: CentralCamera, supersampling: int) -> SampleRays:
         pixel_grid(width + 2 * _MARGIN_PX, height + 2 * _MARGIN_PX) - _MARGIN_PX
     )
     origins_m = np.zeros_like(traced.directions) if traced.origins_m is None else traced.origins_m
-    values = np.concatenate((traced.directions, origins_m), axis=-1)
+    values = np.concatenate((traced.directions, origins_m), axis=-1, dtype=np.float32)
     u, v = ((np.arange(n * supersampling) + 0.5) / supersampling - 0.5 for n in (width, height))
-    values = _interpolated(_interpolated(values, v + _MARGIN_PX, 0), u + _MARGIN_PX, 1)
+    values = _interpolated(_interpolated(values, supersampling, 0), supersampling, 1)
     around = np.ones((2 * _SMOOTH_PX + 1, 2 * _SMOOTH_PX + 1), dtype=np.bool_)
     smooth = scipy.ndimage.binary_erosion(traced.valid, around, border_value=1)
     near = scipy.ndimage.binary_dilation(traced.valid, around)
@@ -56,23 +57,37 @@ def sample_rays(camera: CentralCamera, supersampling: int) -> SampleRays:
     values[rest, :3] = exact.directions
     values[rest, 3:] = 0.0 if exact.origins_m is None else exact.origins_m
     values[~valid] = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    directions = values[..., :3] / np.linalg.norm(values[..., :3], axis=-1, keepdims=True)
-    return SampleRays(directions.astype(np.float32), values[..., 3:].astype(np.float32), valid)
+    x, y, z = (values[..., axis] for axis in range(3))
+    values[..., :3] /= np.sqrt(x * x + y * y + z * z)[..., None]
+    return SampleRays(values[..., :3].copy(), values[..., 3:].copy(), valid)
 
 
 def _interpolated(
-    values: NDArray[np.float64], at: NDArray[np.float64], axis: int
-) -> NDArray[np.float64]:
-    """Values at positions (n,) along an axis, by cubic convolution. Source: Keys 1981."""
-    first = np.floor(at).astype(int)
-    t = (at - first).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
-    weights = (
-        ((2.0 - t) * t - 1.0) * t,
-        (3.0 * t - 5.0) * t * t + 2.0,
-        ((4.0 - 3.0 * t) * t + 1.0) * t,
-        (t - 1.0) * t * t,
-    )
-    found = np.zeros_like(values.take(first, axis))
-    for tap, weight in enumerate(weights):
-        found += 0.5 * weight * values.take(first + tap - 1, axis)
+    values: NDArray[np.float32], supersampling: int, axis: int
+) -> NDArray[np.float32]:
+    """Values at the samples of pixels (rows, columns, m), without the margin along an axis, by
+    cubic convolution.
+
+    Source: Keys 1981.
+    """  # fmt: skip
+    shape = list(values.shape)
+    count = shape[axis] - 2 * _MARGIN_PX
+    shape[axis] = count * supersampling
+    found = np.empty(shape, dtype=np.float32)
+    along = np.moveaxis(values, axis, 0)
+    for phase in range(supersampling):
+        at = (phase + 0.5) / supersampling - 0.5 + _MARGIN_PX
+        first = math.floor(at)
+        t = at - first
+        weights = (
+            ((2.0 - t) * t - 1.0) * t,
+            (3.0 * t - 5.0) * t * t + 2.0,
+            ((4.0 - 3.0 * t) * t + 1.0) * t,
+            (t - 1.0) * t * t,
+        )
+        taps = [along[first + tap - 1 : first + tap - 1 + count] for tap in range(4)]
+        part = np.moveaxis(found, axis, 0)[phase::supersampling]
+        np.multiply(taps[0], 0.5 * weights[0], out=part)
+        for tap, weight in zip(taps[1:], weights[1:], strict=True):
+            part += tap * np.float32(0.5 * weight)
     return found
