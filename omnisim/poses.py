@@ -60,21 +60,49 @@ def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
     Raises:
         OmnisimError: not (4, 4), not finite, or not a rotation and a translation.
     """
-    try:
-        checked = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
-        kind = type(matrix).__name__
-        raise OmnisimError(f"pose: expected a finite 4 × 4 matrix, got {kind}") from None
+    checked = _matrices(matrix, "pose")
     if checked.shape != (4, 4):
         raise OmnisimError(
             "pose: expected a finite 4 × 4 matrix, as omnisim.pose makes one, "
             f"got an array of shape {checked.shape}"
         )
-    if not np.all(np.abs(checked) < LARGEST_M):
-        raise OmnisimError("pose: expected a finite 4 × 4 matrix")
-    if not is_pose(checked):
-        raise OmnisimError("pose: expected a rotation and a translation, no scale, no mirroring")
+    _check_values(checked, "pose")
     return checked
+
+
+def check_poses(matrices: object) -> NDArray[np.float64]:
+    """Return poses as float64 (n, 4, 4).
+
+    Raises:
+        OmnisimError: not (n, 4, 4), or one that is no pose, by its number from 0.
+    """
+    checked = _matrices(matrices, "poses")
+    if checked.ndim != 3 or checked.shape[1:] != (4, 4):
+        raise OmnisimError(
+            f"poses: expected finite matrices (n, 4, 4), got an array of shape {checked.shape}"
+        )
+    is_right = (np.abs(checked) < LARGEST_M).all(axis=(1, 2))
+    if is_right.all():  # or squares may overflow
+        is_right = is_pose(checked)
+    if not is_right.all():
+        first = int(np.argmin(is_right))
+        _check_values(checked[first], f"poses[{first}]")
+    return checked
+
+
+def _matrices(given: object, what: str) -> NDArray[np.float64]:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        kind = type(given).__name__
+        raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix, got {kind}") from None
+
+
+def _check_values(matrix: NDArray[np.float64], what: str) -> None:
+    if not np.all(np.abs(matrix) < LARGEST_M):
+        raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix")
+    if not is_pose(matrix):
+        raise OmnisimError(f"{what}: expected a rotation and a translation, no scale, no mirroring")
 
 
 def is_pose(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:

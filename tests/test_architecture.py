@@ -34,8 +34,8 @@ LAYERS = (
     {"errors", "short_repr", "version"},
 )
 GPU_LAYERS = (
-    {"parallax_pipeline"},
-    {"pipeline"},
+    {"batch_pipeline", "parallax_pipeline"},
+    {"pipeline", "readback_ring"},
     {"ground_truth"},
     {"capture", "degradation"},
     {"scene"},

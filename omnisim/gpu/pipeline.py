@@ -72,6 +72,7 @@ class Pipeline:
     Attributes:
         context: of OpenGL.
         size_px: width and height of the picture.
+        picture_pass: from the atlas to the picture.
         linear: texture of the linear picture, where it was asked for: RGB and validity.
         encoded_target: framebuffer of the encoded picture alone.
 
@@ -104,12 +105,12 @@ class Pipeline:
         self._both_targets.clear()
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
-        self._picture_pass = picture_pass(samples, self._cube.plan, supersampling)
+        self.picture_pass = picture_pass(samples, self._cube.plan, supersampling)
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
         """Draw the encoded picture, and the linear one where it is asked for."""
         atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
-        self._picture_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
+        self.picture_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
 
     def render(self, poses: ScenePoses, linear: bool = False) -> Readback:
         """Render a picture, with linear colours where they are asked for."""

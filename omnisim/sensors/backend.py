@@ -104,6 +104,24 @@ class CameraBackend(ABC):
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation."""
 
+    def begin_batch(
+        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+    ) -> Callable[[], None] | None:
+        """Start to take pictures from poses, at rest; here one after the other.
+
+        Args:
+            poses: of each picture.
+            out: (n, height, width, 3 or 4), contiguous.
+            frame_number: of the first picture.
+
+        Returns:
+            Wait until `out` is filled, as it also is by the next batch; None: it is.
+        """
+        for number, one in enumerate(poses):
+            request = FrameRequest(one, None, False, frame_number + number, None)
+            out[number] = self.take(request)[0].rgba[..., : out.shape[-1]]
+        return None
+
     @abstractmethod
     def hit_source(self, albedo: bool) -> HitSource:
         """Source of its ground truth, able to give albedo if it is asked for; made on first use."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import TilePlan, whole_faces
+from omnisim.gpu.batch_pipeline import BatchPipeline
+from omnisim.gpu.capture.picture_pass import RemapPass
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import (
     check_process,
@@ -203,6 +205,23 @@ class CubeCamera(CameraBackend):
             picture, metadata = self._degraded.take(request)
             return picture, {"degradation": metadata}
         return self._pipeline.render(request.poses, request.linear), {}
+
+    def begin_batch(
+        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+    ) -> Callable[[], None] | None:
+        """Start to take pictures, those of an ideal camera together."""
+        if self._batches is None:
+            return super().begin_batch(poses, out, frame_number)
+        self._batches.begin(poses, out)
+        return self._batches.end
+
+    @cached_property
+    def _batches(self) -> BatchPipeline | None:
+        """Pipeline of many pictures; None: they are degraded, or too large for it."""
+        picture_pass = self._pipeline.picture_pass
+        if self._degraded is not None or not isinstance(picture_pass, RemapPass):
+            return None
+        return BatchPipeline(self.cube, picture_pass, self._pipeline.size_px)
 
     def hit_source(self, albedo: bool) -> CubeHits:
         """Source of its ground truth, able to give albedo if it is asked for."""

@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, summary
-from omnisim.errors import GraphicsError, OutputError
+from omnisim.errors import GraphicsError
 from omnisim.frame import Frame
 from omnisim.gpu.pipeline import ScenePoses
-from omnisim.ground_truth import CHANNELS, Labels, check_channels
+from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest
+from omnisim.sensors.batches import BatchRenderer, needed_others
 from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.stage import BackendName, SensorRenderer, Stage
+from omnisim.sensors.stage import BackendName, Stage
 from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
 from omnisim.world import Motion, ObjectPart, WorldState
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from omnisim.calibration import CalibratedCamera, Calibration
 
 
-class Renderer(SensorRenderer[CameraBackend]):
+class Renderer(BatchRenderer):
     """Renders a sensor's pictures of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
@@ -124,7 +125,7 @@ class Renderer(SensorRenderer[CameraBackend]):
             for other, given in (("next", next_state), ("previous", previous_state))
             if given is not None
         }
-        needed = _needed_others(names, others)
+        needed = needed_others(names, others, "state")
         channels, labels, has_ray, boxes = {}, None, None, None
         with self._current() as passes:
             poses = self._poses_in(now)
@@ -166,11 +167,6 @@ class Renderer(SensorRenderer[CameraBackend]):
     def _sensor_summary(self) -> str:
         return summary(self.camera.model)
 
-    def _poses_in(self, state: WorldState) -> ScenePoses:
-        """Poses of the camera and of all that moves, in a state of the world."""
-        world_from_base = state.world_from_object[self.vehicle]
-        return ScenePoses(world_from_base @ self.camera.base_from_rig, self._stage.poses_in(state))
-
     def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
         """Poses in the motion of the world, some seconds after a state of it."""
         time_s = now.time_s + seconds_after
@@ -206,16 +202,3 @@ class Renderer(SensorRenderer[CameraBackend]):
             "world_from_base": state.world_from_object[self.vehicle].tolist(),
             "world_from_optical": world_from_optical.tolist(),
         }
-
-
-def _needed_others(names: Collection[str], given: Collection[str]) -> list[str]:
-    """Other pictures that channels of these names depend on: "next", "previous".
-
-    Raises:
-        OutputError: the state at one is not given.
-    """
-    needed = {CHANNELS[name].other: name for name in reversed(tuple(names)) if CHANNELS[name].other}
-    for other, name in needed.items():
-        if other not in given:
-            raise OutputError(f"channel {name!r}: expected {other}_state, got none")
-    return sorted(needed)

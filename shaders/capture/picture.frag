@@ -2,11 +2,19 @@
 // where at least half of its samples are.
 // With REMAP a sample is the atlas's at a UV of a table, with MIP_LEVELS at a level of another.
 // Without, samples were drawn into a finer picture.
+// With BATCH there are pictures below each other, each of a layer of its own of the atlas.
 // SUPERSAMPLING: samples to a side of a pixel; a constant, so that the loops unroll.
 #version 430 core
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
+#ifdef BATCH
+uniform sampler2DArray u_samples;
+flat in int v_picture;
+#define at_layer(uv) vec3(uv, float(v_picture))
+#else
 uniform sampler2D u_samples;  // the atlas, or the finer picture
+#define at_layer(uv) uv
+#endif
 #ifdef REMAP
 // Those of a pixel one after the other, row by row; below 0 where not valid.
 layout(std430, binding = 5) readonly buffer Uvs { vec2 uvs[]; };
@@ -24,9 +32,9 @@ vec4 sample_at(ivec2 pixel, ivec2 part) {
     int width_px = int(u_picture_size_px.x);
     int at = (pixel.y * width_px + pixel.x) * SAMPLES + part.y * SUPERSAMPLING + part.x;
 #ifdef MIP_LEVELS
-    vec3 color = textureLod(u_samples, uvs[at], levels[at]).rgb;
+    vec3 color = textureLod(u_samples, at_layer(uvs[at]), levels[at]).rgb;
 #else
-    vec3 color = texture(u_samples, uvs[at]).rgb;  // has no levels, and is quicker so
+    vec3 color = texture(u_samples, at_layer(uvs[at])).rgb;  // has no levels, and is quicker so
 #endif
     return uvs[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
 #else
@@ -36,6 +44,9 @@ vec4 sample_at(ivec2 pixel, ivec2 part) {
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
+#ifdef BATCH
+    pixel.y -= v_picture * int(u_picture_size_px.y);
+#endif
     vec4 total = vec4(0.0);
     for (int row = 0; row < SUPERSAMPLING; ++row)
         for (int column = 0; column < SUPERSAMPLING; ++column)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property, partial
 from typing import Protocol
 
 import moderngl
@@ -13,6 +14,7 @@ from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.uniforms import uniform
 
 # A larger table would take more memory than all the rest. Samples of larger pictures are drawn
 # anew in every frame.
@@ -84,6 +86,10 @@ class RemapPass:
             defines.append("MIP_LEVELS")
         valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
         self._array = picture_array(context, valid, supersampling, *defines)
+        self._make_batch_array = partial(
+            picture_array, context, valid, supersampling, *defines, "BATCH"
+        )
+        self._picture_height_px = len(valid)
 
     @property
     def table_bytes(self) -> int:
@@ -93,10 +99,35 @@ class RemapPass:
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
         """See `PicturePass`."""
         atlas.use(0)
-        for binding, buffer in self._buffers.items():
-            buffer.bind_to_storage_buffer(binding)
+        self._bind_tables()
         target.use()
         self._array.render()
+
+    def draw_batch(
+        self, atlases: moderngl.TextureArray, target: moderngl.Framebuffer, count: int
+    ) -> None:
+        """Draw pictures, encoded, below each other.
+
+        Args:
+            atlases: a layer each.
+            target: as high as some pictures, at least `count`.
+            count: of the pictures, from the first layer on.
+        """
+        atlases.use(0)
+        self._bind_tables()
+        target.use()
+        uniform(self._batch_array.program, "u_pictures").value = (
+            target.height // self._picture_height_px
+        )
+        self._batch_array.render(instances=count)
+
+    @cached_property
+    def _batch_array(self) -> moderngl.VertexArray:
+        return self._make_batch_array()
+
+    def _bind_tables(self) -> None:
+        for binding, buffer in self._buffers.items():
+            buffer.bind_to_storage_buffer(binding)
 
 
 class SamplePass:

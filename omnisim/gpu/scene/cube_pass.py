@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
+from omnisim.gpu.gl_functions import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
@@ -30,7 +31,7 @@ class CubePass:
         cameras: the virtual cameras.
 
     Attributes:
-        plan: as given.
+        context, plan: as given.
         atlas: linear RGBA, half floats, first row of each face's picture first.
         tiles: the draw loop.
 
@@ -46,7 +47,7 @@ class CubePass:
         cameras: VirtualCameras,
     ):
         context = buffers.context
-        self._context, self._buffers, self.plan = context, buffers, plan
+        self.context, self._buffers, self.plan = context, buffers, plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
@@ -99,7 +100,34 @@ class CubePass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> moderngl.Texture:
         """Draw all tiles from a pose (4, 4), dynamic objects at theirs, and return the atlas."""
-        context, target, tiles = self._context, self._target, self.tiles
+        self._draw(world_from_rig, world_from_objects)
+        if self.plan.max_level:
+            self.atlas.build_mipmaps(0, self.plan.max_level)
+        return self.atlas
+
+    def render_layers(
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
+    ) -> None:
+        """Draw all tiles from poses, as for `render`, each into a layer of a texture array.
+
+        The layers are as large as the atlas, which keeps what it has.
+        """
+        target = self._resolved if self._is_multisampled else self._target
+        try:
+            for layer, (world_from_rig, world_from_objects) in enumerate(poses):
+                attach_layer(target.glo, atlases.glo, layer)
+                self._draw(world_from_rig, world_from_objects)
+        finally:
+            attach_texture(target.glo, self.atlas.glo)
+        if self.plan.max_level:
+            atlases.build_mipmaps(0, self.plan.max_level)
+
+    def _draw(
+        self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> None:
+        context, target, tiles = self.context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
         transforms = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
         for program in self._drawer.programs:
@@ -119,9 +147,6 @@ class CubePass:
         tiles.end(target)
         if self._is_multisampled:
             context.copy_framebuffer(self._resolved, target)
-        if self.plan.max_level:
-            self.atlas.build_mipmaps(0, self.plan.max_level)
-        return self.atlas
 
     def read_depth(self) -> NDArray[np.float32]:
         """Depth (height, width) of the atlas as last drawn, without blended surfaces.
