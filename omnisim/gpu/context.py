@@ -1,4 +1,8 @@
-"""OpenGL contexts without a display, through EGL."""
+"""OpenGL contexts without a display, through EGL.
+
+A released context is emptied and kept for the next that is opened: that is quicker, and moderngl
+loses some memory with each that it makes.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,8 @@ _MAX_DEVICES = 64  # more than a machine has; ends a driver's endless list
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 _users: list[int] = []  # the process that uses OpenGL, if one does: a fork inherits the note
 _unclosed: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # with their threads
+_idle: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # emptied, with their threads
+_MAX_IDLE = 2  # each may keep some memory of its driver
 
 
 class GraphicsInfo(NamedTuple):
@@ -39,7 +45,7 @@ class GraphicsInfo(NamedTuple):
 
 
 def open_context(device: int | None = None) -> moderngl.Context:
-    """Open an offscreen OpenGL context.
+    """Open an offscreen OpenGL context, or one that was released on this thread.
 
     Args:
         device: EGL's number of the device, as `omnisim info` lists them; None takes the default,
@@ -55,6 +61,11 @@ def open_context(device: int | None = None) -> moderngl.Context:
             f"device {device!r}: {_NO_SUCH_DEVICE}: expected a number as `omnisim info` lists them"
         )
     _check_libraries()
+    release_unclosed_contexts()
+    idle = _take_idle(device)
+    if idle is not None:
+        idle.__enter__()  # type: ignore[no-untyped-call]  # current, as a new one is
+        return idle
     try:
         return _open(device)
     except GraphicsError as reason:
@@ -79,9 +90,32 @@ def check_process() -> None:
 
 
 def release_context(context: moderngl.Context) -> None:
-    """Release a context with everything in it; after a fork it stays its parent's."""
-    if _users == [os.getpid()]:
+    """Release a context of this thread and all in it; after a fork it stays its parent's."""
+    if _users != [os.getpid()]:
+        return
+    with context:
+        context.detect_framebuffer(0).use()  # the last one that was used is kept
+        context.gc()
+        context.finish()  # the driver keeps what commands under way use
+        is_sound = context.error == "GL_NO_ERROR"
+    if is_sound and len(_idle) < _MAX_IDLE:
+        _idle.append((threading.current_thread(), context))
+    else:
         context.release()
+
+
+def _take_idle(device: int | None) -> moderngl.Context | None:
+    """Take an idle context of a device and this thread; those of threads that ended go."""
+    found = None
+    for _ in range(len(_idle)):
+        thread, context = _idle.popleft()
+        if not thread.is_alive():
+            context.release()
+        elif found is None and thread is threading.current_thread() and context.extra == device:
+            found = context
+        else:
+            _idle.append((thread, context))
+    return found
 
 
 def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
@@ -106,8 +140,10 @@ def release_unclosed_contexts() -> None:
             thread, context = _unclosed.popleft()
         except IndexError:  # another thread took it
             return
-        if thread is threading.current_thread() or not thread.is_alive():
+        if thread is threading.current_thread():
             release_context(context)
+        elif not thread.is_alive():
+            context.release()
         else:
             _unclosed.append((thread, context))
 
@@ -122,7 +158,6 @@ def _check_libraries() -> None:
 
 def _open(device: int | None) -> moderngl.Context:
     _users[:] = [os.getpid()]
-    release_unclosed_contexts()
     settings: dict[str, object] = {"libegl": _LIBRARIES[0], "libgl": _LIBRARIES[1]}
     if device is not None:
         settings["device_index"] = device
@@ -136,6 +171,7 @@ def _open(device: int | None) -> moderngl.Context:
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
+    context.extra = device
     context.gc_mode = "context_gc"  # `context.gc()` frees unreferenced objects
     return context
 

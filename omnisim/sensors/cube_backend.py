@@ -140,6 +140,8 @@ class CubeBackend(SceneBackend):
     def close(self) -> None:
         """Release the OpenGL context with everything in it."""
         if self._finalizer.detach() is not None:
+            for name in ("buffers", "surface_programs"):
+                self.__dict__.pop(name, None)
             release_context(self.context)
 
 

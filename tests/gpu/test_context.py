@@ -3,12 +3,13 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import omnisim.gpu.context as context_module
 from omnisim.errors import GraphicsError
-from omnisim.gpu.context import graphics_info, list_devices, open_context
+from omnisim.gpu.context import graphics_info, list_devices, open_context, release_context
 
 
 def _info(**environment):
@@ -56,3 +57,28 @@ def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
     open_context().release()  # the first that works
     with pytest.raises(GraphicsError, match="no permission"):
         open_context(0)  # but not instead of one that was asked for
+
+
+def test_a_released_context_is_emptied_and_used_again(needs_opengl):
+    context = open_context()
+    context.texture((4, 4), 4)
+    assert context.objects
+    release_context(context)
+    assert not context.objects
+    again = open_context()
+    assert again is context
+    other = open_context()
+    assert other is not again
+    other.release()
+    again.release()
+
+
+def test_a_thread_uses_no_context_of_another(needs_opengl):
+    context = open_context()
+    release_context(context)
+    with ThreadPoolExecutor(1) as executor:
+        other = executor.submit(open_context).result()
+        assert other is not context
+        executor.submit(other.release).result()
+    assert open_context() is context
+    context.release()
