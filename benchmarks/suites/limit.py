@@ -14,6 +14,9 @@ It is no bound of physics: what is drawn twice and what Python does count as to 
 texel is shaded does not, and probe and frame are interleaved on a machine with other load, too.
 Where the renderer is software, the share by processor time is the surer one.
 
+The processor's part of a frame is measured in a process whose driver draws nothing, for single
+frames and for batches.
+
 How much of the virtual cameras' time their triangles and calls take shows where they are drawn with
 faces so small that nothing is left to fill.
 """
@@ -27,11 +30,12 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from benchmarks.idle_driver import BATCH, BATCH_PX, FRAME_PX, idle_driver_rows
 from benchmarks.options import Options
 from benchmarks.probes import fill, readback, small_faces, submission, surfaces, triangles
 from benchmarks.probes.probe import Probe, side_px
 from benchmarks.report import bound_lines, make_report
-from benchmarks.scenes import load_scenes
+from benchmarks.scenes import load_scenes, usual_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.limit_figure import limit_figure
 from benchmarks.suites.limit_frames import LimitedFrame
@@ -44,6 +48,7 @@ from omnisim.sensors.omnicamera import PAPER_POLYGONS
 HELD = "fast"  # the setting whose bounds count
 MOST_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
 MOST_SAMPLES = 3.7  # shaded for each pixel of the mirror
+MOST_FRAME_MS, MOST_BATCHED_MS = 0.4, 0.03  # of the processor, for a frame, and in a batch
 
 figure = limit_figure
 
@@ -79,6 +84,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
         of_name = {probe.name: probe for probe in probes}
         rows = [_probe_row(probe, timings) for probe in probes]
         rows += [frame.row(of_name, timings) for frame in frames]
+        rows += idle_driver_rows(options.scenes or usual_scenes(), options)
         with context:  # others have been current since
             return make_report(
                 "limit", options, context, rows, _bounds(rows),
@@ -121,7 +127,17 @@ def lines(report: dict[str, Any]) -> list[str]:
             f" {row['samples_a_mirror_px']:14.2f} {row['triangles']:10} {inside:>8}"
             f" {row['triangles_seen']:7} {row['draws']:6} {row['calls']:6} {row['calls_ms']:5.1f}"
         )
+    text.append("")
+    text += [_idle_driver_line(row) for row in report["rows"] if row["kind"] == "idle driver"]
     return text + bound_lines(report)
+
+
+def _idle_driver_line(row: dict[str, Any]) -> str:
+    return (
+        f"{row['scene']}, {row['setting']}: with a driver that draws nothing {row['frame_ms']:.2f}"
+        f" ms a frame of {row['frame_px']}², {row['small_frame_ms']:.2f} of {row['batch_px']}²,"
+        f" {row['batched_ms']:.3f} in batches of {row['batch']}"
+    )
 
 
 def _rate(per_second: float) -> str:
@@ -157,7 +173,15 @@ def _probe_row(probe: Probe, timings: Timings) -> dict[str, Any]:
 
 def _bounds(rows: Sequence[dict[str, Any]]) -> list[Measure]:
     held = [row for row in rows if row["kind"] == "frame" and row["setting"] == HELD]
+    idle = [row for row in rows if row["kind"] == "idle driver"]
     return [
+        Measure(f"the processor's ms {what}: {row['scene']}", row[key], bound=most)
+        for what, key, most in (
+            (f"a frame of {FRAME_PX}²", "frame_ms", MOST_FRAME_MS),
+            (f"a picture of {BATCH_PX}² in a batch of {BATCH}", "batched_ms", MOST_BATCHED_MS),
+        )
+        for row in idle
+    ] + [
         Measure(f"{what}: {row['scene']}, {HELD}", row[key], bound=most)
         for what, key, most in (
             ("mirror pass, capture and readback, of a frame",

@@ -3,7 +3,8 @@
 All at the fast setting, captured exactly. The scene that grows is a town whose houses are equally
 detailed, seen from a street; there Embree casts the same picture's rays, on one thread, and races
 against the quickest of our settings whose picture is no worse than that of a ray a pixel. The other
-two are measured in one scene: `soccer`, or the first that is asked for.
+two are measured in one scene: `soccer`, or the first that is asked for; there also batches of small
+pictures, beside the same pictures one after the other.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ SETTING, SIZE_PX, SCENE = "fast", 360, "soccer"
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000)
 SIZES_PX = (128, 256, 512, 1024, 2048)
 CAMERAS = (1, 2, 4, 8, 16, 32, 64)
+BATCHES, BATCH_PX = (1, 2, 4, 8, 16, 32, 64, 128, 256), 84  # pictures, and their side
+HELD_BATCH, MOST_BATCH_RATIO = 64, 0.6  # of the time of single frames
 LARGE, LEAST = 1_000_000, 1.0  # as large as towns are that the bound is asked for
 OURS, AS_GOOD, EMBREE = "omnisim", "omnisim, as good as a ray a pixel", "embree"
 POSES = 6
@@ -59,15 +62,17 @@ def run(
     triangles: Sequence[int] = TRIANGLES,
     sizes_px: Sequence[int] = SIZES_PX,
     cameras: Sequence[int] = CAMERAS,
+    batches: Sequence[int] = BATCHES,
 ) -> dict[str, Any]:
-    """Time frames that grow in three ways; `passed` where Embree is never faster up to a million
-    triangles.
+    """Time frames that grow in four ways; `passed` where Embree is never faster up to a million
+    triangles, and a batch of 64 pictures is quicker than so many frames.
 
     Args:
         options: how often and where.
         triangles: about how many the towns have.
         sizes_px: of the square pictures.
         cameras: how many there are at once.
+        batches: how many small pictures are taken at once.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
@@ -87,6 +92,16 @@ def run(
         along = patrol(scene, vehicle, POSES) @ base_from_eye
         rows += _of_sizes(stage, along, sizes_px, options.fewer(3))
         rows += _of_cameras(stage, along, cameras, _slowest(options))
+        rows += _of_batches(stage, along, batches, _slowest(options))
+        bounds += [
+            Measure(
+                f"a batch of {row['cameras']} pictures of {BATCH_PX}² to single frames",
+                row["batch_ratio"],
+                bound=MOST_BATCH_RATIO,
+            )
+            for row in rows
+            if row["against"] == "batch" and row["cameras"] == HELD_BATCH
+        ]
         with stage.current():
             return make_report(
                 "scaling", options, stage.context, rows, bounds,
@@ -104,6 +119,13 @@ def lines(report: dict[str, Any]) -> list[str]:
             line += f"   {row['submitted_triangles']} submitted, {row['seen_triangles']} seen"
         if row["against"] == "cameras":
             line += f"   {row['ms_a_camera']:.1f} ms a camera"
+        if row["against"] == "batch":
+            line += (
+                f"   {row['pictures_per_second']:.0f} pictures/s batched, "
+                f"{row['single_pictures_per_second']:.0f} one after the other: "
+                f"{row['batch_ratio']:.2f} × "
+                f"({row['batch_ratio_low']:.2f} – {row['batch_ratio_high']:.2f})"
+            )
         if "embree_ratio" in row:
             line += (
                 f"   Embree {row['embree_p50_ms']:.1f} ms: {row['embree_ratio']:.2f} × "
@@ -192,6 +214,31 @@ def _of_cameras(
     return [{**row, "ms_a_camera": row["p50_ms"] / row["cameras"]} for row in rows]
 
 
+def _of_batches(
+    stage: Stage, eyes: NDArray[np.float64], batches: Sequence[int], options: Options
+) -> list[dict[str, Any]]:
+    """Small pictures in batches, and one after the other by the same renderer."""
+    with Renderer(stage, _sensor(BATCH_PX)) as renderer:
+        variants: dict[str, Callable[[], None]] = {}
+        for count in batches:
+            poses = np.resize(eyes, (count, 4, 4))
+            variants[f"{count} batched"] = _frame(stage, [(renderer.render_batch, [poses])])
+            variants[f"{count} single"] = _frame(
+                stage, [(renderer.render, [pose]) for pose in poses]
+            )
+        timings = _time(variants, options, "pictures in a batch")
+    return [
+        {
+            **_row("batch", stage, timings, f"{count} batched", BATCH_PX, count),
+            "pictures_per_second": count * timings.frames_per_second(f"{count} batched").median,
+            "single_pictures_per_second": count
+            * timings.frames_per_second(f"{count} single").median,
+            **timings.ratio(f"{count} batched", f"{count} single").flat("batch_ratio"),
+        }
+        for count in batches
+    ]
+
+
 def _sensor(size_px: int) -> OmniCamera:
     return at_setting(OmniCamera(polygons=None).resized(size_px), SETTING)
 
@@ -249,4 +296,6 @@ def _what(row: dict[str, Any]) -> str:
         return f"{row['triangles']} triangles"
     if row["against"] == "picture":
         return f"{row['picture_px']}²"
+    if row["against"] == "batch":
+        return f"{row['cameras']} of {row['picture_px']}²"
     return "1 camera" if row["cameras"] == 1 else f"{row['cameras']} cameras"

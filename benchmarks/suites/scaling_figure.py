@@ -1,4 +1,4 @@
-"""Cost of a frame as the scene, the picture and the number of cameras grow: three panels."""
+"""Cost of a frame as the scene, the picture and the number of cameras grow, and batches."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def scaling_figure(report: dict[str, Any]) -> Figure:
     """Bars reach from the median to the 95th percentile."""
     rows_of = {
         against: [row for row in report["rows"] if row["against"] == against]
-        for against in ("triangles", "picture", "cameras")
+        for against in ("triangles", "picture", "cameras", "batch")
     }
     title = f"What a frame costs, {report['setting']}"
-    figure, (town, pixels, cameras) = panels(report, title, 3)
+    figure, (town, pixels, cameras, *batches) = panels(report, title, 3 + bool(rows_of["batch"]))
     small = rows_of["triangles"][0]["picture_px"]
     style.label_axes(town, f"A town, {small}²", "triangles in the scene", "ms a frame")
     _times(town, rows_of["triangles"], "triangles", "omnisim", style.BLUE)
@@ -46,6 +46,8 @@ def scaling_figure(report: dict[str, Any]) -> Figure:
     cameras.set_ylabel("pictures per second, of all cameras")
     cameras.set_ylim(0.0, 1.25 * max(pictures))
     plain_log(cameras.xaxis, base=2)
+    for axes in batches:
+        _batches(axes, rows_of["batch"])
     for axes in (town, pixels):
         plain_log(axes.yaxis)
     return figure
@@ -57,3 +59,17 @@ def _times(axes: Axes, rows: list[dict[str, Any]], key: str, label: str, color: 
         [row[key] for row in rows], [row["p50_ms"] for row in rows], ([0.0] * len(rows), above),
         color=color, marker="o", capsize=2.5, label=label,
     )  # fmt: skip
+
+
+def _batches(axes: Axes, rows: list[dict[str, Any]]) -> None:
+    side_px = rows[0]["picture_px"]
+    style.label_axes(axes, f"Pictures of {side_px}²", "pictures at once", "pictures per second")
+    counts = [row["cameras"] for row in rows]
+    for key, label, line in (
+        ("pictures_per_second", "in a batch", "o-"),
+        ("single_pictures_per_second", "one after the other", "s--"),
+    ):
+        axes.plot(counts, [row[key] for row in rows], line, color=style.GREEN, label=label)
+    axes.set_ylim(0.0)
+    axes.legend(frameon=False, fontsize=9)
+    plain_log(axes.xaxis, base=2)

@@ -63,8 +63,23 @@ def test_counts_hold_together(report):
         assert row["texels_a_mirror_px"] > density
         assert row["samples_a_mirror_px"] == row["samples"] / row["mirror_px"]
     values = {bound["name"]: bound["value"] for bound in report["bounds"]}
-    fast = [row for row in report["rows"] if row.get("setting") == "fast"]
-    assert len(values) == 2 * len(fast)
+    frames = [row for row in report["rows"] if row["kind"] == "frame"]
+    fast = [row for row in frames if row["setting"] == "fast"]
+    idle = [row for row in report["rows"] if row["kind"] == "idle driver"]
+    assert len(values) == 2 * len(fast) + 2 * len(idle)
     for row in fast:
         name = f"shaded samples a pixel of the mirror: {row['scene']}, fast"
         assert values[name] == row["samples_a_mirror_px"]
+
+
+@pytest.mark.slow
+def test_the_processors_part_is_of_single_frames_and_of_batches(report):
+    """Mesa's drivers have the switch; others draw nevertheless, and have no rows."""
+    rows = [row for row in report["rows"] if row["kind"] == "idle driver"]
+    if "llvmpipe" in report["machine"]["renderer"]:
+        assert [row["scene"] for row in rows] == ["rings", "compass"]
+    values = {bound["name"]: bound["value"] for bound in report["bounds"]}
+    for row in rows:
+        assert 0.0 < row["batched_ms"] <= 2.0 * row["small_frame_ms"]
+        batched = f"the processor's ms a picture of 84² in a batch of 64: {row['scene']}"
+        assert values[batched] == row["batched_ms"]

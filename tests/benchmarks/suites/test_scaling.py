@@ -21,13 +21,18 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
     coarse = dataclasses.replace(quality.REFERENCE, supersampling=4, texels_per_pixel=4.0)
     monkeypatch.setattr(quality, "REFERENCE", coarse)
     options = Options(rounds=1, warm_up=0, scenes=("rings",))
-    report = scaling.run(options, triangles=(1000,), sizes_px=(32, 64), cameras=(1, 3))
+    report = scaling.run(
+        options, triangles=(1000,), sizes_px=(32, 64), cameras=(1, 3), batches=(2, 64)
+    )
     check(report)
     rows = [(row["against"], row["picture_px"], row["cameras"]) for row in report["rows"]]
     assert rows == [
         ("triangles", 360, 1), ("picture", 32, 1), ("picture", 64, 1), ("cameras", 360, 1),
-        ("cameras", 360, 3),
+        ("cameras", 360, 3), ("batch", 84, 2), ("batch", 84, 64),
     ]  # fmt: skip
+    batch = report["rows"][-1]
+    assert report["bounds"][-1]["value"] == batch["batch_ratio"] > 0.0
+    assert batch["pictures_per_second"] == pytest.approx(64 * batch["fps"])
     assert report["rows"][0]["triangles"] == build_town(1000).triangle_count
     town = report["rows"][0]
     assert 0 < town["seen_triangles"] < town["submitted_triangles"]
@@ -43,7 +48,11 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
 def test_without_embree_no_bound_is_asked_for(monkeypatch, needs_opengl):
     monkeypatch.setattr(scaling, "has_embree", lambda: False)
     report = scaling.run(
-        Options(1, 0, scenes=("rings",)), triangles=(1000,), sizes_px=(32,), cameras=(1,)
+        Options(1, 0, scenes=("rings",)),
+        triangles=(1000,),
+        sizes_px=(32,),
+        cameras=(1,),
+        batches=(1,),
     )
     check(report)
     assert report["bounds"] == []
