@@ -184,7 +184,7 @@ def _mounts() -> Iterator[str]:
 
 
 def _shapes() -> Iterator[str]:
-    from omnisim.optics.system_file import shape_schemas
+    from omnisim.optics.surface_tables import shape_schemas
 
     for name, table, source in shape_schemas():
         yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{_summary(source)}'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -10,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import OpticsError
 
 Uniforms = dict[str, float | tuple[float, ...]]
-CameraParameters = dict[str, float | int | str | list[float]]
+ParameterValue = (
+    float | int | str | Sequence["ParameterValue"] | Mapping[str, "ParameterValue"]
+)  # as JSON and TOML can hold it
+CameraParameters = dict[str, ParameterValue]
 
 
 class Rays(NamedTuple):

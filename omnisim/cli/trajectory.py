@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.calibration.rig import Rig, RigCamera
-from omnisim.cameras import check_central
 from omnisim.cli.calibration import read_calibration
 from omnisim.cli.console import pluralize, print_note
 from omnisim.cli.inputs import check_calibration_path, read_camera, refuse_options
@@ -26,7 +25,6 @@ ALL = "all"
 SINGLE_PICTURE = {
     "--faces": "faces",
     "--backend": "backend",
-    "--optics": "optics",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",
     "--previous": "previous_at",
@@ -68,13 +66,15 @@ def run(request: RenderRequest, path: Path) -> None:
 def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
     """Rig of the whole file, whose frames the poses may be of, and vehicle of the cameras taken."""
     source = request.camera
-    if source is None and request.sensor is None and path.suffix.lower() == ".json":
+    own_camera = request.sensor or request.optics
+    if source is None and own_camera is None and path.suffix.lower() == ".json":
         source = path
-    if source is None:
-        sensor = read_camera(request.sensor, None, request.camera_name, request.mirrored)
-        check_central(sensor.model, "--trajectory")
+    if source is None or request.optics is not None:
+        sensor = read_camera(
+            request.sensor, source, request.camera_name, request.mirrored, request.optics
+        )
         rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
-        return rig, rig_vehicle(_name(request.sensor), rig, (sensor,))
+        return rig, rig_vehicle(_name(own_camera), rig, (sensor,))
     check_calibration_path(source, request.sensor)
     calibration = read_calibration(source, None, None, request.mirrored)
     name = None if request.camera_name == ALL else request.camera_name

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+from omnisim.cameras.camera import ParameterValue
 from omnisim.errors import OpticsError, did_you_mean
 
 # Vacuum wavelengths: helium's d line, by which catalogues name indices, and the dominant
 # wavelengths of sRGB's primaries.
+Medium = str | float | tuple[float, float, float]  # name, index, or those of R, G and B
+
 LARGEST_INDEX = 5.0
 D_LINE_UM = 0.58756
 WAVELENGTHS_UM: Mapping[str, float] = {"R": 0.6114, "G": 0.5491, "B": 0.4642}
@@ -59,18 +62,22 @@ MEDIA: Mapping[str, Callable[[float], float]] = {
 }
 
 
-def refractive_index(medium: str | float, color: str | None = None) -> float:
+def refractive_index(medium: Medium, color: str | None = None) -> float:
     """Refractive index of a medium.
 
     Args:
-        medium: name in `MEDIA`, or the index itself.
-        color: "R", "G" or "B"; None: the index at the d line.
+        medium: name in `MEDIA`, the index itself, or those of R, G and B.
+        color: "R", "G" or "B"; None: the index at the d line, of three that of G.
 
     Raises:
         OpticsError: an unknown medium or colour, or an impossible index.
     """
     if color is not None and color not in WAVELENGTHS_UM:
         raise OpticsError(f"color: expected R, G or B, got {color!r}")
+    if isinstance(medium, tuple):
+        if len(medium) != len(WAVELENGTHS_UM):
+            raise OpticsError(f"medium: expected indices of R, G and B, got {len(medium)}")
+        medium = medium[list(WAVELENGTHS_UM).index(color or "G")]
     if not isinstance(medium, str):
         if not 1.0 <= medium <= LARGEST_INDEX:
             raise OpticsError(f"medium: expected an index of 1 to {LARGEST_INDEX:g}, got {medium}")
@@ -78,3 +85,8 @@ def refractive_index(medium: str | float, color: str | None = None) -> float:
     if medium not in MEDIA:
         raise OpticsError(f"medium {medium!r}: {did_you_mean(medium, MEDIA)}")
     return MEDIA[medium](D_LINE_UM if color is None else WAVELENGTHS_UM[color])
+
+
+def medium_parameter(medium: Medium) -> ParameterValue:
+    """Medium as optics files have it."""
+    return list(medium) if isinstance(medium, tuple) else medium

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.atomic_file import write_text
-from omnisim.errors import SensorFileError, TrajectoryError
+from omnisim.errors import OpticsError, SensorFileError, TrajectoryError
 from omnisim.optics.shapes import Shape, TabulatedProfile
 from omnisim.optics.shapes.shape import Floats
 from omnisim.trajectories.formats.text_table import read_text_table
 
-MIN_POINTS, LARGEST_M = 4, 1e6
 _COLUMNS = ["r_m", "z_m"]
 
 
@@ -35,13 +34,10 @@ def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
     except TrajectoryError as reason:
         raise SensorFileError(str(reason)) from None
     radii_m, heights_m = (numbers[:, names.index(name)] for name in _COLUMNS)
-    if len(numbers) < MIN_POINTS:
-        raise SensorFileError(f"{path}: expected at least {MIN_POINTS} points, got {len(numbers)}")
-    if not np.all(np.abs(numbers) <= LARGEST_M):  # false for NaN, too
-        raise SensorFileError(f"{path}: expected finite numbers in metres")
-    if radii_m[0] != 0.0 or not np.all(np.diff(radii_m) > 0.0):
-        raise SensorFileError(f"{path}: r_m: expected numbers that grow from 0")
-    return TabulatedProfile(radii_m, heights_m, pointed)
+    try:
+        return TabulatedProfile(radii_m, heights_m, pointed)
+    except OpticsError as reason:
+        raise SensorFileError(f"{path}: {reason}") from None
 
 
 def write_profile(path: Path, radii_m: Floats, heights_m: Floats) -> None:

@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras.camera import CameraParameters
 from omnisim.errors import OpticsError
+from omnisim.optics.media import Medium, medium_parameter
 from omnisim.optics.shapes import Shape
 from omnisim.optics.shapes.shape import Floats
 from omnisim.poses import check_pose
@@ -39,7 +41,8 @@ class Surface:
         name: in messages.
 
     Raises:
-        OmnisimError: a pose that is none, or a hole that leaves nothing of it.
+        OmnisimError: a pose that is none, a hole that leaves nothing of it, or no rim where its
+            shape needs one.
     """
 
     shape: Shape
@@ -47,11 +50,13 @@ class Surface:
     rim_radius_m: float = math.inf
     rim_center_m: tuple[float, float] = (0.0, 0.0)
     hole_radius_m: float = 0.0
-    medium: str | float | None = None
+    medium: Medium | None = None
     name: str = "surface"
 
     def __post_init__(self) -> None:
         check_pose(self.system_from_surface)
+        if self.shape.needs_rim and math.isinf(self.rim_radius_m):
+            raise OpticsError(f"{self.name}: rim_radius_m: missing")
         if not 0.0 <= self.hole_radius_m < self.rim_radius_m:  # false for NaN, too
             raise OpticsError(
                 f"{self.name}: hole_radius_m: expected 0 or more, and less than rim_radius_m = "
@@ -91,6 +96,21 @@ class Surface:
     @cached_property
     def _is_rising(self) -> bool:
         return self.shape.is_rising(self.visible_radius_m)
+
+    def parameters(self) -> CameraParameters:
+        """Keys and values of an optics file; of a mirror without a medium."""
+        found: CameraParameters = {
+            "name": self.name,
+            **self.shape.parameters(),
+            "pose": self.system_from_surface.tolist(),
+        }
+        if math.isfinite(self.rim_radius_m):
+            found |= {"rim_radius_m": self.rim_radius_m, "rim_center_m": list(self.rim_center_m)}
+        if self.hole_radius_m > 0.0:
+            found["hole_radius_m"] = self.hole_radius_m
+        if self.medium is not None:
+            found["medium"] = medium_parameter(self.medium)
+        return found
 
     def points_from_system(self, points_m: Floats) -> Floats:
         """Points (n, 3) in the surface's frame."""
@@ -172,6 +192,11 @@ class Rod:
             raise OpticsError(f"{self.name}: end_m: expected another point than begin_m")
         if not self.radius_m > 0.0:
             raise OpticsError(f"{self.name}: radius_m: expected more than 0, got {self.radius_m}")
+
+    def parameters(self) -> CameraParameters:
+        """Keys and values of an optics file."""
+        ends = {"begin_m": list(self.begin_m), "end_m": list(self.end_m)}
+        return {"name": self.name, **ends, "radius_m": self.radius_m}
 
     def hits(self, origins_m: Floats, directions: Floats) -> Floats:
         """Lengths (n,) at which rays (n, 3) enter it; 0 where they start inside, NaN: never."""

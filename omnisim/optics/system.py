@@ -15,17 +15,40 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import CentralCamera, Pixels, Rays, pixel_grid, summary
-from omnisim.cameras.camera import CameraParameters, Uniforms, as_directions, as_pixels
+from omnisim.cameras import (
+    CentralCamera,
+    NonCentralCamera,
+    Pixels,
+    Rays,
+    pixel_grid,
+    summary,
+)
+from omnisim.cameras.camera import (
+    CameraParameters,
+    ParameterValue,
+    Uniforms,
+    as_directions,
+    as_pixels,
+)
 from omnisim.errors import OpticsError
-from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.frames import (
+    BASE_FROM_OPTICAL_LOOKING_AHEAD,
+    BASE_FROM_OPTICAL_LOOKING_DOWN,
+    RIG_FROM_OPTICAL_LOOKING_UP,
+)
 from omnisim.optics.inverse import Inverse, Targets
-from omnisim.optics.media import refractive_index
+from omnisim.optics.media import Medium, medium_parameter, refractive_index
 from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.surface import Rod, Surface
 from omnisim.optics.tracing import Fate, Paths, TracedRays, trace
-from omnisim.poses import check_pose
+from omnisim.poses import check_pose, pose_from_rotation
 from omnisim.short_repr import counted, short_repr
+
+ORIENTATIONS = {
+    "up": RIG_FROM_OPTICAL_LOOKING_UP,
+    "ahead": BASE_FROM_OPTICAL_LOOKING_AHEAD,
+    "down": BASE_FROM_OPTICAL_LOOKING_DOWN,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +63,18 @@ class OpticalSystem:
         system_from_camera: (4, 4) pose of the camera's optical frame: its misalignment.
         origin_m: (3,) of the sensor's optical frame, in the system's.
         color: "R", "G" or "B", whose wavelength is refracted; None: the d line.
-        rig_from_optical: (3, 3) orientation in a level rig; None: up into a mirror, else ahead.
+        orientation: (3, 3) rig_from_optical in a level rig; None: up into a mirror, else the
+            camera's own.
 
     Raises:
-        OpticsError: no camera model, no surface, or an unknown medium or colour.
+        OmnisimError: no camera with one viewpoint, no surface, an unknown medium or colour, or a
+            misalignment or orientation that is no pose.
     """
 
     camera: CentralCamera
     surfaces: tuple[Surface, ...]
     obstacles: tuple[Rod, ...] = ()
-    medium: str | float = "air"
+    medium: Medium = "air"
     system_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     color: str | None = None
@@ -61,7 +86,11 @@ class OpticalSystem:
     def __post_init__(self) -> None:
         if not isinstance(self.camera, CentralCamera):
             raise OpticsError(f"camera: expected a camera model, got {type(self.camera).__name__}")
+        if isinstance(self.camera, NonCentralCamera):
+            raise OpticsError("camera: expected a camera with one viewpoint, got an optical system")
         check_pose(self.system_from_camera)
+        if self.orientation is not None:
+            check_pose(pose_from_rotation(self.orientation, (0.0, 0.0, 0.0)))
         if not self.surfaces:
             raise OpticsError("surfaces: expected at least one, got none")
         assert self.indices  # or it refuses a medium
@@ -92,11 +121,11 @@ class OpticalSystem:
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]:
-        """Orientation (3, 3) in a level rig: as set, else up into a mirror, or ahead."""
+        """Orientation (3, 3) in a level rig: as set, else up into a mirror, or the camera's."""
         if self.orientation is not None:
             return self.orientation
         has_mirror = any(surface.is_mirror for surface in self.surfaces)
-        return RIG_FROM_OPTICAL_LOOKING_UP if has_mirror else BASE_FROM_OPTICAL_LOOKING_AHEAD
+        return RIG_FROM_OPTICAL_LOOKING_UP if has_mirror else self.camera.rig_from_optical
 
     @cached_property
     def indices(self) -> tuple[float, ...]:
@@ -202,10 +231,24 @@ class OpticalSystem:
         raise OpticsError("camera: an optical system has no shader")
 
     def parameters(self) -> CameraParameters:
-        """Model, size and refractive indices, for the picture's metadata."""
-        return {
+        """Model, and all keys and values of an optics file: the system can be made of them."""
+        found: CameraParameters = {
             "model": self.model_name,
-            "width_px": self.width_px,
-            "height_px": self.height_px,
-            "principal_point_px": list(self.principal_point_px),
+            "medium": medium_parameter(self.medium),
+            "origin_m": list(self.origin_m),
         }
+        if self.orientation is not None:
+            found["looking"] = _looking(self.orientation)
+        if self.color is not None:
+            found["color"] = self.color
+        found["camera"] = {**self.camera.parameters(), "pose": self.system_from_camera.tolist()}
+        found["surfaces"] = [surface.parameters() for surface in self.surfaces]
+        if self.obstacles:
+            found["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
+        return found
+
+
+def _looking(orientation: NDArray[np.float64]) -> ParameterValue:
+    """Orientation by name, or as rows of a matrix."""
+    names = (name for name, one in ORIENTATIONS.items() if np.array_equal(one, orientation))
+    return next(names, None) or orientation.tolist()

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, camera_from_parameters, summary
+from omnisim.cameras import CentralCamera, summary
 from omnisim.errors import OmnisimError, OutputError
 from omnisim.image_files import read_image
 from omnisim.poses import check_pose
+from omnisim.sensors.camera_parameters import camera_of_parameters
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.valid_mask import valid_mask
 from omnisim.short_repr import short_repr
@@ -71,7 +72,7 @@ def read_picture(path: Path, sensor: OmniCamera | None = None) -> TakenPicture:
         )
     else:
         try:
-            camera = camera_from_parameters(metadata["camera"])
+            camera = camera_of_parameters(metadata["camera"])
         except OmnisimError as reason:
             raise OutputError(f"{path}: its metadata: {reason}") from None
         if world_from_base is None or world_from_optical is None:

@@ -252,20 +252,32 @@ class LensTable(Table):
 
 
 class OpticsTable(Table):
-    """An optical system in place of the first and third group: its rays need not meet."""
+    """An optical system in place of the first and third group: its rays need not meet.
 
-    file: str
+    Either a file, or the keys of an optics file as further keys: `[optics.camera]`,
+    `[[optics.surfaces]]` and so on.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    file: str | None = None
     """Optics file, relative to this file."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     def make_camera(self, source: str) -> CentralCamera:
-        """The optical system of the file.
+        """The optical system of the file, or of the further keys.
 
         Raises:
             SensorFileError: naming the file, its key and what was expected.
         """
-        from omnisim.optics.system_file import read_optics_file  # few sensors have one
+        from omnisim.optics.system_file import parse_optics, read_optics_file  # few have one
 
+        extra = dict(self.__pydantic_extra__ or {})
+        if self.file is None:
+            return parse_optics(extra, source, "optics")
+        if extra:
+            words = "the optics file has it: expected one of them"
+            raise SensorFileError(f"{source}: optics.{min(extra)}: {words}")
         return read_optics_file(Path(source).parent / self.file)
 
 
@@ -290,7 +302,7 @@ class SensorFile(Table):
             raise ValueError(f"[{given[0]}] and [{given[1]}] {words}")
         extra = self.camera.model_fields_set - {"quality", "supersampling"}
         if extra and given in (["lens"], ["optics"]):
-            owner = "[lens]" if self.lens is not None else "the optics file"
+            owner = "[lens]" if self.lens is not None else "[optics.camera] or the optics file"
             raise ValueError(f"camera.{min(extra)}: is a key of {owner}, where there is one")
         return self
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from omnisim.cameras import camera_from_parameters
 from omnisim.errors import OmnisimError, RunError
 from omnisim.perception.panorama import CameraMount
 from omnisim.poses import check_pose
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.camera_parameters import camera_of_parameters
 from omnisim.sensors.quality import MAX_PICTURE_PX
 from omnisim.sensors.valid_mask import valid_mask
 
@@ -34,7 +34,7 @@ def read_mount(path: Path) -> CameraMount:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        camera = camera_from_parameters(content["camera"])
+        camera = camera_of_parameters(content["camera"])
         if max(camera.width_px, camera.height_px) > MAX_PICTURE_PX:
             raise OmnisimError(f"camera: size: expected at most {MAX_PICTURE_PX} px to a side")
         base_from_optical = check_pose(content["base_from_optical"])

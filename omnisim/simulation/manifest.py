@@ -16,6 +16,7 @@ from omnisim.simulation.sensors import MountedSensor
 from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
 MANIFEST_FORMAT = 2
+LONG = 16  # a list that is compared value by value
 # For the record: other versions of these, or from elsewhere, may go on with a run; and what follows
 # from its poses.
 FOR_THE_RECORD = ("libraries", "scene.file", "path.name", "path.follows_floor", "path.contacts")
@@ -112,12 +113,13 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
 def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> str:
     """Describe the first key whose values differ; empty where none does.
 
-    A missing table counts as an empty one, so that the key in it is named and not the table.
+    A missing table counts as an empty one, so that the key in it is named and not the table; so are
+    the values of long lists, by their numbers.
     """
     for key in dict.fromkeys((*new, *old)):
         if f"{at}{key}" in FOR_THE_RECORD:
             continue
-        before, after = old.get(key), new.get(key)
+        before, after = _by_key(old.get(key)), _by_key(new.get(key))
         if isinstance(before, dict | None) and isinstance(after, dict | None):
             difference = first_difference(before or {}, after or {}, f"{at}{key}.")
             if difference:
@@ -125,3 +127,10 @@ def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> 
         elif before != after:
             return f"{at}{key} was {before!r}, is {after!r}"
     return ""
+
+
+def _by_key(value: Any) -> Any:
+    """A list of tables, or one too long for a message, as a table by numbers."""
+    if isinstance(value, list) and (len(value) > LONG or any(isinstance(v, dict) for v in value)):
+        return {str(number): one for number, one in enumerate(value)}
+    return value

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera, NonCentralCamera
+from omnisim.cameras.camera import CameraParameters
 from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.omnicamera import Polygons
@@ -20,10 +22,15 @@ def sensor_toml(sensor: OmniCamera) -> str:
     angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.base_from_rig[:3, :3]))
     # 1e-12°: what the way through radians leaves behind is not worth printing
     roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
+    parts = ""
     size = '"auto"' if sensor.face_size_px is None else sensor.face_size_px
     if isinstance(sensor.model, HyperbolicCamera):
         group, geometry = "mirror", _mirror(sensor.model, sensor.polygons)
         picture = _picture(sensor.model)
+    elif isinstance(sensor.model, NonCentralCamera):
+        group, picture = "optics", ""
+        named = sensor.model.parameters()
+        geometry, parts = _system({key: named[key] for key in named if key != "model"})
     else:
         group, geometry, picture = "lens", _keys(sensor.model.parameters()), ""
     return f"""[{group}]
@@ -33,7 +40,7 @@ position_m = [{x!r}, {y!r}, {z!r}]
 roll_deg = {roll!r}
 pitch_deg = {pitch!r}
 yaw_deg = {yaw!r}
-
+{parts}
 [virtual_cameras]
 size_px = {size}
 texels_per_pixel = {sensor.texels_per_pixel!r}
@@ -74,6 +81,23 @@ def _degradation(sensor: OmniCamera) -> str:
     )
 
 
-def _keys(values: dict[str, Any]) -> str:
+def _system(parameters: CameraParameters) -> tuple[str, str]:
+    """Keys of an optical system, and the tables of its parts."""
+    own, parts = {}, ""
+    for key, value in parameters.items():
+        if isinstance(value, Mapping):
+            parts += f"\n[optics.{key}]\n{_keys(value)}"
+        elif isinstance(value, list) and isinstance(value[0], dict):
+            parts += "".join(f"\n[[optics.{key}]]\n{_keys(table)}" for table in value)
+        else:
+            own[key] = value
+    return _keys(own), parts
+
+
+def _keys(values: Mapping[str, Any]) -> str:
     """Numbers, lists of numbers, words, true and false are written alike in JSON and in TOML."""
-    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in values.items())
+    return "".join(f"{key} = {_value(value)}\n" for key, value in values.items())
+
+
+def _value(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

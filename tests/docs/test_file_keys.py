@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from omnisim.localization.parameters import FilterParameters
-from omnisim.optics.system_file import OpticsFile, shape_schemas
+from omnisim.optics.surface_tables import shape_schemas
+from omnisim.optics.system_file import OpticsFile
 from omnisim.parameters import Table, table_of
 from omnisim.robot.robot_file import RobotFile
 from omnisim.scene.scene_file import LabelFile, SceneFile

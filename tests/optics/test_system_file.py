@@ -53,7 +53,7 @@ def test_misalignment_is_about_the_vertex():
         ({"radius_m": "wide"}, "surfaces.0.radius_m: expected "),
         ({"radios_m": 1.0}, "surfaces.0.radios_m: unknown key; did you mean 'radius_m'?"),
         ({"position_m": None}, "surfaces.0.position_m: missing"),
-        ({"medium": "honey"}, "surfaces.0.medium: expected vacuum, air, water, acrylic, glass, or"),
+        ({"medium": "honey"}, "surfaces.0.medium: expected vacuum, air, water, acrylic, glass, a"),
         ({"shape": "conic", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of metres"),
         ({"shape": "sphere", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of metres"),
         ({"shape": "asphere"}, "surfaces.0.rim_radius_m: missing"),

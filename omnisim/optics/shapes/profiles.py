@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.cameras.camera import CameraParameters
+from omnisim.errors import OpticsError
 from omnisim.optics.shapes.height_table import HeightTable
 from omnisim.optics.shapes.shape import Floats, Level, Shape
 from omnisim.parameters import Number, Parameters, Signed
@@ -22,6 +25,7 @@ _RAYS_PER_BATCH = 1 << 14  # intermediate arrays stay in the cache
 _NEWTON_STEPS = 60
 _ROUNDING = 4e-16  # as a share of a length
 _SLACK = 0.01  # of a step between samples, by which a bracket is wider
+MIN_POINTS, LARGEST_M = 4, 1e6  # of a table
 _TINY_M = 1e-12  # from the axis, where f'(r)/r becomes f''
 
 
@@ -246,6 +250,7 @@ class Polynomial(Parameters, Profile, name="shape"):
     """A profile z = Σ aᵢ rⁱ, in metres."""
 
     shape_name = "polynomial"
+    needs_rim = True
     coefficients: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=32)]
     """a₁, a₂, … of r, r², …; the vertex is at z = 0."""
 
@@ -259,6 +264,7 @@ class Asphere(Parameters, Profile, name="shape"):
     """An even asphere: a conic and Σ αᵢ r²ⁱ from r⁴ on, in metres."""
 
     shape_name = "asphere"
+    needs_rim = True
     radius_m: Signed
     """Radius of curvature R at the vertex; more than 0: bulges towards the camera."""
     conic: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
@@ -290,24 +296,56 @@ class Asphere(Parameters, Profile, name="shape"):
         )
 
 
+@dataclass(frozen=True, eq=False)
 class TabulatedProfile(Profile):
     """A profile through points, by a cubic spline: its curvature is continuous.
 
-    Args:
+    Attributes:
         radii_m: (n,) ascending, from 0.
-        heights_m: (n,).
+        table_heights_m: (n,).
         pointed: the tip may be a cone's; else the profile is level on its axis.
+
+    Raises:
+        OpticsError: points that make no profile.
     """
 
     shape_name = "table"
+    radii_m: Floats
+    table_heights_m: Floats
+    pointed: bool = False
 
-    def __init__(self, radii_m: Floats, heights_m: Floats, pointed: bool = False):
-        self.radii_m, self.table_heights_m = radii_m, heights_m
-        begin: Literal["not-a-knot", "clamped"] = "not-a-knot" if pointed else "clamped"
-        spline = scipy.interpolate.CubicSpline(radii_m, heights_m, bc_type=(begin, "not-a-knot"))
-        self._coefficients = spline.c  # (4, n − 1), from the cube on
-        steps_m = np.diff(radii_m)
-        self._is_even = bool(np.ptp(steps_m) <= 1e-9 * steps_m[0])
+    def __post_init__(self) -> None:
+        radii_m, heights_m = self.radii_m, self.table_heights_m
+        if len(radii_m) < MIN_POINTS:
+            raise OpticsError(f"expected at least {MIN_POINTS} points, got {len(radii_m)}")
+        if len(heights_m) != len(radii_m):
+            words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
+            raise OpticsError(f"{words}, got {len(heights_m)}")
+        if not (np.abs((radii_m, heights_m)) <= LARGEST_M).all():  # false for NaN, too
+            raise OpticsError("expected finite numbers in metres")
+        if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():
+            raise OpticsError("r_m: expected numbers that grow from 0")
+
+    @cached_property
+    def _coefficients(self) -> Floats:
+        """Of the cubics (4, n − 1), from the cube on."""
+        begin: Literal["not-a-knot", "clamped"] = "not-a-knot" if self.pointed else "clamped"
+        ends = self.radii_m, self.table_heights_m
+        return scipy.interpolate.CubicSpline(*ends, bc_type=(begin, "not-a-knot")).c
+
+    @cached_property
+    def _is_even(self) -> bool:
+        steps_m = np.diff(self.radii_m)
+        return bool(np.ptp(steps_m) <= 1e-9 * steps_m[0])
+
+    def parameters(self) -> CameraParameters:
+        """Points of the table, and its tip."""
+        return {
+            "shape": self.shape_name,
+            "r_m": self.radii_m.tolist(),
+            "z_m": self.table_heights_m.tolist(),
+            "tip": "pointed" if self.pointed else "smooth",
+        }
 
     @property
     def domain_m(self) -> float:

@@ -6,12 +6,15 @@ looks at it. A mirror that bulges towards that camera has z > 0 off its axis.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from abc import ABC, abstractmethod
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CameraParameters
 
 Floats = NDArray[np.float64]
 
@@ -29,15 +32,24 @@ class Shape(ABC):
     Attributes:
         shape_name: of it in files.
         tip_radius_m: about the axis, where it has no normal.
+        needs_rim: goes on where no mirror does.
     """
 
     shape_name: ClassVar[str]
     tip_radius_m: ClassVar[float] = 0.0
+    needs_rim: ClassVar[bool] = False
 
     @property
     def domain_m(self) -> float:
         """Largest distance from the axis; may be infinite."""
         return math.inf
+
+    def parameters(self) -> CameraParameters:
+        """Name and parameters, as optics files have them."""
+        assert dataclasses.is_dataclass(self)
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        plain = {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+        return {"shape": self.shape_name, **plain}
 
     @abstractmethod
     def is_convex(self, radius_m: float) -> bool:

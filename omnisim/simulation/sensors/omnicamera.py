@@ -16,8 +16,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import check_central, summary
+from omnisim.cameras import NonCentralCamera, summary
 from omnisim.errors import OmnisimError, RobotFileError, RunError
+from omnisim.extras import missing_packages
 from omnisim.frame import Frame
 from omnisim.ground_truth.boxes_3d import boxes_json
 from omnisim.ground_truth.coco import coco_image, write_json
@@ -105,8 +106,15 @@ class MountedCamera(MountedSensor):
         return tuple(suffixes)
 
     def settings(self) -> dict[str, Any]:
-        """Degradation and quality."""
+        """Degradation and quality, and of an optical system all of it.
+
+        Its files may change, and samples in doubt are cast as rays only where those are installed.
+        """
+        model, optics = self.sensor.model, {}
+        if isinstance(model, NonCentralCamera):
+            optics = {"optics": model.parameters(), "casts_rays": not missing_packages("rays")}
         return {
+            **optics,
             "degradation": self.sensor.degradation.tables(),
             "quality": {
                 "supersampling": self.sensor.supersampling,
@@ -166,7 +174,6 @@ class OmniCameraMount(SensorMount):
             camera = OmniCamera.from_file(
                 find_beside(folder, self.file, f"{source}: file", RobotFileError)
             )
-            check_central(camera.model, f"{source}: file = {self.file}")
         base_from_rig = self.base_from_mount @ camera.base_from_rig
         mounted = dataclasses.replace(camera, base_from_rig=base_from_rig)
         return MountedCamera(self.type, self.name, self.hides, mounted)
