@@ -328,7 +328,7 @@ class TabulatedProfile(Profile):
 
     @cached_property
     def _coefficients(self) -> Floats:
-        """Of the cubics (4, n − 1), from the cube on."""
+        """Coefficients of the cubics (4, n − 1), from the cube on."""
         begin: Literal["not-a-knot", "clamped"] = "not-a-knot" if self.pointed else "clamped"
         ends = self.radii_m, self.table_heights_m
         return scipy.interpolate.CubicSpline(*ends, bc_type=(begin, "not-a-knot")).c
