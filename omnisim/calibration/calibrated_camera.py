@@ -14,8 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, MirroredCamera, check_central, summary
+from omnisim.cameras.central_error import CentralError
 from omnisim.poses import inverse
 from omnisim.short_repr import short_repr
+
+OPTICS = "optics"  # frame of the optical system that a central camera was fitted to
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +47,15 @@ class Residuals:
         max_px: largest, on the edge too.
         theta_max_rad: largest angle from the lens's axis that both see.
         source_model: model of the source.
+        at_distances: residuals for points at distances from the viewpoint, where the source has
+            none and a point's pixel depends on its distance.
     """
 
     rms_px: float
     max_px: float
     theta_max_rad: float
     source_model: str
+    at_distances: tuple[CentralError, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

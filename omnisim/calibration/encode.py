@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Generic, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from omnisim.calibration.file_frame import (
     lens_of,
 )
 from omnisim.calibration.fit import Fit, fit_camera
-from omnisim.calibration.formats.format import Format, LensT, ParsedCamera
+from omnisim.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
 from omnisim.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras import (
     CAMERA_MODELS,
@@ -68,7 +68,7 @@ def encode_cameras(
     for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
         encoded = encode(named, form, f"{source}: {camera.name}", model)
         parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
-        metadata.append(encoded.metadata)
+        metadata.append(encoded.metadata.with_poses(named.poses))
         written.append(
             dataclasses.replace(
                 named,
@@ -95,11 +95,7 @@ def encode(
     if native is not None and model in (None, source.model_name):
         metadata = camera_metadata(camera.name, None, None, camera.residuals)
         return Encoded(native, metadata, camera.residuals)
-    target = None if model is None else CAMERA_MODELS.get(model)
-    if model is not None and target not in form.models:
-        names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
-        known = ", ".join(names[one] for one in form.models)
-        raise CalibrationError(f"--model {model}: {form.name} has {known}")
+    target = model_named(model, form)
     _check_cone(source, form, place)
     lens = lens_of(source)
     reasons: list[str] = []
@@ -121,6 +117,20 @@ def encode(
     fitted = dataclasses.replace(fit.residuals, source_model=source.model_name)
     metadata = camera_metadata(camera.name, source, limit_rad, fitted)
     return Encoded(fit.camera, metadata, fitted)
+
+
+def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | None:
+    """Model of a name that a format has; None for None.
+
+    Raises:
+        CalibrationError: it has none of that name.
+    """
+    target = None if model is None else CAMERA_MODELS.get(model)
+    if model is not None and target not in form.models:
+        names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
+        known = ", ".join(names[one] for one in form.models)
+        raise CalibrationError(f"--model {model}: {form.name} has {known}")
+    return target
 
 
 def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
@@ -189,6 +199,34 @@ def _best_fit(
     # a mirrored lens is fitted as the lens that it is
     source = camera.lens if isinstance(camera, MirroredCamera) else camera
     mirrored = source is camera and is_catadioptric(camera)
+
+    def fit(target: type[LensT], fixed: Fixed) -> Fit[LensT]:
+        return fit_camera(source, target, mirrored=mirrored, fixed=fixed)
+
+    return nearest_fit(camera, form, place, model, fit, reasons)
+
+
+def nearest_fit(
+    camera: CentralCamera,
+    form: Format[LensT],
+    place: str,
+    model: type[CentralCamera] | None,
+    fit_model: Callable[[type[LensT], Fixed], Fit[LensT]],
+    reasons: list[str],
+) -> Fit[LensT]:
+    """Fit with the smallest largest residual by the models of a format.
+
+    Args:
+        camera: the source.
+        form: the format.
+        place: names file and camera in messages.
+        model: the only one to fit by; None: all.
+        fit_model: the fit by a model with the attributes that the format fixes.
+        reasons: why others were refused so far, for messages; more are added.
+
+    Raises:
+        CalibrationError: no model is near, with the reasons.
+    """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     centred = {"principal_point_px": middle} if form.centred else {}
     fits = []
@@ -197,7 +235,7 @@ def _best_fit(
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
-                fit = fit_camera(source, target, mirrored=mirrored, fixed={**fixed, **centred})
+                fit = fit_model(target, {**fixed, **centred})
         except OmnisimError as error:
             reasons.append(str(error).removeprefix("camera: "))
             continue

@@ -17,10 +17,12 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from omnisim.calibration.calibrated_camera import Residuals
 from omnisim.calibration.linear_fit import (
     FITTED,
+    FREE,
     MIN_SAMPLES,
     STEEPEST_RAD,
     Bounds,
@@ -31,6 +33,7 @@ from omnisim.calibration.linear_fit import (
 from omnisim.cameras import (
     CAMERA_MODELS,
     CentralCamera,
+    KannalaBrandtCamera,
     PerspectiveCamera,
     UnifiedCamera,
     check_central,
@@ -57,11 +60,13 @@ class Fit(NamedTuple, Generic[CameraT]):
         camera: fitted to the source.
         residuals: over the source's valid cone, at pixels that the fit was not made from.
         covered: share of the source's valid pixels that the fitted camera shows.
+        rotation: (3, 3) target_from_source of the axes; the identity, unless it was fitted, too.
     """
 
     camera: CameraT
     residuals: Residuals
     covered: float
+    rotation: NDArray[np.float64]
 
 
 def fit_camera(
@@ -70,6 +75,7 @@ def fit_camera(
     *,
     mirrored: bool = False,
     fixed: Mapping[str, Any] | None = None,
+    rotated: bool = False,
 ) -> Fit[CameraT]:
     """Fit a model to a camera.
 
@@ -80,6 +86,7 @@ def fit_camera(
             down −z of their optical frame, where most models see nothing.
         fixed: attributes of the target that are given: `{"xi": 0.0}` makes the unified model a
             pinhole camera with radial and tangential distortion.
+        rotated: fit the orientation of the axes, too, where the source's z is not its axis.
 
     Raises:
         CalibrationError: a model that cannot be fitted, or one that cannot see what the source
@@ -88,19 +95,21 @@ def fit_camera(
     """
     check_central(camera, "fit")
     fixed = dict(fixed or {})
+    upright = np.eye(3)
     if isinstance(camera, model) and type(camera) is model and not mirrored and not fixed:
-        return _evaluate(camera, camera, mirrored)
+        return _evaluate(camera, camera, mirrored, upright)
     target = next((one for one in FITTED if one is model), None)
     if target is None:
         names = ", ".join(FITTED_MODELS)
         raise _failure(camera, model, f"expected one of {names}")
     samples = samples_of(camera, mirrored)
     try:
-        fitted = _fitted(camera, target, samples, fixed)
+        axis = _axis_of(camera, mirrored) if rotated else None
+        fitted, rotation = _fitted(camera, target, samples, fixed, axis)
     except OpticsError as reason:
         raise _failure(camera, model, f"{reason}{_hint(camera, mirrored)}") from None
     assert isinstance(fitted, model)
-    fit: Fit[CameraT] = _evaluate(camera, fitted, mirrored)
+    fit: Fit[CameraT] = _evaluate(camera, fitted, mirrored, rotation)
     if fit.covered < MIN_COVERED:
         share = f"it would show {100.0 * fit.covered:.1f} % of the valid pixels"
         raise _failure(camera, model, share + _hint(camera, mirrored))
@@ -140,15 +149,56 @@ def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
     return np.diag([sign, sign, -1.0])
 
 
+class _Axis(NamedTuple):
+    """Optical axis of a source, about which its rays are nearly symmetric."""
+
+    rotation: NDArray[np.float64]  # (3, 3) to axes whose z it is
+    centre_px: tuple[float, float]
+
+
+@lru_cache(maxsize=4)  # one camera is fitted by several models
+def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
+    """Axis of a source by a Kannala-Brandt lens, which takes any angle, with its rotation free."""
+    samples = samples_of(camera, mirrored)
+    rotation = _equidistant_axes(camera, samples)
+    turned = samples.rotated(rotation)
+    try:
+        start = linear_fit(KannalaBrandtCamera, radial_profile(camera, turned), False)
+        with np.errstate(all="ignore"):
+            lens, turn = _refined(start, turned, FITTED[KannalaBrandtCamera].free, {}, True)
+    except OpticsError:  # a picture that is inside out, as a cone's, is none of such a lens
+        return _Axis(rotation, camera.principal_point_px)
+    return _Axis(turn @ rotation, lens.principal_point_px)
+
+
+def _equidistant_axes(source: CentralCamera, samples: Samples) -> NDArray[np.float64]:
+    """Rotation (3, 3) of the samples' rays to those of an equidistant lens of half a sphere.
+
+    Source: Kabsch 1976; any lens has its axes nearly there.
+    """
+    offsets = samples.pixels_px - source.principal_point_px
+    radii = np.linalg.norm(offsets, axis=1)
+    theta = 0.5 * math.pi * radii / max(float(radii.max(initial=0.0)), 1e-9)
+    across = offsets * (np.sin(theta) / np.maximum(radii, 1e-9))[:, None]
+    lens = np.column_stack((across, np.cos(theta)))
+    u, _, v = np.linalg.svd(lens.T @ samples.directions)
+    found: NDArray[np.float64] = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+    return found
+
+
 def _fitted(
     source: CentralCamera,
     model: type[ParametricCamera],
     samples: Samples,
     fixed: Mapping[str, Any],
-) -> ParametricCamera:
-    """Camera of a model with the smallest residuals."""
+    axis: _Axis | None,
+) -> tuple[ParametricCamera, NDArray[np.float64]]:
+    """Camera of a model with the smallest residuals, and its rotation, near an axis if any."""
+    rotation = np.eye(3) if axis is None else axis.rotation
+    centre_px = None if axis is None else axis.centre_px
+    samples = samples.rotated(rotation)
     is_pinhole = model is UnifiedCamera and fixed.get("xi") == 0.0
-    profile = radial_profile(source, samples, fixed.get("principal_point_px"))
+    profile = radial_profile(source, samples, fixed.get("principal_point_px", centre_px))
     camera = dataclasses.replace(linear_fit(model, profile, is_pinhole), **fixed)
     seen = camera.pixel_from_ray(samples.directions)
     if not (seen.valid.all() and np.abs(seen.positions_px - samples.pixels_px).max() <= EXACT_PX):
@@ -157,10 +207,12 @@ def _fitted(
             used &= samples.theta_rad <= STEEPEST_RAD
         if used.sum() < MIN_SAMPLES:
             raise OpticsError("it sees nothing, or next to nothing, of what that shows")
-        camera = _refined(camera, samples.subset(used), FITTED[model].free, fixed)
+        free = FITTED[model].free
+        camera, turn = _refined(camera, samples.subset(used), free, fixed, axis is not None)
+        rotation, samples = turn @ rotation, samples.rotated(turn)
     # past the source's own domain the fit means nothing
     limit = min(float(samples.theta_rad.max(initial=0.0)) + MARGIN_RAD, model.largest_theta_rad)
-    return camera.ending_at(limit) or camera
+    return camera.ending_at(limit) or camera, rotation
 
 
 def _refined(
@@ -168,17 +220,23 @@ def _refined(
     samples: Samples,
     free: Mapping[str, Bounds],
     fixed: Mapping[str, Any],
-) -> ParametricCamera:
-    """Local minimum of the sum of squared reprojection errors near `start`."""
+    rotated: bool,
+) -> tuple[ParametricCamera, NDArray[np.float64]]:
+    """Local minimum of the sum of squared reprojection errors near `start`, and its rotation."""
     names = [name for name in free if name not in fixed]
     values = [np.atleast_1d(getattr(start, name)).astype(np.float64) for name in names]
     lengths = [len(value) for value in values]
-    first = np.concatenate(values)
-    low, high = np.repeat([free[name] for name in names], lengths, axis=0).T
+    units = np.concatenate(
+        [_units(name, value, start) for name, value in zip(names, values, strict=True)]
+    )
+    turns = [np.zeros(3)] if rotated else []
+    first = np.concatenate([np.concatenate(values) / units, *turns])
+    limits = [free[name] for name in names] + [FREE] * len(turns)
+    low, high = np.repeat(limits, lengths + [3] * len(turns), axis=0).T
     penalty = np.full(2 * len(samples.pixels_px), float(start.width_px + start.height_px))
 
     def camera_of(vector: NDArray[np.float64]) -> ParametricCamera:
-        parts = np.split(vector, np.cumsum(lengths)[:-1])
+        parts = np.split(vector[: len(units)] * units, np.cumsum(lengths)[:-1])
         changes: dict[str, Any] = {
             name: tuple(part.tolist())
             if isinstance(getattr(start, name), tuple)
@@ -187,9 +245,14 @@ def _refined(
         }
         return dataclasses.replace(start, **changes)
 
+    def turn_of(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        turn = vector[len(units) :]
+        return Rotation.from_rotvec(turn).as_matrix() if rotated else np.eye(3)
+
     def errors_px(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        directions = samples.directions @ turn_of(vector).T if rotated else samples.directions
         try:
-            seen = camera_of(vector).pixel_from_ray(samples.directions)
+            seen = camera_of(vector).pixel_from_ray(directions)
         except OpticsError:
             return penalty  # no camera at all
         errors: NDArray[np.float64] = seen.positions_px - samples.pixels_px
@@ -204,16 +267,32 @@ def _refined(
             ftol=1e-10, xtol=1e-14, gtol=1e-15, max_nfev=100,
         )  # fmt: skip
     before = errors_px(first)
-    return camera_of(found.x) if 2.0 * found.cost < float(before @ before) else start
+    if not 2.0 * found.cost < float(before @ before):
+        return start, np.eye(3)
+    return camera_of(found.x), turn_of(found.x)
 
 
-def _evaluate(source: CentralCamera, target: CameraT, mirrored: bool) -> Fit[CameraT]:
+def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:
+    """Units (n,) of a parameter's values, in which steps of all are about as long.
+
+    Those of a polynomial of the image radius are of its powers.
+    """
+    if name != "polynomial":
+        return np.ones(len(values))
+    radius_px = 0.5 * max(camera.width_px, camera.height_px)
+    units: NDArray[np.float64] = radius_px ** -np.arange(len(values), dtype=np.float64)
+    return units
+
+
+def _evaluate(
+    source: CentralCamera, target: CameraT, mirrored: bool, rotation: NDArray[np.float64]
+) -> Fit[CameraT]:
     """Fit with its residuals, at pixels that it was not made from.
 
     Raises:
         CalibrationError: the target sees nothing of what the source shows.
     """
-    samples = samples_of(source, mirrored, phase=0.5)
+    samples = samples_of(source, mirrored, phase=0.5).rotated(rotation)
     seen = target.pixel_from_ray(samples.directions)
     if not seen.valid.any():
         raise CalibrationError(
@@ -229,7 +308,7 @@ def _evaluate(source: CentralCamera, target: CameraT, mirrored: bool) -> Fit[Cam
         float(samples.theta_rad[seen.valid].max()),
         source.model_name,
     )
-    return Fit(target, residuals, float(np.mean(seen.valid)))
+    return Fit(target, residuals, float(np.mean(seen.valid)), rotation)
 
 
 def _failure(camera: CentralCamera, model: type[CentralCamera], reason: str) -> CalibrationError:

@@ -73,6 +73,12 @@ class Samples:
         """Samples of a mask (n,)."""
         return Samples(self.pixels_px[mask], self.directions[mask], self.on_area[mask])
 
+    def rotated(self, rotation: NDArray[np.float64]) -> Samples:
+        """The same samples with rays in rotated axes; themselves, where nothing is rotated."""
+        if np.array_equal(rotation, np.eye(3)):
+            return self  # to the last bit
+        return Samples(self.pixels_px, self.directions @ rotation.T, self.on_area)
+
 
 class Profile(NamedTuple):
     """Profile of the source as a radially symmetric lens.

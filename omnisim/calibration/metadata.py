@@ -11,6 +11,8 @@ One JSON object a camera: in a comment line `# omnisim {…}`, an XML comment, o
 | theta_max_rad | angle from the axis where the camera's domain ends |
 | fitted_from | model of the camera that this one was fitted to |
 | rms_px, max_px | residuals of the fit, within cone_deg of the axis |
+| at_distances | of a fit to optics without one viewpoint: residuals by distance_m; none: infinity |
+| optics_from_camera | 4 × 4 pose in the optical frame of those optics: the viewpoint, and axes |
 """
 
 from __future__ import annotations
@@ -23,10 +25,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from omnisim.calibration.calibrated_camera import Residuals
+from omnisim.calibration.calibrated_camera import OPTICS, NamedPose, Residuals, find_pose
 from omnisim.calibration.documents import parse_json
-from omnisim.calibration.fields import ForeignTable, parse
+from omnisim.calibration.fields import ForeignTable, Matrix, parse, pose, rows
 from omnisim.calibration.formats.format import MetadataPlace
+from omnisim.cameras.central_error import CentralError
 from omnisim.errors import CalibrationError
 from omnisim.parameters import Number
 
@@ -36,6 +39,31 @@ _COMMENTS = {
 }
 Angle = Annotated[Number, Field(gt=0.0, le=math.pi)]
 Flag = Annotated[bool, Field(strict=True)]
+
+
+class DistanceMetadata(ForeignTable):
+    """Residuals for points at one distance."""
+
+    distance_m: Number | None = None
+    mean_px: Number
+    median_px: Number
+    percentile_99_px: Number
+    max_px: Number
+    left_out: Number = 0.0
+
+    @classmethod
+    def of(cls, error: CentralError) -> DistanceMetadata:
+        """Metadata of residuals."""
+        values = error._asdict()
+        if math.isinf(error.distance_m):
+            values["distance_m"] = None
+        return cls(**values)
+
+    @property
+    def error(self) -> CentralError:
+        """The residuals."""
+        distance_m = math.inf if self.distance_m is None else self.distance_m
+        return CentralError(**{**dict(self), "distance_m": distance_m})
 
 
 class CameraMetadata(ForeignTable):
@@ -49,13 +77,16 @@ class CameraMetadata(ForeignTable):
     rms_px: Number | None = None
     max_px: Number | None = None
     cone_deg: Number | None = None
+    at_distances: tuple[DistanceMetadata, ...] = ()
+    optics_from_camera: Matrix | None = None
 
     @property
     def residuals(self) -> Residuals | None:
         """Residuals of the fit, if the camera was fitted."""
         match self.fitted_from, self.rms_px, self.max_px, self.cone_deg:
             case str(model), float(rms_px), float(max_px), float(cone_deg):
-                return Residuals(rms_px, max_px, math.radians(cone_deg), model)
+                errors = tuple(one.error for one in self.at_distances)
+                return Residuals(rms_px, max_px, math.radians(cone_deg), model, errors)
         return None
 
     def with_residuals(self, residuals: Residuals | None) -> CameraMetadata:
@@ -67,13 +98,36 @@ class CameraMetadata(ForeignTable):
             "rms_px": residuals.rms_px,
             "max_px": residuals.max_px,
             "cone_deg": math.degrees(residuals.theta_max_rad),
+            "at_distances": tuple(
+                DistanceMetadata.of(error)
+                for error in residuals.at_distances
+                if error.left_out < 1.0  # no number otherwise
+            ),
         }
         return self.model_copy(update=fit)
+
+    def with_poses(self, poses: Sequence[NamedPose]) -> CameraMetadata:
+        """The same metadata with the camera's pose in the optics that it was fitted to, if any."""
+        matrix = find_pose(poses, OPTICS, self.camera)
+        if matrix is None:
+            return self
+        return self.model_copy(update={"optics_from_camera": rows(matrix)})
+
+    def poses(self, others: Sequence[NamedPose], place: str) -> tuple[NamedPose, ...]:
+        """Poses of the file, and that in the optics, where the file's format has none.
+
+        Raises:
+            CalibrationError: a matrix that is no pose; `place` names it.
+        """
+        if self.optics_from_camera is None or any(one.target == OPTICS for one in others):
+            return tuple(others)
+        matrix = pose(self.optics_from_camera, f"{place}: optics_from_camera")
+        return (*others, NamedPose(OPTICS, self.camera, matrix))
 
 
 def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: MetadataPlace) -> str:
     """Text of a file with the cameras' metadata, as far as they differ from the defaults."""
-    entries = [one.model_dump(exclude_defaults=True) for one in metadata]
+    entries = [one.model_dump(mode="json", exclude_defaults=True) for one in metadata]
     entries = [entry for entry in entries if len(entry) > 1]
     if not entries:
         return text

@@ -74,7 +74,12 @@ def _calibrated(
         camera = camera_from_lens(lens, metadata)
         _check_camera(camera, place)
     return CalibratedCamera(
-        parsed.name, camera, parsed.poses, metadata.residuals, notes, lens.model_name
+        parsed.name,
+        camera,
+        metadata.poses(parsed.poses, place),
+        metadata.residuals,
+        notes,
+        lens.model_name,
     )
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
@@ -14,18 +16,29 @@ from omnisim.calibration import (
     Calibration,
     calibration_of,
     check_calibration_suffix,
+    find_pose,
     load_calibration,
     save_calibration,
 )
+from omnisim.calibration.calibrated_camera import OPTICS
 from omnisim.calibration.file_frame import is_catadioptric
 from omnisim.calibration.registry import format_named
-from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
+from omnisim.cameras import (
+    CAMERA_MODELS,
+    CentralCamera,
+    NonCentralCamera,
+    camera_from_parameters,
+)
 from omnisim.cameras.field_of_view import field_of_view
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.console import out, pluralize, print_note
+from omnisim.cli.error_table import error_table
 from omnisim.errors import CalibrationError, OmnisimError
 from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
 from omnisim.sensors import OmniCamera
+
+if TYPE_CHECKING:  # seldom needed
+    from omnisim.optics import OpticalSystem
 
 SHOWN_POSES = 8
 
@@ -53,8 +66,17 @@ def convert(request: ConvertRequest) -> None:
     form = format_named(request.to)
     check_calibration_suffix(request.output, form.name)
     check_target(request.output)
-    check_distinct({"what is written": request.output}, {"the file to convert": request.source})
-    read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
+    source, more_distances_m = _source(request)
+    check_distinct({"what is written": request.output}, {"the file to convert": source})
+    system = _system(request, source)
+    if system is not None:
+        return _convert_optics(request, system, source, more_distances_m)
+    for option, value in (
+        ("--at-distance", request.at_distance), ("--right-at", request.right_at),
+    ):  # fmt: skip
+        if value is not None:
+            raise CalibrationError(f"{option}: expected optics, got {source}")
+    read = read_calibration(source, request.camera_name, request.format, request.mirrored)
     if not form.several:
         read = select_camera(read, request.camera_name)
     written = save_calibration(read, request.output, request.to, request.model)
@@ -63,6 +85,78 @@ def convert(request: ConvertRequest) -> None:
         out.print(f"  {_conversion(before, after)}", markup=False)
         for note in after.notes:
             print_note(f"{after.name}: {note}")
+
+
+def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
+    """File to convert, and distances behind it; with --optics the first may be one, too."""
+    more_m = list(request.more_distances or ())
+    if request.optics is None:
+        if request.source is None:
+            raise CalibrationError("FILE: missing: expected a calibration file, or --optics FILE")
+        if more_m and request.at_distance is None:
+            raise CalibrationError(f"METRES: expected --at-distance before them, got {more_m[0]:g}")
+        return Path(request.source), more_m
+    if request.source is not None:
+        try:
+            more_m.insert(0, float(request.source))
+        except ValueError:
+            raise CalibrationError("FILE, --optics: expected one of them, got both") from None
+    return request.optics, more_m
+
+
+def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
+    """Optical system of --optics or of a sensor file; None: a central camera."""
+    if request.optics is not None:
+        from omnisim.optics.system_file import read_optics_file  # seldom asked for
+
+        return read_optics_file(request.optics)
+    if request.format is not None or source.suffix.lower() != ".toml":
+        return None
+    model = OmniCamera.from_file(source).model
+    if not isinstance(model, NonCentralCamera):
+        return None
+    from omnisim.optics.system import OpticalSystem
+
+    assert isinstance(model, OpticalSystem)
+    return model
+
+
+def _convert_optics(
+    request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
+) -> None:
+    """Write the central camera that is nearest to an optical system, and print what is left."""
+    from omnisim.optics.central_fit import fit_central
+    from omnisim.optics.central_view import DISTANCES_M
+
+    for option, value in (
+        ("--camera-name", request.camera_name), ("--format", request.format),
+        ("--mirrored", request.mirrored),
+    ):  # fmt: skip
+        if value is not None:
+            raise CalibrationError(f"{option}: expected a calibration file, got optics")
+    fitted = fit_central(
+        system,
+        request.to,
+        request.model,
+        right_at_m=math.inf if request.right_at is None else request.right_at,
+        distances_m=(*(request.at_distance or ()), *more_distances_m) or DISTANCES_M,
+        source=str(source),
+    )
+    (written,) = save_calibration(fitted, request.output, request.to).cameras
+    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    pose, residuals = find_pose(written.poses, OPTICS, written.name), written.residuals
+    assert pose is not None
+    assert residuals is not None
+    unfitted = dataclasses.replace(written, residuals=None)
+    out.print(f"  {_conversion(unfitted, written)}", markup=False)
+    x, y, z = pose[:3, 3]
+    tilt_deg = math.degrees(math.acos(min(abs(float(pose[2, 2])), 1.0)))
+    out.print(
+        f"  viewpoint ({x:.5f}, {y:.5f}, {z:.5f}) m in the optics' frame, axis tilted by "
+        f"{tilt_deg:.2f}°; it is off, for points",
+        markup=False,
+    )
+    out.print(error_table(residuals.at_distances))
 
 
 def show(request: ShowRequest) -> None:
@@ -184,6 +278,10 @@ def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
                 f"within {math.degrees(fit.theta_max_rad):.1f}°",
             )
         )
+        rows += [
+            (f"points at {error.at}", f"99 % within {error.percentile_99_px:.3g} px")
+            for error in fit.at_distances
+        ]
     return rows
 
 

@@ -31,7 +31,6 @@ FormatOption = Annotated[
 class ConvertRequest:
     """Parameters of `omnisim calibration convert`."""
 
-    source: SourceArgument
     to: Annotated[
         str,
         typer.Option(
@@ -57,6 +56,44 @@ class ConvertRequest:
         ),
     ] = None
     mirrored: MirroredOption = None
+    optics: Annotated[
+        Path | None,
+        typer.Option(
+            "--optics",
+            metavar="FILE",
+            help="Optics file, in place of FILE: a central camera is fitted to it.",
+        ),
+    ] = None
+    at_distance: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--at-distance",
+            metavar="METRES",
+            help="Optics: tell residuals for points at these distances: --at-distance 0.3 1 5.",
+            show_default="0.3, 1 and 5",
+        ),
+    ] = None
+    right_at: Annotated[
+        float | None,
+        typer.Option(
+            "--right-at",
+            metavar="METRES",
+            help="Optics: fit points at this distance from the viewpoint.",
+            show_default="infinity",
+        ),
+    ] = None
+    source: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="FILE",
+            help="Calibration file, sensor file, or a picture of omnisim's.",
+            show_default=False,
+        ),
+    ] = None
+    more_distances: Annotated[
+        list[float] | None,
+        typer.Argument(metavar="METRES", help="More distances.", show_default=False),
+    ] = None
 
 
 @dataclass(frozen=True)

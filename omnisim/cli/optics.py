@@ -6,12 +6,12 @@ import math
 from pathlib import Path
 
 import numpy as np
-from rich.table import Table
 
 from omnisim.atomic_file import check_distinct, check_suffix, check_target
 from omnisim.calibration.ray_table import write_ray_table
 from omnisim.cameras import summary
 from omnisim.cli.console import out, pluralize
+from omnisim.cli.error_table import error_table
 from omnisim.cli.optics_requests import (
     OpticsCheckRequest,
     OpticsDesignRequest,
@@ -20,6 +20,7 @@ from omnisim.cli.optics_requests import (
     OpticsRaysRequest,
 )
 from omnisim.errors import OpticsError
+from omnisim.optics.central_view import DISTANCES_M
 from omnisim.optics.centrality import measure_centrality
 from omnisim.optics.design import Design
 from omnisim.optics.media import WAVELENGTHS_UM
@@ -29,7 +30,6 @@ from omnisim.optics.system_file import read_optics_file
 from omnisim.optics.tracing import Fate
 from omnisim.short_repr import counted
 
-DISTANCES_M = (0.3, 1.0, 5.0)
 _FATES = {
     Fate.OUTSIDE: "outside the lens's own picture",
     Fate.MISSED: "pass a surface",
@@ -54,15 +54,7 @@ def check(request: OpticsCheckRequest) -> None:
         markup=False,
     )
     out.print("A central model with the same directions is off, for points")
-    table = Table(box=None, pad_edge=False)
-    table.add_column("at")
-    for heading in ("median", "99 %", "at most", "not shown"):
-        table.add_column(heading, justify="right")
-    for error in found.errors:
-        values = error.median_px, error.percentile_99_px, error.max_px
-        pixels = ["–" if math.isnan(value) else f"{value:.3g} px" for value in values]
-        table.add_row(f"{error.distance_m:g} m", *pixels, f"{100.0 * error.left_out:.1f} %")
-    out.print(table)
+    out.print(error_table(found.errors))
 
 
 def plot(request: OpticsPlotRequest) -> None:

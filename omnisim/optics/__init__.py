@@ -1,7 +1,10 @@
 """Optical systems that need no single viewpoint: mirrors of any profile, misaligned, and ports."""
 
+from omnisim.cameras.central_error import CentralError
 from omnisim.optics.caustic import caustic_points, pixel_jacobians, ray_jacobians
-from omnisim.optics.centrality import CentralError, Centrality, common_point, measure_centrality
+from omnisim.optics.central_fit import fit_central
+from omnisim.optics.central_view import CentralView
+from omnisim.optics.centrality import Centrality, common_point, measure_centrality
 from omnisim.optics.design import Design
 from omnisim.optics.surface import Rod, Surface
 from omnisim.optics.system import OpticalSystem
@@ -10,6 +13,7 @@ from omnisim.optics.tracing import Fate, TracedRays
 
 __all__ = [
     "CentralError",
+    "CentralView",
     "Centrality",
     "Design",
     "Fate",
@@ -19,6 +23,7 @@ __all__ = [
     "TracedRays",
     "caustic_points",
     "common_point",
+    "fit_central",
     "measure_centrality",
     "pixel_jacobians",
     "ray_jacobians",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import Pixels
+from omnisim.cameras.central_error import CentralError
 from omnisim.errors import OpticsError
 from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.tracing import TracedRays
@@ -35,14 +37,12 @@ class RaySource(Protocol):
         ...
 
 
-class CentralError(NamedTuple):
-    """Error of a central model for points at one distance."""
+class SeenRays(NamedTuple):
+    """Rays of a picture, in the sensor's optical frame."""
 
-    distance_m: float
-    median_px: float
-    percentile_99_px: float
-    max_px: float
-    left_out: float  # share of the rays whose point the central model shows nowhere
+    pixels_px: Floats  # (n, 2)
+    origins_m: Floats  # (n, 3)
+    directions: Floats  # (n, 3)
 
 
 @dataclass(frozen=True)
@@ -82,45 +82,79 @@ def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centr
     Raises:
         OpticsError: no pixel sees anything, or a distance that is not positive.
     """
-    for distance_m in distances_m:
-        if not 0.0 < distance_m <= 1e9:
-            raise OpticsError(f"at_distance: expected more than 0 and finite, got {distance_m:g}")
-    pixels = _pixels(system)
-    rays = system.rays(pixels)
-    pixels, origins_m, directions = (x[rays.valid] for x in (pixels, *rays[:2]))
-    if len(pixels) == 0:
-        raise OpticsError("optics: expected a pixel that sees something, got none")
-    viewpoint_m = common_point(origins_m, directions)
-    toward = viewpoint_m - origins_m
-    along = np.einsum("nj,nj->n", toward, directions)
-    misses_m = np.linalg.norm(toward - along[:, None] * directions, axis=1)
-    errors = tuple(
-        _error(system, pixels, toward, along, directions, distance_m) for distance_m in distances_m
-    )
+    check_distances(distances_m)
+    found = seen_rays(system)
+    viewpoint_m = common_point(found.origins_m, found.directions)
+    toward = viewpoint_m - found.origins_m
+    along = np.einsum("nj,nj->n", toward, found.directions)
+    misses_m = np.linalg.norm(toward - along[:, None] * found.directions, axis=1)
+    errors = central_errors(found, viewpoint_m, distances_m, system.pixel_from_ray)
     return Centrality(viewpoint_m, misses_m, errors)
 
 
-def _error(
-    system: RaySource,
-    pixels: Floats,
-    toward: Floats,
-    along: Floats,
-    directions: Floats,
-    distance_m: float,
-) -> CentralError:
-    """Error of the central model: where it shows the point of a ray at a distance, against where
-    the ray is."""  # fmt: skip
-    squared = np.einsum("nj,nj->n", toward, toward)
+def check_distances(distances_m: Sequence[float]) -> None:
+    """Refuse distances that are not positive and finite.
+
+    Raises:
+        OpticsError: naming the first.
+    """
+    for distance_m in distances_m:
+        if not 0.0 < distance_m <= 1e9:
+            raise OpticsError(f"at_distance: expected more than 0 and finite, got {distance_m:g}")
+
+
+def seen_rays(system: RaySource) -> SeenRays:
+    """Rays of the pixels that see something, evenly over the picture.
+
+    Raises:
+        OpticsError: no pixel sees anything.
+    """
+    pixels = _pixels(system)
+    rays = system.rays(pixels)
+    found = SeenRays(*(part[rays.valid] for part in (pixels, rays.origins_m, rays.directions)))
+    if len(found.pixels_px) == 0:
+        raise OpticsError("optics: expected a pixel that sees something, got none")
+    return found
+
+
+def central_errors(
+    rays: SeenRays,
+    viewpoint_m: Floats,
+    distances_m: Sequence[float],
+    pixel_from_ray: Callable[[Floats], Pixels],
+) -> tuple[CentralError, ...]:
+    """Errors of a central model: where it shows the points of rays, against where those are.
+
+    Args:
+        rays: of the picture.
+        viewpoint_m: (3,) of the model, in the sensor's optical frame.
+        distances_m: of points from the viewpoint; may be infinite.
+        pixel_from_ray: projection of directions (n, 3), sensor's optical frame, by the model.
+    """
+    errors = []
+    for distance_m in distances_m:
+        directions, meets = directions_at(rays.origins_m, rays.directions, viewpoint_m, distance_m)
+        seen = pixel_from_ray(directions)
+        off_px = np.linalg.norm(seen.positions_px - rays.pixels_px, axis=1)
+        errors.append(CentralError.of(distance_m, off_px, seen.valid & meets))
+    return tuple(errors)
+
+
+def directions_at(
+    origins_m: Floats, directions: Floats, viewpoint_m: Floats, distance_m: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Directions (..., 3) from a viewpoint to the points of rays at a distance from it.
+
+    Also returns which rays (...) have such a point.
+    """
+    if math.isinf(distance_m):
+        return directions, np.ones(directions.shape[:-1], dtype=np.bool_)
+    toward = viewpoint_m - origins_m
+    along = np.einsum("...j,...j->...", toward, directions)
+    squared = np.einsum("...j,...j->...", toward, toward)
     reach = along * along - squared + distance_m**2  # of the sphere about the viewpoint
     lengths = along + np.sqrt(np.maximum(reach, 0.0))
-    seen = system.pixel_from_ray(lengths[:, None] * directions - toward)
-    valid: NDArray[np.bool_] = seen.valid & (reach >= 0.0) & (lengths > 0.0)
-    errors_px = np.linalg.norm(seen.positions_px - pixels, axis=1)[valid]
-    if len(errors_px) == 0:
-        return CentralError(distance_m, np.nan, np.nan, np.nan, 1.0)
-    median, high = np.percentile(errors_px, (50.0, 99.0))
-    most = float(errors_px.max())
-    return CentralError(distance_m, float(median), float(high), most, float(1.0 - valid.mean()))
+    return lengths[..., None] * directions - toward, (reach >= 0.0) & (lengths > 0.0)
 
 
 def _pixels(system: RaySource) -> Floats:

@@ -1,6 +1,7 @@
 """`omnisim calibration` and `omnisim render --camera`: output, files and errors."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -231,3 +232,23 @@ def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
     with pytest.raises(SensorFileError, match=message) as info:
         OmniCamera.from_file(tmp_path / "s.toml")
     assert "\n" not in str(info.value)
+
+
+SPHERE = Path(__file__).parents[2] / "examples" / "optics" / "sphere.toml"
+
+
+@pytest.mark.parametrize("by", ["option", "sensor file"])
+def test_optics_are_fitted_and_the_rest_is_told(omnisim, tmp_path, by):
+    (tmp_path / "sensor.toml").write_text(f'[optics]\nfile = "{SPHERE}"\n')
+    given = ("--optics", SPHERE) if by == "option" else ("sensor.toml",)
+    status, out, err = omnisim(
+        "calibration", "convert", *given, "--to", "opencv_fisheye", "-o", "a.yaml",
+        "--at-distance", 0.5, 2,
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    assert "kannala_brandt in a mirrored frame, fitted to optics: RMS" in out
+    assert "viewpoint (0.00000, 0.00000, 0.15570) m" in out
+    assert [line.split()[0] for line in out.splitlines()[-3:]] == ["infinity", "0.5", "2"]
+    shown = omnisim("calibration", "show", "a.yaml")[1]
+    assert "optics_from_camera" in shown
+    assert "points at 0.5 m" in shown

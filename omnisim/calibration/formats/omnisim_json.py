@@ -109,6 +109,9 @@ class OmnisimJson(Format[CentralCamera]):
         """The camera itself."""
         return camera
 
+    def unsupported(self, lens: CentralCamera) -> None:
+        """None: it represents every lens."""
+
 
 def _parsed(part: dict[str, Any], place: str) -> ParsedCamera[CentralCamera]:
     fields = parse(part, _Camera, place)

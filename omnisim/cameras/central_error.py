@@ -1,0 +1,38 @@
+"""Error of a central model of a camera whose rays meet in no point, by the points' distance."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class CentralError(NamedTuple):
+    """Error of a central model for points at one distance from its viewpoint, over a picture."""
+
+    distance_m: float  # may be infinite
+    mean_px: float
+    median_px: float
+    percentile_99_px: float
+    max_px: float
+    left_out: float  # share of the rays whose point the central model shows nowhere
+
+    @property
+    def at(self) -> str:
+        """The distance in words."""
+        return f"{self.distance_m:g} m" if math.isfinite(self.distance_m) else "infinity"
+
+    @classmethod
+    def of(
+        cls, distance_m: float, errors_px: NDArray[np.float64], valid: NDArray[np.bool_]
+    ) -> CentralError:
+        """Statistics of the errors (n,) that are valid."""
+        seen = errors_px[valid]
+        if len(seen) == 0:
+            return cls(distance_m, math.nan, math.nan, math.nan, math.nan, 1.0)
+        median, high = np.percentile(seen, (50.0, 99.0))
+        left_out = float(1.0 - valid.mean())
+        mean, most = float(seen.mean()), float(seen.max())
+        return cls(distance_m, mean, float(median), float(high), most, left_out)
