@@ -10,9 +10,10 @@ from omnisim.cli.inputs import read_sensor
 from omnisim.cli.picture_requests import MirrorRequest
 from omnisim.errors import OpticsError
 from omnisim.mirrors import tessellate
-from omnisim.mirrors.mesh_error import mesh_error
+from omnisim.mirrors.mesh_error import MeshError, mesh_error
 from omnisim.mirrors.unfolding import unfold
 from omnisim.scene.mesh_files import check_mesh_target, write_mirror
+from omnisim.sensors.auto_mesh import auto_polygons
 from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 
@@ -40,26 +41,38 @@ def run(request: MirrorRequest) -> None:
         f"rim radius {1000.0 * model.mirror.rim_radius_m:.4g} mm",
         markup=False,
     )
-    out.print(
-        f"in a picture of it {2.0 * model.rim_radius_px:.4g} px wide, off by "
-        f"{error.mean_px:.3g} px on average, {error.percentile_95_px:.3g} px at 95 %, "
-        f"{error.max_px:.3g} px at most",
-        markup=False,
-    )
+    _print_error(f"in a picture of it {2.0 * model.rim_radius_px:.4g} px wide", error)
 
 
 def _write_surface(request: MirrorRequest, optics: Path) -> None:
-    """Write the mesh of a surface of an optical system."""
-    from omnisim.optics.surface_mesh import tessellate_surface
+    """Write the mesh of a surface of an optical system, and print its error."""
+    from omnisim.optics.mesh_error import SystemMeshErrors
+    from omnisim.optics.mesh_rays import has_mesh, mesh_surface
+    from omnisim.optics.surface_mesh import rim_of_mesh, tessellate_surface
     from omnisim.optics.system_file import read_optics_file
 
     if request.sensor is not None:
         raise OpticsError("--sensor, --optics: expected one of them, got both")
-    surface = read_optics_file(optics).surface(request.surface, str(optics))
-    mesh = tessellate_surface(surface, request.polygons or PAPER_POLYGONS)
-    write_mirror(request.output, mesh, surface.name)
+    system = read_optics_file(optics)
+    surface = system.surface(request.surface, str(optics))
+    is_seen = has_mesh(system) and mesh_surface(system) == request.surface
+    polygons = request.polygons or (is_seen and auto_polygons(system)) or PAPER_POLYGONS
+    mesh = tessellate_surface(surface, polygons, system.system_from_camera[:3, 3])
+    rim_m = rim_of_mesh(surface)
+    write_mirror(request.output, mesh.as_seen(surface.rim_center_m, rim_m), surface.name)
     out.print(
-        f"{request.output}: {surface.name}, {len(mesh.triangles)} triangles, in its own frame, "
-        f"z towards the camera",
+        f"{request.output}: {surface.name}, {polygons} polygons "
+        f"({mesh.sectors} sectors × {polygons // mesh.sectors} rings), {len(mesh.triangles)} "
+        f"triangles, rim radius {1000.0 * rim_m:.4g} mm, in its own frame, z towards the camera",
+        markup=False,
+    )
+    if is_seen:
+        _print_error("in the system's picture", SystemMeshErrors(system).of(polygons))
+
+
+def _print_error(where: str, error: MeshError) -> None:
+    out.print(
+        f"{where}, off by {error.mean_px:.3g} px on average, {error.percentile_95_px:.3g} px at "
+        f"95 %, {error.max_px:.3g} px at most",
         markup=False,
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from omnisim.mirrors.tessellation import MAX_POLYGONS, sector_triangles_m, secto
 # Steps of the samples between two corners of a triangle, for the largest error, where what is near
 # the largest sample is sampled again, and for means.
 _STEPS, _FINE_STEPS = 16, 64
-_DOUBLED_RINGS = [2**n for n in range(1, 20) if 4 * 4**n <= MAX_POLYGONS]
+_LARGEST_RINGS = math.isqrt(MAX_POLYGONS // 4)
 
 
 class MeshError(NamedTuple):
@@ -102,7 +103,13 @@ def needed_polygons(
     def suffices(rings: int) -> bool:
         return largest_error(mirror, 4 * rings, rings, shown) <= max_error
 
-    enough = next(filter(suffices, _DOUBLED_RINGS), None)
+    return fewest_polygons(suffices, _LARGEST_RINGS)
+
+
+def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int | None:
+    """Fewest polygons, four sectors a ring, by the rings that suffice; None: no number does."""
+    doubled = [2**n for n in range(1, largest_rings.bit_length())]
+    enough = next(filter(suffices, doubled), None)
     if enough is None:
         return None
     candidates = range(enough // 2 + 1, enough)

@@ -1,58 +1,129 @@
-"""Mesh of a surface of an optical system, in its own frame, the axis z turned to the camera."""
+"""Mesh of a surface of an optical system: the paper's Fig. 3 for any shape."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.errors import OpticsError
 from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors.mirror_mesh import UnfoldedMirrorMesh
-from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.mirrors.tessellation import RING_EXPONENT, sectors_and_rings
+from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.surface import Surface
 
 _TURN = np.diag(MIRROR_FROM_OPTICAL)
+_SAMPLES = 257  # of a profile, to find out if it is seen in one piece
+_BISECTIONS = 64
+_SHARE_OF_TIP = 1e-8  # of the rim's radius: so near to the axis a tip has its normal
 
 
-def tessellate_surface(surface: Surface, polygons: int) -> UnfoldedMirrorMesh:
-    """Mesh whose vertices are on the surface, the last ring on its rim.
+class SurfaceMesh(NamedTuple):
+    """Triangles whose vertices are on a surface, in its own frame; counter-clockwise from z < 0.
 
-    Its texture coordinates are x and y, the rim's bounding square from 0 to 1.
+    The vertices are those of rings from the axis to the rim, `sectors` each. Without a hole the
+    first ring is the vertex of the surface, once for each sector.
+    """
+
+    vertices_m: Floats  # (n, 3)
+    normals: Floats  # (n, 3), unit, z ≤ 0; a tip has that of its sector's middle
+    triangles: NDArray[np.int64]  # (m, 3)
+    sectors: int
+
+    @property
+    def connectivity(self) -> NDArray[np.int64]:
+        """Triangles (m, 3) by vertices that are the same where their positions are."""
+        is_point = bool(np.ptp(self.vertices_m[: self.sectors], axis=0).max() == 0.0)
+        return np.maximum(self.triangles, self.sectors - 1) if is_point else self.triangles
+
+    def as_seen(self, rim_center_m: tuple[float, float], rim_m: float) -> UnfoldedMirrorMesh:
+        """Mesh with z towards the camera; texture coordinates are x and y of it, the rim's bounding
+        square from 0 to 1."""  # fmt: skip
+        texture = 0.5 + 0.5 * (self.vertices_m[:, :2] - rim_center_m) / rim_m
+        return UnfoldedMirrorMesh(
+            self.vertices_m * _TURN, self.normals * _TURN, texture, self.triangles
+        )
+
+
+def rim_of_mesh(surface: Surface) -> float:
+    """Radius of the rim of a surface, or of its shape.
+
+    Raises:
+        OpticsError: none, or a hole beside the rim's middle.
+    """
+    aside_m = math.hypot(*surface.rim_center_m)
+    rim_m = min(surface.rim_radius_m, surface.shape.domain_m - aside_m)
+    if math.isinf(rim_m):
+        raise OpticsError(f"{surface.name}: rim_radius_m: missing")
+    if aside_m > 0.0 and surface.hole_radius_m > 0.0:
+        raise OpticsError(f"{surface.name}: rim_center_m: expected [0, 0] beside hole_radius_m")
+    return rim_m
+
+
+def tessellate_surface(surface: Surface, polygons: int, camera_m: Floats) -> SurfaceMesh:
+    """Tessellate a surface: every vertex is on it, the last ring on its rim.
 
     Args:
         surface: with a rim, and a hole only about the rim's middle.
         polygons: see `sectors_and_rings`.
+        camera_m: (3,) of the pinhole, system frame: rings are narrow where it sees them narrow.
 
     Raises:
         OpticsError: no rim, a hole beside the rim's middle, or a count that makes no mesh.
     """
     sectors, rings = sectors_and_rings(polygons)
-    is_centred = surface.rim_center_m == (0.0, 0.0)
-    rim_m = min(surface.rim_radius_m, surface.shape.domain_m)
-    if math.isinf(rim_m):
-        raise OpticsError(f"{surface.name}: rim_radius_m: missing")
-    if not is_centred and surface.hole_radius_m > 0.0:
-        raise OpticsError(f"{surface.name}: rim_center_m: expected [0, 0] beside hole_radius_m")
-    radii = np.linspace(surface.hole_radius_m, rim_m, rings + 1)[:, None]
-    azimuths = np.arange(sectors) * (2.0 * math.pi / sectors)
-    x = (surface.rim_center_m[0] + radii * np.cos(azimuths)).ravel()
-    y = (surface.rim_center_m[1] + radii * np.sin(azimuths)).ravel()
-    points_m = np.column_stack((x, y, surface.shape.sag_m(np.hypot(x, y))))
-    gradients = surface.shape.level(points_m).gradients
-    gradients[~gradients.any(axis=1)] = (0.0, 0.0, -1.0)  # a cone's tip
+    radii = _ring_radii_m(surface, rim_of_mesh(surface), rings, camera_m)[:, None]
+    azimuths = np.tile(np.arange(sectors) * (2.0 * math.pi / sectors), (rings + 1, 1))
+    points_m = _on_surface(surface, radii, azimuths)
+    # an apex has its normal from the middle of the sector whose triangle it is a corner of
+    azimuths[0] += math.pi / sectors if radii[0] == 0.0 else 0.0
+    radii[0] = max(float(radii[0, 0]), _SHARE_OF_TIP * float(radii[-1, 0]))
+    gradients = surface.shape.level(_on_surface(surface, radii, azimuths)).gradients
     normals = gradients / np.linalg.norm(gradients, axis=1, keepdims=True)
-    normals *= -np.sign(normals[:, 2:])
-    near = (np.arange(rings)[:, None] * sectors + np.arange(sectors)).ravel()
-    beside = near - near % sectors + (near + 1) % sectors
-    one = np.column_stack((near, beside + sectors, near + sectors))
-    other = np.column_stack((near, beside, beside + sectors))
-    triangles = np.concatenate((one, other))
-    corners = points_m[triangles]
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    texture = 0.5 + 0.5 * (points_m[:, :2] - surface.rim_center_m) / rim_m
-    return UnfoldedMirrorMesh(
-        points_m * _TURN, normals * _TURN, texture, triangles[areas > 0.0].astype(np.int64)
-    )
+    normals *= -np.where(normals[:, 2:] > 0.0, 1.0, -1.0)
+    here = (np.arange(rings)[:, None] * sectors + np.arange(sectors)).ravel()
+    there = here - here % sectors + (here + 1) % sectors
+    outer = np.column_stack((here, here + sectors, there + sectors))
+    inner = np.column_stack((here, there + sectors, there))
+    if surface.hole_radius_m == 0.0:
+        inner = inner[sectors:]  # at the vertex there is none
+    return SurfaceMesh(points_m, normals, np.concatenate((outer, inner)), sectors)
+
+
+def _on_surface(surface: Surface, radii_m: Floats, azimuths_rad: Floats) -> Floats:
+    """Points (n, 3) at polar coordinates about the rim's middle, +x to −y."""
+    x = (surface.rim_center_m[0] + radii_m * np.cos(azimuths_rad)).ravel()
+    y = (surface.rim_center_m[1] - radii_m * np.sin(azimuths_rad)).ravel()
+    return np.column_stack((x, y, heights_m(surface, np.hypot(x, y))))
+
+
+def heights_m(surface: Surface, radii_m: Floats) -> Floats:
+    """Heights (n,) of a surface at radii (n,) that rounding may have put beyond its domain."""
+    return surface.shape.sag_m(np.minimum(radii_m, surface.shape.domain_m))
+
+
+def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) -> Floats:
+    """Radii (rings + 1,) of the rings, from the hole to the rim.
+
+    In the picture of a camera on the axis they are as those of a central mirror, see
+    `RING_EXPONENT`; where it does not see the whole profile, the radii themselves are.
+    """
+    height_m = -float(surface.points_from_system(camera_m[None])[0, 2])
+
+    def seen(radii_m: Floats) -> Floats:
+        return radii_m / (height_m + surface.shape.sag_m(radii_m))
+
+    steps = np.diff(seen(np.linspace(0.0, rim_m, _SAMPLES)))
+    measure = seen if np.all(steps > 0.0) else np.positive  # NaN is not, either
+    first, last = measure(np.array([surface.hole_radius_m, rim_m])) ** (1.0 / RING_EXPONENT)
+    wanted = (first + (last - first) * np.arange(rings + 1) / rings) ** RING_EXPONENT
+    low, high = np.zeros(rings + 1), np.full(rings + 1, rim_m)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        is_low = measure(middle) < wanted
+        low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
+    high[[0, -1]] = surface.hole_radius_m, rim_m  # free of rounding
+    return high

@@ -48,6 +48,7 @@ def trace(
     origins_m: Floats,
     directions: Floats,
     fates: NDArray[np.uint8],
+    can_block: bool = True,
 ) -> Paths:
     """Trace rays (n, 3) from a camera; those whose fate is known already have NaN points.
 
@@ -57,6 +58,7 @@ def trace(
         obstacles: opaque parts.
         origins_m, directions: of the rays, system frame.
         fates: (n,) of `Fate`: SEEN for those to trace.
+        can_block: mirrors and obstacles in the way of other rays shadow them.
     """
     points = np.full((len(surfaces) + 1, len(origins_m), 3), np.nan)
     points[0] = origins_m
@@ -69,11 +71,15 @@ def trace(
         fates[rows[~hit]] = np.where(beyond_rim[~hit], Fate.RIM, Fate.MISSED)
         rows, toward = rows[hit], toward[hit]
         at = begin[hit] + lengths[hit, None] * toward
-        blocked = _blocked(surfaces, obstacles, number, begin[hit], toward, lengths[hit])
-        fates[rows[blocked]] = Fate.SHADOWED
+        if can_block:
+            blocked = _blocked(surfaces, obstacles, number, begin[hit], toward, lengths[hit])
+            fates[rows[blocked]] = Fate.SHADOWED
         points[number + 1, rows] = at
-        along[rows] = _deflected(surface, at, toward, indices[number] / indices[number + 1])
+        ratio = indices[number] / indices[number + 1]
+        along[rows] = deflected(surface.normals(at), toward, surface.is_mirror, ratio)
         fates[rows[np.isnan(along[rows, 0])]] = Fate.TOTAL_REFLECTION
+    if not can_block:
+        return Paths(points, along, fates)
     rows = np.flatnonzero(fates == Fate.SEEN)
     endless = np.full(len(rows), np.inf)
     number = len(surfaces)
@@ -82,19 +88,18 @@ def trace(
     return Paths(points, along, fates)
 
 
-def _deflected(surface: Surface, points_m: Floats, directions: Floats, ratio: float) -> Floats:
+def deflected(normals: Floats, directions: Floats, is_mirror: bool, ratio: float = 1.0) -> Floats:
     """Directions (n, 3) behind a surface; NaN where a boundary reflects totally.
 
     Args:
-        surface: mirror or boundary.
-        points_m: (n, 3) where they meet it.
+        normals: (n, 3) unit, where they meet it.
         directions: (n, 3) before it.
+        is_mirror: reflects, or else refracts.
         ratio: refractive index before a boundary, over that behind it.
     """
-    normals = surface.normals(points_m)
     along = np.einsum("nj,nj->n", directions, normals)[:, None]
     found: Floats
-    if surface.is_mirror:
+    if is_mirror:
         found = directions - 2.0 * along * normals
     else:
         normals = np.where(along > 0.0, normals, -normals)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera, pixel_grid
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
 from omnisim.cameras import Rays as CameraRays
 from omnisim.rays.caster import Rays
 from omnisim.rays.depth_limits import DepthLimits
@@ -67,6 +67,10 @@ class PixelRays:
         self._ray_from_pixel: Callable[[NDArray[np.float64]], CameraRays] = camera.ray_from_pixel
         if polygons is not None and isinstance(camera, HyperbolicCamera):
             self._ray_from_pixel = MirrorMeshRays(camera, polygons).ray_from_pixel
+        elif polygons is not None and isinstance(camera, NonCentralCamera):
+            from omnisim.optics.mesh_rays import MeshRays  # few cameras have one
+
+            self._ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
         pixels_per_band = max(1, _SAMPLES_PER_BAND // (camera.width_px * rows_per_pixel))
         step = pixels_per_band * rows_per_pixel
         self.bands = tuple(

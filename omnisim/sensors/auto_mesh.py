@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera
 from omnisim.mirrors.mesh_error import Annulus, largest_error, needed_polygons
-from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.mirrors.tessellation import MAX_POLYGONS, sectors_and_rings
 
 MAX_ERROR_PX = 0.1
 # Rasterizers place a mesh's vertices in steps of as much: that comes on top of its own error.
 _RASTER_STEP_PX = 1.0 / 256.0
+_MAX_TRACED_POLYGONS = 1 << 18  # beyond, an optical system's mesh takes longer than exact rays
 
 
 def auto_polygons(camera: CentralCamera) -> int | None:
@@ -19,15 +20,35 @@ def auto_polygons(camera: CentralCamera) -> int | None:
     Returns:
         None: exact, as no mesh is fine enough, or there is no mirror with a mesh.
     """
-    if not isinstance(camera, HyperbolicCamera):
+    most = most_polygons(camera)
+    if most is None:
         return None
-    max_error = (MAX_ERROR_PX - _RASTER_STEP_PX) / camera.focal_length_px
-    return needed_polygons(camera.mirror, max_error, _shown(camera))
+    if isinstance(camera, HyperbolicCamera):
+        max_error = (MAX_ERROR_PX - _RASTER_STEP_PX) / camera.focal_length_px
+        return needed_polygons(camera.mirror, max_error, _shown(camera))
+    from omnisim.optics.mesh_error import SystemMeshErrors  # few cameras have one
+
+    return SystemMeshErrors(camera).needed_polygons(MAX_ERROR_PX, most)
+
+
+def most_polygons(camera: CentralCamera) -> int | None:
+    """Most polygons that are chosen for a camera; None: it has no mirror with a mesh."""
+    if isinstance(camera, HyperbolicCamera):
+        return MAX_POLYGONS
+    if not isinstance(camera, NonCentralCamera):
+        return None
+    from omnisim.optics.mesh_rays import has_mesh
+
+    return _MAX_TRACED_POLYGONS if has_mesh(camera) else None
 
 
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
     """Largest error of a mesh anywhere in a camera's picture, with that of its outline and of
     rasterization; exact: 0."""  # fmt: skip
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.optics.mesh_error import SystemMeshErrors
+
+        return SystemMeshErrors(camera).of(polygons).max_px
     if polygons is None or not isinstance(camera, HyperbolicCamera):
         return 0.0
     error = largest_error(camera.mirror, *sectors_and_rings(polygons), _shown(camera))

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim import poses
-from omnisim.cameras import CentralCamera, HyperbolicCamera, summary
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
 from omnisim.errors import OpticsError
 from omnisim.mirrors import HyperbolicMirror
-from omnisim.mirrors.tessellation import MAX_POLYGONS, sectors_and_rings
-from omnisim.sensors.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px
+from omnisim.mirrors.tessellation import sectors_and_rings
+from omnisim.sensors.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.quality import (
     DEFAULT_QUALITY,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from omnisim.calibration import CalibratedCamera, Calibration
     from omnisim.sensors.sensor_file import SensorSettings
 
-Polygons = int | Literal["auto"] | None  # of a mirror's mesh; None: exact
+Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
 
@@ -52,7 +52,8 @@ class OmniCamera:
         model: the camera model, with its mirror if it has one.
         polygons: of the mirror's mesh; "auto": as few as keep the largest error in the picture
             below a tenth of a pixel, see `mesh_polygons`; None captures exactly, pixel by pixel,
-            as a lens always is.
+            as a lens always is; "default", which becomes one of the two, is "auto", but exact for
+            an optical system, whose exact rays are traced once.
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
         face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
@@ -71,7 +72,7 @@ class OmniCamera:
 
     model: CentralCamera = field(default_factory=_paper_camera)
     _: KW_ONLY
-    polygons: Polygons = "auto"
+    polygons: Polygons = "default"
     base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
     near_m: float = 0.05
@@ -84,13 +85,16 @@ class OmniCamera:
     def __post_init__(self) -> None:
         if not isinstance(self.model, CentralCamera):
             raise OpticsError(f"camera: expected a camera model, got {type(self.model).__name__}")
+        if self.polygons == "default":
+            polygons = None if isinstance(self.model, NonCentralCamera) else "auto"
+            object.__setattr__(self, "polygons", polygons)  # frozen
         if self.polygons is not None and self.polygons != "auto":
             if type(self.polygons) is not int:
                 raise OpticsError(
                     f"polygons: expected a whole number, 'auto' or None, got {self.polygons!r}"
                 )
             sectors_and_rings(self.polygons)
-            if not isinstance(self.model, HyperbolicCamera):
+            if most_polygons(self.model) is None:
                 raise OpticsError(
                     f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
                     "no mirror with a mesh: expected 'auto' or 'exact'"
@@ -218,7 +222,9 @@ class OmniCamera:
 
         "auto" is exact where even the finest mesh is off by more.
         """
-        return auto_polygons(self.model) if self.polygons == "auto" else self.polygons
+        if isinstance(self.polygons, str):
+            return auto_polygons(self.model)
+        return self.polygons
 
     @property
     def mesh_error_px(self) -> float:
@@ -231,9 +237,10 @@ class OmniCamera:
         if self.mesh_polygons is not None:
             chosen = " (auto)" if self.polygons == "auto" else ""
             return f"{self.mesh_polygons} polygons{chosen}"
-        if self.polygons is None or not isinstance(self.model, HyperbolicCamera):
+        most = None if self.polygons is None else most_polygons(self.model)
+        if most is None:
             return "exact"
-        return f"exact (auto: {MAX_ERROR_PX} px need more than {MAX_POLYGONS} polygons)"
+        return f"exact (auto: {MAX_ERROR_PX} px need more than {most} polygons)"
 
     @property
     def supersampled_model(self) -> CentralCamera:

@@ -8,7 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import Pixels, period_px, pixel_grid, pixels_of_points
+from omnisim.cameras import (
+    CentralCamera,
+    NonCentralCamera,
+    Pixels,
+    period_px,
+    pixel_grid,
+    pixels_of_points,
+)
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
 from omnisim.sensors.hit_source import HitSource
@@ -43,9 +50,10 @@ class OpticalFlow:
         self._shape = source.has_ray.shape
         self._valid = np.flatnonzero(source.has_ray)
         # where the exact camera sees what each pixel sees: at the pixel itself, but for a mesh
+        self._by_points = source.polygons is not None and isinstance(self._camera, NonCentralCamera)
         self._positions_px = (
             pixel_grid(*self._shape[::-1])[source.has_ray]
-            if source.polygons is None
+            if source.polygons is None or self._by_points
             else self._camera.pixel_from_ray(source.rays()[source.has_ray]).positions_px
         )
         self.refresh()
@@ -64,8 +72,8 @@ class OpticalFlow:
         """
         transforms = other_from_current(current, other)
         self._source.begin_occlusion(other, transforms[self._object_of_draw[1:], :3])
-        optical_from_world = (other.world_from_rig[:3, :3] @ self._camera.rig_from_optical).T
-        return optical_from_world @ transforms[:, :3]
+        self._optical_from_current = _optical_from_world(current, self._camera)
+        return _optical_from_world(other, self._camera) @ transforms[:, :3]
 
     def end(
         self, hits: Hits, other_optical_from_current: NDArray[np.float64]
@@ -80,8 +88,13 @@ class OpticalFlow:
             Flow (height, width, 2) in pixels, NaN where the lens cannot see the point then; and
             (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has no ray.
         """
-        projected = self._other_pixels(hits, other_optical_from_current)
-        motion_px = projected.positions_px - self._positions_px
+        projected = self._pixels_of(hits, other_optical_from_current)
+        positions_px = self._positions_px
+        if self._by_points:
+            still = np.zeros_like(other_optical_from_current)
+            still[:, :, :3] = self._optical_from_current
+            positions_px = self._pixels_of(hits, still).positions_px
+        motion_px = projected.positions_px - positions_px
         if self._period_px is not None:
             motion_px[:, 0] -= self._period_px * np.round(motion_px[:, 0] / self._period_px)
         motion_px[np.flatnonzero(~projected.valid)] = np.nan
@@ -95,14 +108,14 @@ class OpticalFlow:
         )
         return flow.reshape(*self._shape, 2), status.reshape(self._shape)
 
-    def _other_pixels(self, hits: Hits, other_optical_from_current: NDArray[np.float64]) -> Pixels:
-        """Project the points (n,) of the valid pixels into the other picture."""
+    def _pixels_of(self, hits: Hits, optical_from_current: NDArray[np.float64]) -> Pixels:
+        """Project the points (n,) of the valid pixels into a picture."""
         points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
             np.float64
         )
         draws_plus_one = hits.draws_plus_one.ravel()[self._valid]
         points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no translation moves
-        has_objects = len(other_optical_from_current) > 1
+        has_objects = len(optical_from_current) > 1
         objects = self._object_of_draw[draws_plus_one] if has_objects else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
         for first in range(0, len(points_m), POINTS_PER_BATCH):
@@ -110,7 +123,7 @@ class OpticalFlow:
             optical_m = transform_points(
                 points_m[batch],
                 None if objects is None else objects[batch],
-                other_optical_from_current,
+                optical_from_current,
             )
             positions_px[batch], valid[batch] = pixels_of_points(
                 self._camera, optical_m, points_m[batch, 3] > 0.0
@@ -124,3 +137,9 @@ class OpticalFlow:
         inside: NDArray[np.bool_] = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
         inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
         return inside
+
+
+def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> NDArray[np.float64]:
+    """Rotation (3, 3) from the world to the optical frame of a camera."""
+    rotation: NDArray[np.float64] = (poses.world_from_rig[:3, :3] @ camera.rig_from_optical).T
+    return rotation

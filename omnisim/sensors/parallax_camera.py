@@ -69,7 +69,7 @@ class ParallaxCamera(CameraBackend):
             )
         self._sensor, context = sensor, drawn.buffers.context
         self._rays: RayScene | None = None
-        self._samples = sample_rays(sensor.model, sensor.supersampling)
+        self._samples = sample_rays(sensor.model, sensor.supersampling, sensor.mesh_polygons)
         seen = self._samples.valid
         if not seen.any():
             raise GraphicsError("camera: no pixel of the picture sees anything of the scene")

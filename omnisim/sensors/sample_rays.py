@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
 
 # Pixels around a sample that must have a ray for it to be interpolated: near a rim rays bend fast.
 _SMOOTH_PX = 2
@@ -24,22 +24,31 @@ class SampleRays(NamedTuple):
     valid: NDArray[np.bool_]  # (height, width)
 
 
-def sample_rays(camera: CentralCamera, supersampling: int) -> SampleRays:
+def sample_rays(
+    camera: CentralCamera, supersampling: int, polygons: int | None = None
+) -> SampleRays:
     """Rays of the samples of a camera's pixels; those of the pixels' centres are traced.
 
     Between them rays are interpolated cubically; near the edges of what is seen they are traced.
+    Those of a mesh, which bend at its edges, are all traced.
 
     Args:
         camera: with pixels.
         supersampling: samples to a side of a pixel.
+        polygons: of the mesh of its mirror; None: exact.
     """
     width, height = camera.width_px, camera.height_px
+    u, v = ((np.arange(n * supersampling) + 0.5) / supersampling - 0.5 for n in (width, height))
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.optics.mesh_rays import MeshRays
+
+        mesh = MeshRays(camera, polygons)
+        return _of_mesh(mesh.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1)))
     traced = camera.ray_from_pixel(
         pixel_grid(width + 2 * _MARGIN_PX, height + 2 * _MARGIN_PX) - _MARGIN_PX
     )
     origins_m = np.zeros_like(traced.directions) if traced.origins_m is None else traced.origins_m
     values = np.concatenate((traced.directions, origins_m), axis=-1, dtype=np.float32)
-    u, v = ((np.arange(n * supersampling) + 0.5) / supersampling - 0.5 for n in (width, height))
     values = _interpolated(_interpolated(values, supersampling, 0), supersampling, 1)
     around = np.ones((2 * _SMOOTH_PX + 1, 2 * _SMOOTH_PX + 1), dtype=np.bool_)
     smooth = scipy.ndimage.binary_erosion(traced.valid, around, border_value=1)
@@ -60,6 +69,12 @@ def sample_rays(camera: CentralCamera, supersampling: int) -> SampleRays:
     x, y, z = (values[..., axis] for axis in range(3))
     values[..., :3] /= np.sqrt(x * x + y * y + z * z)[..., None]
     return SampleRays(values[..., :3].copy(), values[..., 3:].copy(), valid)
+
+
+def _of_mesh(rays: Rays) -> SampleRays:
+    assert rays.origins_m is not None
+    directions, origins_m = rays.directions.astype(np.float32), rays.origins_m.astype(np.float32)
+    return SampleRays(directions, origins_m, rays.valid)
 
 
 def _interpolated(

@@ -26,6 +26,7 @@ from omnisim.mirrors.hyperbolic import (
 )
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.parameters import Number, Table, described, parse_table
+from omnisim.sensors.auto_mesh import most_polygons
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.degradation_file import parse_degradation
 from omnisim.sensors.quality import (
@@ -40,6 +41,7 @@ from omnisim.sensors.quality import (
 )
 from omnisim.toml_file import read_toml
 
+Polygons = int | Literal["auto"] | None  # None: exact
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 
 
@@ -121,22 +123,13 @@ class MirrorTable(Table):
         except OpticsError as reason:
             raise _fault(f"{source}: mirror.{given}: ", reason, "mirror: ") from None
 
-    def polygon_count(self, source: str) -> int | Literal["auto"] | None:
+    def polygon_count(self, source: str) -> Polygons:
         """Polygons of the mesh, or None: exact.
 
         Raises:
             SensorFileError: a count that makes no mesh.
         """
-        if self.polygons == "exact":
-            return None
-        if self.polygons == "auto":
-            return self.polygons
-        try:
-            sectors_and_rings(self.polygons)
-        except OpticsError as reason:
-            where = f"{source}: mirror.polygons = {self.polygons}: "
-            raise _fault(where, reason, "mirror: ") from None
-        return self.polygons
+        return _polygon_count(self.polygons, f"{source}: mirror")
 
 
 class VirtualCamerasTable(Table):
@@ -262,7 +255,24 @@ class OpticsTable(Table):
 
     file: str | None = None
     """Optics file, relative to this file."""
+    polygons: PolygonCount = "exact"
+    """Polygons of the mesh of the first mirror that the camera sees; "auto": as few as keep the
+    largest error in the picture below 0.1 px; "exact": no mesh."""
     mounting: MountingTable = Field(default_factory=MountingTable)
+
+    def polygon_count(self, camera: CentralCamera, source: str) -> Polygons:
+        """Polygons of a camera's mesh, or None: exact.
+
+        Raises:
+            SensorFileError: a count that makes no mesh, or no mirror that has one.
+        """
+        found = _polygon_count(self.polygons, f"{source}: optics")
+        if found is not None and most_polygons(camera) is None:
+            raise SensorFileError(
+                f"{source}: optics.polygons = {found}: expected 'exact', as {self.file} has no "
+                "mirror with a rim"
+            )
+        return found
 
     def make_camera(self, source: str) -> CentralCamera:
         """The optical system of the file, or of the further keys.
@@ -321,7 +331,7 @@ class SensorSettings:
     """
 
     model: CentralCamera
-    polygons: int | Literal["auto"] | None
+    polygons: Polygons
     mounting: MountingTable
     virtual_cameras: VirtualCamerasTable
     quality: CaptureQuality
@@ -351,11 +361,31 @@ def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
     return SensorFileError(where + str(reason).removeprefix(prefix))
 
 
+def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Polygons:
+    """Polygons of a mesh, or None: exact.
+
+    Raises:
+        SensorFileError: a count that makes no mesh.
+    """
+    if polygons == "exact":
+        return None
+    if polygons == "auto":
+        return polygons
+    try:
+        sectors_and_rings(polygons)
+    except OpticsError as reason:
+        raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror: ") from None
+    return polygons
+
+
 def _settings(file: SensorFile, source: str) -> SensorSettings:
     model: CentralCamera
     other = file.lens or file.optics
+    polygons: Polygons
     if other is not None:
         model, polygons, mounting = other.make_camera(source), None, other.mounting
+        if isinstance(other, OpticsTable):
+            polygons = other.polygon_count(model, source)
     else:
         polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
         model = file.camera.make_camera(file.mirror.make_mirror(source), source)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, HyperbolicCamera, pixel_grid
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
 from omnisim.mirrors.tessellation import sectors_and_rings
 
 BLOCK_PIXELS = 1 << 20  # computed at a time, to bound the memory of intermediate arrays
@@ -24,6 +24,11 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]
     Raises:
         OpticsError: a polygon count that makes no mesh.
     """
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.optics.mesh_rays import MeshRays  # few cameras have one
+
+        pixels = pixel_grid(camera.width_px, camera.height_px)
+        return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
     inner_radius_px = math.inf
     if polygons is not None and isinstance(camera, HyperbolicCamera):
         sectors, _ = sectors_and_rings(polygons)
