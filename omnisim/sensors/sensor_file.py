@@ -267,10 +267,10 @@ class OpticsTable(Table):
             SensorFileError: a count that makes no mesh, or no mirror that has one.
         """
         found = _polygon_count(self.polygons, f"{source}: optics")
-        if found is not None and most_polygons(camera) is None:
+        if isinstance(found, int) and most_polygons(camera) is None:
             raise SensorFileError(
-                f"{source}: optics.polygons = {found}: expected 'exact', as {self.file} has no "
-                "mirror with a rim"
+                f"{source}: optics.polygons = {found}: expected 'auto' or 'exact', as no mirror "
+                "with a rim is there"
             )
         return found
 

@@ -31,6 +31,7 @@ def sensor_toml(sensor: OmniCamera) -> str:
         group, picture = "optics", ""
         named = sensor.model.parameters()
         geometry, parts = _system({key: named[key] for key in named if key != "model"})
+        geometry += _polygons(sensor.polygons)
     else:
         group, geometry, picture = "lens", _keys(sensor.model.parameters()), ""
     return f"""[{group}]
@@ -60,8 +61,11 @@ k = {mirror.k!r}
 c = {mirror.c!r}
 meters_per_unit = {mirror.meters_per_unit!r}
 theta_max_deg = {round(math.degrees(mirror.theta_max_rad), 12)!r}
-polygons = {json.dumps("exact" if polygons is None else polygons)}
-"""
+{_polygons(polygons)}"""
+
+
+def _polygons(polygons: Polygons) -> str:
+    return _keys({"polygons": "exact" if polygons is None else polygons})
 
 
 def _picture(camera: HyperbolicCamera) -> str:
