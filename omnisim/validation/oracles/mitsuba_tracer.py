@@ -4,10 +4,8 @@ Of omnisim's optics only Eq. 1 goes in: the mirror's surface with its normals, a
 its other focus. Which way a pixel looks is for Mitsuba to find out, by reflecting its own camera's
 rays off a mesh of metal.
 
-Surfaces shine in their base colour and reflect nothing: a colour tells where a ray has gone, and
-no shading hides it. They are float32, not filtered and not clamped; a pixel is the average over
-its square. Nothing is too near to be seen. Around the rim the camera looks past the mirror at the
-scene: compare inside the rim.
+A pixel is the average over its square. Nothing is too near to be seen. Around the rim the camera
+looks past the mirror at the scene: compare inside the rim.
 
 Coordinates run along the world's axes from the effective viewpoint, in hundredths of the rim's
 radius. Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface: in metres that is
@@ -17,8 +15,6 @@ radius. Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface: in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import mitsuba as mi
@@ -26,20 +22,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import HyperbolicCamera
-from omnisim.errors import SceneError
 from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.scene.model import Texture, Wrap
-from omnisim.srgb import linear_from_srgb
-from omnisim.validation.oracles.surfaces import Surface, visible_surfaces
+from omnisim.validation.oracles.mitsuba_scene import (
+    film,
+    mesh_of,
+    metal,
+    rgb,
+    scalar_variant,
+    shining,
+)
+from omnisim.validation.oracles.surfaces import visible_surfaces
 
-# Needs no LLVM: Dr.Jit 1.5 on Debian 12's LLVM 15 aborts the whole process.
-VARIANT = "scalar_rgb"
 MIRROR_RINGS, MIRROR_SECTORS = 256, 1024
 RIM_UNITS = 100.0
-_VERTEX_COLOR = "vertex_color"
 
 
 def trace_mirror(
@@ -72,16 +70,16 @@ def trace_mirror(
     reach_m = float(mirror.rho_m(mirror.theta_max_rad))  # its farthest points are the rim's
     surfaces = visible_surfaces(scene, pose[:3, 3], reach_m)
     units_per_m = RIM_UNITS / mirror.rim_radius_m
-    with _variant():
+    with scalar_variant():
         content = {
             "type": "scene",
             "integrator": {"type": "path", "max_depth": 2},  # one reflection
             "sensor": pinhole(camera, pose[:3, :3], units_per_m, samples),
             "mirror": mirror_of_metal(mirror, pose[:3, :3], units_per_m),
-            "sky": {"type": "constant", "radiance": _rgb(scene.background)},
+            "sky": {"type": "constant", "radiance": rgb(scene.background)},
         }
         for number, surface in enumerate(surfaces):
-            content[f"surface {number}"] = _shining(surface, units_per_m)
+            content[f"surface {number}"] = shining(surface, units_per_m)
         picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
         return np.array(picture, dtype=np.float32)[..., :3]
 
@@ -117,14 +115,7 @@ def pinhole(
         "principal_point_offset_y": 0.5 - (v + 0.5) / camera.height_px,
         "near_clip": 0.1 * camera.mirror.c_m * units_per_m,
         "far_clip": 1e3 * camera.mirror.c_m * units_per_m,  # of what is seen past the mirror
-        "film": {
-            "type": "hdrfilm",
-            "width": camera.width_px,
-            "height": camera.height_px,
-            "pixel_format": "rgb",
-            "component_format": "float32",
-            "rfilter": {"type": "box"},
-        },
+        "film": film(camera.width_px, camera.height_px),
         "sampler": {"type": "multijitter", "sample_count": samples},
     }
 
@@ -139,10 +130,10 @@ def mirror_of_metal(
     """
     vertices_m, triangles = mirror_mesh(mirror)
     world_from_mirror = world_from_optical @ MIRROR_FROM_OPTICAL.T
-    return _mesh(
+    return mesh_of(
         vertices_m @ world_from_mirror.T * units_per_m,
         triangles,
-        {"mesh_bsdf": mi.load_dict(_metal(1.0))},
+        {"mesh_bsdf": mi.load_dict(metal(1.0))},
         normals=mirror.normals(vertices_m) @ world_from_mirror.T,
     )
 
@@ -167,102 +158,3 @@ def mirror_mesh(
     upper = upper[1:]  # at the axis all azimuths are one point
     triangles = np.concatenate((lower.reshape(-1, 3), upper.reshape(-1, 3)))
     return np.stack((x, y, z), axis=-1).reshape(-1, 3), triangles
-
-
-def _shining(surface: Surface, units_per_m: float) -> mi.Mesh:
-    material, texture = surface.material, surface.material.texture
-    coordinates = colors = None
-    if surface.texture_coordinates is not None and texture is not None:
-        if surface.colors is not None:
-            raise SceneError(
-                f"material {material.name!r}: Mitsuba has no texture times vertex colours"
-            )
-        if texture.wrap_u is not texture.wrap_v:
-            raise SceneError(
-                f"material {material.name!r}: Mitsuba wraps u and v of a texture alike"
-            )
-        coordinates = surface.texture_coordinates.reshape(-1, 2)
-        radiance = _bitmap(texture, material.base_color[:3])
-    elif surface.colors is not None:
-        factor = np.array(material.base_color[:3], dtype=np.float32)
-        colors = surface.colors.reshape(-1, 3) * factor
-        radiance = {"type": "mesh_attribute", "name": _VERTEX_COLOR}
-    else:
-        radiance = _rgb(material.base_color[:3])
-    corners = surface.triangles_m.reshape(-1, 3) * units_per_m
-    return _mesh(
-        corners,
-        np.arange(len(corners)).reshape(-1, 3),
-        {
-            "mesh_bsdf": mi.load_dict(_metal(0.0)),
-            "mesh_emitter": mi.load_dict({"type": "area", "radiance": radiance}),
-            "face_normals": True,
-        },
-        coordinates=coordinates,
-        colors=colors,
-    )
-
-
-def _bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
-    pixels = linear_from_srgb(texture.pixels[..., :3] / 255.0) * factor
-    return {
-        "type": "bitmap",
-        "data": mi.TensorXf(pixels.astype(np.float32)),
-        "raw": True,  # linear already
-        "format": "variant",  # float32, not half floats
-        "wrap_mode": "clamp" if texture.wrap_u is Wrap.CLAMP_TO_EDGE else "repeat",
-    }
-
-
-def _metal(reflectance: float) -> dict[str, Any]:
-    """Smooth metal. With 0 it is the black of all surfaces: on anything rough Mitsuba 3.9 looks for
-    light, and crashes on emitters with vertex colours (`scalar_rgb`).
-    """
-    return {
-        "type": "conductor",
-        "material": "none",
-        "specular_reflectance": _rgb((reflectance,) * 3),
-    }
-
-
-def _rgb(color: tuple[float, ...]) -> dict[str, Any]:
-    return {"type": "rgb", "value": list(color)}
-
-
-def _mesh(
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    properties: dict[str, Any],
-    normals: NDArray[np.float64] | None = None,
-    coordinates: NDArray[np.float32] | None = None,
-    colors: NDArray[np.float32] | None = None,
-) -> mi.Mesh:
-    held = mi.Properties()
-    for key, value in properties.items():
-        held[key] = value
-    mesh = mi.Mesh(
-        "mesh", len(vertices), len(triangles), held, normals is not None, coordinates is not None
-    )
-    if colors is not None:
-        mesh.add_attribute(_VERTEX_COLOR, 3, colors.ravel().tolist())
-    buffers = mi.traverse(mesh)
-    buffers["vertex_positions"] = vertices.astype(np.float32).ravel()
-    buffers["faces"] = triangles.astype(np.uint32).ravel()
-    if normals is not None:
-        buffers["vertex_normals"] = normals.astype(np.float32).ravel()
-    if coordinates is not None:
-        buffers["vertex_texcoords"] = coordinates.astype(np.float32).ravel()
-    buffers.update()
-    return mesh
-
-
-@contextmanager
-def _variant() -> Iterator[None]:
-    """Choose Mitsuba's variant, which is global, and put back what was chosen before."""
-    before = mi.variant()
-    mi.set_variant(VARIANT)
-    try:
-        yield
-    finally:
-        if before is not None:
-            mi.set_variant(before)

@@ -23,7 +23,7 @@ from omnisim.validation.psnr import psnr_db
 from tests.scenes import room, room_color, room_hit, scene_of
 
 mi = pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
-from omnisim.validation.oracles import mitsuba_tracer  # noqa: E402
+from omnisim.validation.oracles import mitsuba_scene, mitsuba_tracer  # noqa: E402
 
 SIZE_PX = 128
 AVERAGED = 4
@@ -176,7 +176,7 @@ def test_seeds_and_variant():
 
 def _reflected(camera, pixels, distance_m):
     """Points of Mitsuba's rays at `distance_m`, optical frame, metres."""
-    mi.set_variant(mitsuba_tracer.VARIANT)
+    mi.set_variant(mitsuba_scene.VARIANT)
     units_per_m = mitsuba_tracer.RIM_UNITS / camera.mirror.rim_radius_m
     sensor = mi.load_dict(mitsuba_tracer.pinhole(camera, np.eye(3), units_per_m, 1))
     mirror = mitsuba_tracer.mirror_of_metal(camera.mirror, np.eye(3), units_per_m)

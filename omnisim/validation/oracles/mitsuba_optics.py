@@ -1,0 +1,272 @@
+"""Optical systems of real mirrors and real windows, traced by Mitsuba 3.
+
+Of omnisim's optics only the shapes' heights and normals, poses and refractive indices go in.
+Mirrors are meshes of metal; a window's boundaries are spheres or discs of a smooth dielectric.
+Which way a pixel looks is for Mitsuba to find out.
+
+A boundary reflects a part of the light, which is lost here. A picture is divided by that of a white
+world by the same random numbers: what is left are averages over the rays that came through.
+
+Coordinates run along the world's axes from the middle of the system's last surface, in hundredths
+of its size: Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera, pixel_grid
+from omnisim.errors import OpticsError
+from omnisim.frames import MIRROR_FROM_OPTICAL
+from omnisim.optics import OpticalSystem, Rod, Surface
+from omnisim.optics.shapes import Conic, Plane
+from omnisim.optics.surface_mesh import tessellate_surface
+from omnisim.poses import check_pose
+from omnisim.scene import Scene
+from omnisim.validation.oracles.mitsuba_scene import (
+    film,
+    mesh_of,
+    metal,
+    rgb,
+    scalar_variant,
+    shining,
+)
+from omnisim.validation.oracles.surfaces import visible_surfaces
+
+POLYGONS = 1 << 18
+SIZE_UNITS = 100.0
+_WINDOW_SIZES = 50.0  # radius of a window without a rim
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalOptics:
+    """A system's surfaces and its pinhole in Mitsuba's units.
+
+    Attributes:
+        system: behind a perspective camera.
+        world_from_optical: (4, 4) pose of the sensor's optical frame.
+        polygons: of a mirror's mesh.
+
+    Raises:
+        OmnisimError: another camera, or a matrix that is not a pose.
+    """
+
+    system: OpticalSystem
+    world_from_optical: NDArray[np.float64]
+    polygons: int = POLYGONS
+    _white: dict[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        check_pose(self.world_from_optical)
+        if not isinstance(self.system.camera, PerspectiveCamera):
+            raise OpticsError(f"camera: expected a pinhole, got {self.system.camera.model_name!r}")
+
+    @cached_property
+    def _origins_m(self) -> NDArray[np.float64]:
+        """Origins (n, 3) of a hundredth of the rays, optical frame."""
+        pixels = pixel_grid(self.system.width_px, self.system.height_px)[::10, ::10]
+        rays = self.system.rays(pixels)
+        return rays.origins_m[rays.valid]
+
+    @property
+    def middle_m(self) -> NDArray[np.float64]:
+        """Origin (3,) of the coordinates, world."""
+        along: NDArray[np.float64] = self.world_from_optical[:3, :3] @ self._origins_m.mean(axis=0)
+        return along + self.world_from_optical[:3, 3]
+
+    @cached_property
+    def size_m(self) -> float:
+        """Largest distance of a ray's origin from the middle."""
+        away_m = np.linalg.norm(self._origins_m - self._origins_m.mean(axis=0), axis=1)
+        return float(away_m.max())
+
+    @property
+    def units_per_m(self) -> float:
+        """Scale of the coordinates."""
+        return SIZE_UNITS / self.size_m
+
+    def units_from(self, system_from_part: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Affine map (4, 4) from metres in the frame of a part to Mitsuba's units."""
+        optical_from_system = np.eye(4)
+        optical_from_system[:3, 3] = np.negative(self.system.origin_m)
+        found = self.world_from_optical @ optical_from_system @ system_from_part
+        found[:3, 3] -= self.middle_m
+        found[:3] *= self.units_per_m
+        return found
+
+    def objects(self) -> dict[str, Any]:
+        """Surfaces and obstacles, for `mitsuba.load_dict`."""
+        found: dict[str, Any] = {}
+        for number, surface in enumerate(self.system.surfaces):
+            found[f"optics {number}"] = (
+                self._mirror(surface) if surface.is_mirror else self._boundary(number, surface)
+            )
+        for number, rod in enumerate(self.system.obstacles):
+            found |= self._rod(number, rod)
+        return found
+
+    def camera(self, samples: int) -> dict[str, Any]:
+        """Perspective camera, for `mitsuba.load_dict`."""
+        camera = self.system.camera
+        assert isinstance(camera, PerspectiveCamera)
+        units_from_camera = self.units_from(self.system.system_from_camera)
+        origin = units_from_camera[:3, 3]
+        (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
+        return {
+            "type": "perspective",
+            "to_world": mi.ScalarTransform4f().look_at(
+                origin=origin.tolist(),
+                target=(origin + units_from_camera[:3, 2]).tolist(),
+                up=(-units_from_camera[:3, 1]).tolist(),
+            ),
+            "fov_axis": "x",
+            "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
+            "principal_point_offset_x": 0.5 - (u + 0.5) / width,
+            "principal_point_offset_y": 0.5 - (v + 0.5) / height,
+            "near_clip": 1e-3 * SIZE_UNITS,
+            "far_clip": 1e6 * SIZE_UNITS,
+            "film": film(width, height),
+            "sampler": {"type": "multijitter", "sample_count": samples},
+        }
+
+    def _mirror(self, surface: Surface) -> mi.Mesh:
+        mesh = tessellate_surface(surface, self.polygons)
+        to_units = self.units_from(surface.system_from_surface)
+        turn = to_units[:3, :3] @ MIRROR_FROM_OPTICAL.T
+        return mesh_of(
+            mesh.vertices_m @ turn.T + to_units[:3, 3],
+            mesh.triangles,
+            {"mesh_bsdf": mi.load_dict({"type": "twosided", "bsdf": metal(1.0)})},
+            normals=mesh.normals @ turn.T / self.units_per_m,
+        )
+
+    def _boundary(self, number: int, surface: Surface) -> dict[str, Any]:
+        """Sphere or disc; the camera's side is the inner one.
+
+        Raises:
+            OpticsError: another shape, or a part of a sphere.
+        """
+        shape, indices = surface.shape, self.system.indices
+        glass = {
+            "type": "dielectric",
+            "int_ior": indices[number],
+            "ext_ior": indices[number + 1],
+            "specular_reflectance": rgb((0.0, 0.0, 0.0)),
+        }
+        to_units = self.units_from(surface.system_from_surface)
+        is_whole = math.isinf(surface.rim_radius_m)
+        if isinstance(shape, Conic) and shape.conic == 0.0 and shape.radius_m < 0.0 and is_whole:
+            place = to_units[:3, 3] + shape.radius_m * to_units[:3, 2]
+            radius = -shape.radius_m * self.units_per_m
+            return {"type": "sphere", "center": place.tolist(), "radius": radius, "bsdf": glass}
+        if isinstance(shape, Plane):
+            radius_m = min(surface.rim_radius_m, _WINDOW_SIZES * self.size_m)
+            to_units[:3, :3] *= radius_m
+            return {
+                "type": "disk",
+                "to_world": mi.ScalarTransform4f(to_units.astype(np.float32)),
+                "bsdf": glass,
+            }
+        raise OpticsError(f"{surface.name}: expected a window's plane or whole sphere")
+
+    def _rod(self, number: int, rod: Rod) -> dict[str, Any]:
+        to_units = self.units_from(np.eye(4))
+        ends = [to_units[:3, :3] @ end + to_units[:3, 3] for end in (rod.begin_m, rod.end_m)]
+        radius = rod.radius_m * self.units_per_m
+        black = {"type": "twosided", "bsdf": metal(0.0)}
+        found: dict[str, Any] = {
+            f"rod {number}": {
+                "type": "cylinder",
+                "p0": ends[0].tolist(),
+                "p1": ends[1].tolist(),
+                "radius": radius,
+                "bsdf": black,
+            }
+        }
+        for side, (at, other) in enumerate((ends, ends[::-1])):
+            up = np.eye(3)[np.abs(at - other).argmin()]
+            turned = mi.ScalarTransform4f().look_at(
+                origin=at.tolist(), target=(2.0 * at - other).tolist(), up=up.tolist()
+            )
+            found[f"rod {number} end {side}"] = {
+                "type": "disk",
+                "to_world": turned @ mi.ScalarTransform4f().scale(radius),
+                "bsdf": black,
+            }
+        return found
+
+    @cached_property
+    def _objects(self) -> dict[str, Any]:
+        return self.objects()
+
+    def picture(self, scene: Scene, samples: int, seed: int = 0) -> NDArray[np.float32]:
+        """Picture (height, width, 3), linear RGB, through real mirrors and windows.
+
+        Args:
+            scene: opaque surfaces, see `opaque_only`.
+            samples: rays a pixel, a square.
+            seed: same seed, same picture.
+
+        Raises:
+            OmnisimError: a surface or material that Mitsuba cannot show.
+        """
+        surfaces = visible_surfaces(scene, self.middle_m, self.size_m)
+        with scalar_variant():
+            shown = {
+                f"surface {number}": shining(surface, self.units_per_m)
+                for number, surface in enumerate(surfaces)
+            }
+            picture = self._rendered(shown, scene.background, samples, seed)
+            if all(surface.is_mirror for surface in self.system.surfaces):
+                return picture
+            if (samples, seed) not in self._white:
+                self._white[samples, seed] = self._rendered({}, (1.0, 1.0, 1.0), samples, seed)
+        white = self._white[samples, seed]
+        return np.divide(picture, white, out=np.zeros_like(picture), where=white > 0.0)
+
+    def _rendered(
+        self, shown: dict[str, Any], background: tuple[float, ...], samples: int, seed: int
+    ) -> NDArray[np.float32]:
+        depth = len(self.system.surfaces) + 1
+        content = {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": depth, "rr_depth": depth + 1},
+            "sensor": self.camera(samples),
+            "sky": {"type": "constant", "radiance": rgb(background)},
+        }
+        loaded = mi.load_dict(content | self._objects | shown)
+        picture = mi.render(loaded, spp=samples, seed=mi.UInt32(seed))
+        return np.array(picture, dtype=np.float32)[..., :3]
+
+    def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Origins and directions (n, 3) of single rays of pixels (n, 2), optical frame; NaN where
+        one meets no surface.
+        """  # fmt: skip
+        camera = self.system.camera
+        found = np.full((2, len(pixels_px), 3), np.nan)
+        with scalar_variant():
+            sensor = mi.load_dict(self.camera(1))
+            scene = mi.load_dict({"type": "scene", **self._objects})
+            for row, on_film in enumerate((pixels_px + 0.5) / (camera.width_px, camera.height_px)):
+                place = mi.ScalarPoint2f(on_film.tolist())
+                ray, _ = sensor.sample_ray(0.0, 0.5, place, mi.ScalarPoint2f(0.5))
+                for _ in self.system.surfaces:
+                    hit = scene.ray_intersect(ray)
+                    if not hit.is_valid():
+                        break
+                    sampled, _ = hit.bsdf().sample(
+                        mi.BSDFContext(), hit, 0.999, mi.ScalarPoint2f(0.5)
+                    )
+                    ray = hit.spawn_ray(hit.to_world(sampled.wo))
+                else:
+                    found[:, row] = np.array(ray.o), np.array(ray.d)
+        turn = self.world_from_optical[:3, :3]
+        origins_m = found[0] / self.units_per_m + self.middle_m - self.world_from_optical[:3, 3]
+        return origins_m @ turn, found[1] @ turn

@@ -1,0 +1,142 @@
+"""Surfaces and pictures for Mitsuba 3, in whatever units.
+
+Surfaces shine in their base colour and reflect nothing: a colour tells where a ray has gone, and
+no shading hides it. They are float32, not filtered and not clamped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import SceneError
+from omnisim.scene.model import Texture, Wrap
+from omnisim.srgb import linear_from_srgb
+from omnisim.validation.oracles.surfaces import Surface
+
+# Needs no LLVM: Dr.Jit 1.5 on Debian 12's LLVM 15 aborts the whole process.
+VARIANT = "scalar_rgb"
+_VERTEX_COLOR = "vertex_color"
+
+
+def film(width_px: int, height_px: int) -> dict[str, Any]:
+    """Film whose pixels are averages over their squares."""
+    return {
+        "type": "hdrfilm",
+        "width": width_px,
+        "height": height_px,
+        "pixel_format": "rgb",
+        "component_format": "float32",
+        "rfilter": {"type": "box"},
+    }
+
+
+def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
+    """Emitter of a surface's base colour.
+
+    Raises:
+        SceneError: a material that Mitsuba cannot show.
+    """
+    material, texture = surface.material, surface.material.texture
+    coordinates = colors = None
+    if surface.texture_coordinates is not None and texture is not None:
+        if surface.colors is not None:
+            raise SceneError(
+                f"material {material.name!r}: Mitsuba has no texture times vertex colours"
+            )
+        if texture.wrap_u is not texture.wrap_v:
+            raise SceneError(
+                f"material {material.name!r}: Mitsuba wraps u and v of a texture alike"
+            )
+        coordinates = surface.texture_coordinates.reshape(-1, 2)
+        radiance = _bitmap(texture, material.base_color[:3])
+    elif surface.colors is not None:
+        factor = np.array(material.base_color[:3], dtype=np.float32)
+        colors = surface.colors.reshape(-1, 3) * factor
+        radiance = {"type": "mesh_attribute", "name": _VERTEX_COLOR}
+    else:
+        radiance = rgb(material.base_color[:3])
+    corners = surface.triangles_m.reshape(-1, 3) * units_per_m
+    return mesh_of(
+        corners,
+        np.arange(len(corners)).reshape(-1, 3),
+        {
+            "mesh_bsdf": mi.load_dict(metal(0.0)),
+            "mesh_emitter": mi.load_dict({"type": "area", "radiance": radiance}),
+            "face_normals": True,
+        },
+        coordinates=coordinates,
+        colors=colors,
+    )
+
+
+def _bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
+    pixels = linear_from_srgb(texture.pixels[..., :3] / 255.0) * factor
+    return {
+        "type": "bitmap",
+        "data": mi.TensorXf(pixels.astype(np.float32)),
+        "raw": True,  # linear already
+        "format": "variant",  # float32, not half floats
+        "wrap_mode": "clamp" if texture.wrap_u is Wrap.CLAMP_TO_EDGE else "repeat",
+    }
+
+
+def metal(reflectance: float) -> dict[str, Any]:
+    """Smooth metal. With 0 it is the black of all surfaces: on anything rough Mitsuba 3.9 looks for
+    light, and crashes on emitters with vertex colours (`scalar_rgb`).
+    """
+    return {
+        "type": "conductor",
+        "material": "none",
+        "specular_reflectance": rgb((reflectance,) * 3),
+    }
+
+
+def rgb(color: tuple[float, ...]) -> dict[str, Any]:
+    """Linear RGB."""
+    return {"type": "rgb", "value": list(color)}
+
+
+def mesh_of(
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    properties: dict[str, Any],
+    normals: NDArray[np.float64] | None = None,
+    coordinates: NDArray[np.float32] | None = None,
+    colors: NDArray[np.float32] | None = None,
+) -> mi.Mesh:
+    """Triangle mesh of vertices (n, 3), in units, and what Mitsuba calls properties."""
+    held = mi.Properties()
+    for key, value in properties.items():
+        held[key] = value
+    mesh = mi.Mesh(
+        "mesh", len(vertices), len(triangles), held, normals is not None, coordinates is not None
+    )
+    if colors is not None:
+        mesh.add_attribute(_VERTEX_COLOR, 3, colors.ravel().tolist())
+    buffers = mi.traverse(mesh)
+    buffers["vertex_positions"] = vertices.astype(np.float32).ravel()
+    buffers["faces"] = triangles.astype(np.uint32).ravel()
+    if normals is not None:
+        buffers["vertex_normals"] = normals.astype(np.float32).ravel()
+    if coordinates is not None:
+        buffers["vertex_texcoords"] = coordinates.astype(np.float32).ravel()
+    buffers.update()
+    return mesh
+
+
+@contextmanager
+def scalar_variant() -> Iterator[None]:
+    """Choose Mitsuba's variant, which is global, and put back what was chosen before."""
+    before = mi.variant()
+    mi.set_variant(VARIANT)
+    try:
+        yield
+    finally:
+        if before is not None:
+            mi.set_variant(before)
