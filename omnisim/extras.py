@@ -26,6 +26,7 @@ EXTRAS = {
     "collada": {"pycollada": "collada"},
     "rays": {"embreex": "embreex"},
     "video": {"av": "av"},
+    "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
     "oracles": {
         "embreex": "embreex",
         "mitsuba": "mitsuba",
@@ -38,7 +39,10 @@ EXTRAS = {
 
 def is_installed(module: str) -> bool:
     """Find a module without importing it."""
-    return find_spec(module) is not None
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:  # its package is not, either
+        return False
 
 
 def missing_packages(extra: str) -> list[str]:

@@ -35,7 +35,7 @@ LAYERS = (
 )
 GPU_LAYERS = (
     {"batch_pipeline", "parallax_pipeline"},
-    {"pipeline", "readback_ring"},
+    {"cuda_buffer", "pipeline", "readback_ring"},
     {"ground_truth"},
     {"capture", "degradation"},
     {"scene"},
@@ -46,6 +46,7 @@ GPU_LAYERS = (
 )
 HOMES = {
     "moderngl": {"gpu"},
+    "cuda": {"gpu"},
     "trimesh": {"scene"},
     "PIL": {"scene"},
     "OpenImageIO": {"image_files"},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import moderngl
 import numpy as np
@@ -57,17 +57,34 @@ class BatchPipeline:
         """
         self.end()
         try:
-            slices = -(-len(poses) // self.slice_length)
-            length = -(-len(poses) // max(slices, 1))
-            for first in range(0, len(poses), length or 1):
-                some = poses[first : first + length]
-                atlases, target = self._reserve(length)
-                self._cube.render_layers(some, atlases)
-                self._picture_pass.draw_batch(atlases, target, len(some))
-                self._ring.start(target, out[first : first + len(some)])
+            for some, target in self._draw_slices(poses):
+                self._ring.start(target, out[some])
         except BaseException:
             self._ring.discard()
             raise
+
+    def copy_to(self, buffer: moderngl.Buffer, poses: Sequence[ScenePoses]) -> None:
+        """Draw the pictures of poses, and copy them (n, height, width, 3) into a buffer."""
+        width, height = self.size_px
+        for some, target in self._draw_slices(poses):
+            rows, offset = (some.stop - some.start) * height, 3 * some.start * height * width
+            region = (0, 0, width, rows)
+            target.read_into(buffer, region, components=3, write_offset=offset)
+
+    def _draw_slices(
+        self, poses: Sequence[ScenePoses]
+    ) -> Iterator[tuple[slice, moderngl.Framebuffer]]:
+        """Draw slice after slice: those that are drawn, and the target below each other."""
+        if not poses:
+            return
+        slices = -(-len(poses) // self.slice_length)
+        length = -(-len(poses) // slices)
+        for first in range(0, len(poses), length):
+            some = slice(first, min(first + length, len(poses)))
+            atlases, target = self._reserve(length)
+            self._cube.render_layers(poses[some], atlases)
+            self._picture_pass.draw_batch(atlases, target, some.stop - some.start)
+            yield some, target
 
     def end(self) -> None:
         """Wait for the pictures of `begin`."""

@@ -212,13 +212,13 @@ class CubeCamera(CameraBackend):
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
     ) -> Callable[[], None] | None:
         """Start to take pictures, those of an ideal camera together."""
-        if self._batches is None:
+        if self.batches is None:
             return super().begin_batch(poses, out, frame_number)
-        self._batches.begin(poses, out)
-        return self._batches.end
+        self.batches.begin(poses, out)
+        return self.batches.end
 
     @cached_property
-    def _batches(self) -> BatchPipeline | None:
+    def batches(self) -> BatchPipeline | None:
         """Pipeline of many pictures; None: they are degraded, or too large for it."""
         picture_pass = self._pipeline.picture_pass
         if self._degraded is not None or not isinstance(picture_pass, RemapPass):

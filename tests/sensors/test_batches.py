@@ -57,7 +57,7 @@ def test_pictures_are_those_of_single_frames(stage, camera, pictures_a_slice, mo
     with Renderer(stage, camera) as renderer:
         poses = _poses(5, camera)
         if pictures_a_slice:
-            monkeypatch.setattr(renderer._passes._batches, "slice_length", pictures_a_slice)
+            monkeypatch.setattr(renderer._passes.batches, "slice_length", pictures_a_slice)
         pictures = renderer.render_batch(poses)
         with_alpha = renderer.render_batch(poses, channels=["rgba"])["rgba"]
         frames = [renderer.render(one) for one in poses]
@@ -70,7 +70,7 @@ def test_slices_bound_the_memory(stage, monkeypatch):
     monkeypatch.setattr(batch_pipeline, "MAX_SLICE_BYTES", 1 << 20)
     with Renderer(stage, PAPER) as renderer:
         renderer.render_batch(_poses(9))
-        batches = renderer._passes._batches
+        batches = renderer._passes.batches
         texels = batches._atlases.width * batches._atlases.height * batches._atlases.layers
         assert 1 <= batches.slice_length < 9
         assert 8 * texels <= 1 << 20 or batches.slice_length == 1
@@ -133,7 +133,7 @@ def test_what_is_not_drawn_together_is_the_same(stage, camera, monkeypatch):
     else:
         sensor = dataclasses.replace(PAPER, degradation=Degradation(noise=Noise()))
     with Renderer(stage, sensor) as renderer:
-        assert renderer._passes._batches is None
+        assert renderer._passes.batches is None
         pictures = renderer.render_batch(_poses(2), frame_number=7)
         for number, one in enumerate(_poses(2)):
             frame = renderer.render(one, frame_number=7 + number)
@@ -224,7 +224,7 @@ def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
     poses, stale = _poses(3), np.zeros((3, SIZE_PX, SIZE_PX, 3), np.uint8)
     expected = renderer.render_batch(poses)
     passes = renderer._passes
-    monkeypatch.setattr(passes._batches, "slice_length", 1)
+    monkeypatch.setattr(passes.batches, "slice_length", 1)
     draw, drawn = passes.cube.render_layers, []
 
     def interrupted(some, atlases):
