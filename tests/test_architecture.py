@@ -41,7 +41,7 @@ GPU_LAYERS = (
     {"scene"},
     {"culling"},
     {"atlas"},
-    {"context", "shader_files", "uniforms", "memory"},
+    {"context", "layer_targets", "shader_files", "uniforms", "memory"},
     {"gl_functions"},
 )
 HOMES = {

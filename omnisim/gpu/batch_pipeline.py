@@ -22,16 +22,24 @@ class BatchPipeline:
     """Draws pictures of an ideal camera into the layers of one atlas and below each other.
 
     Args:
+        context: of OpenGL.
         cube: the virtual cameras.
         picture_pass: from an atlas to a picture.
         size_px: width and height of a picture.
 
     Attributes:
+        context, size_px: as given.
         slice_length: most pictures that are drawn together.
     """
 
-    def __init__(self, cube: CubePass, picture_pass: RemapPass, size_px: tuple[int, int]):
-        self._context = context = cube.context
+    def __init__(
+        self,
+        context: moderngl.Context,
+        cube: CubePass,
+        picture_pass: RemapPass,
+        size_px: tuple[int, int],
+    ):
+        self.context = context
         self._cube, self._picture_pass, self.size_px = cube, picture_pass, size_px
         self._ring = ReadbackRing(context)
         width, height = size_px
@@ -96,11 +104,11 @@ class BatchPipeline:
             plan, (width, height) = self._cube.plan, self.size_px
             with gpu_allocation(f"a batch of {count} pictures", "render fewer at once"):
                 size = (plan.width_px, plan.height_px, count)
-                self._atlases = self._context.texture_array(size, 4, dtype="f2")
+                self._atlases = self.context.texture_array(size, 4, dtype="f2")
                 if plan.max_level:
                     self._atlases.build_mipmaps(0, plan.max_level)  # allocates the levels
-                pictures = self._context.renderbuffer((width, count * height), 4)
-                self._target = self._context.framebuffer([pictures])
+                pictures = self.context.renderbuffer((width, count * height), 4)
+                self._target = self.context.framebuffer([pictures])
             self._atlases.repeat_x = self._atlases.repeat_y = False
             self._atlases.filter = self._cube.atlas.filter
             # once: nothing is ever drawn where nothing is valid

@@ -10,7 +10,6 @@ _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _RENDERBUFFER, _DEPTH_COMPONENT32F = 0x8D41, 0x8CAC
 _TEXTURE_2D, _RGBA, _UNSIGNED_BYTE = 0x0DE1, 0x1908, 0x1401
-_COLOR_ATTACHMENT = 0x8CE0
 
 
 @cache
@@ -56,20 +55,3 @@ def upload_mip_level(level: int, internal_format: int, size: tuple[int, int], rg
         ctypes.c_uint, ctypes.c_uint, ctypes.c_char_p,
     )  # fmt: skip
     upload(_TEXTURE_2D, level, internal_format, *size, 0, _RGBA, _UNSIGNED_BYTE, rgba)
-
-
-def attach_texture(framebuffer: int, texture: int) -> None:
-    """Make a 2D texture the colours of a framebuffer."""
-    attach = gl_function(
-        "glNamedFramebufferTexture", ctypes.c_uint, ctypes.c_uint, ctypes.c_uint, ctypes.c_int
-    )
-    attach(framebuffer, _COLOR_ATTACHMENT, texture, 0)
-
-
-def attach_layer(framebuffer: int, array: int, layer: int) -> None:
-    """Make a layer of a texture array the colours of a framebuffer."""
-    attach = gl_function(
-        "glNamedFramebufferTextureLayer",
-        ctypes.c_uint, ctypes.c_uint, ctypes.c_uint, ctypes.c_int, ctypes.c_int,
-    )  # fmt: skip
-    attach(framebuffer, _COLOR_ATTACHMENT, array, 0, layer)

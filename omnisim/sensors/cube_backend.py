@@ -223,7 +223,8 @@ class CubeCamera(CameraBackend):
         picture_pass = self._pipeline.picture_pass
         if self._degraded is not None or not isinstance(picture_pass, RemapPass):
             return None
-        return BatchPipeline(self.cube, picture_pass, self._pipeline.size_px)
+        pipeline = self._pipeline
+        return BatchPipeline(pipeline.context, self.cube, picture_pass, pipeline.size_px)
 
     def hit_source(self, albedo: bool) -> CubeHits:
         """Source of its ground truth, able to give albedo if it is asked for."""

@@ -40,7 +40,7 @@ class CudaBatch(Closing):
                 raise GraphicsError("cuda_batch: expected an ideal camera of back end 'cube'")
             width, height = passes.batches.size_px
             shape = (count, height, width, 3)
-            self._buffer: CudaBuffer | None = CudaBuffer(passes.cube.context, shape, device)
+            self._buffer: CudaBuffer | None = CudaBuffer(passes.batches.context, shape, device)
 
     def render(self, states: object) -> CudaBuffer:
         """Render pictures (count, height, width, 3) uint8, sRGB, valid until the next ones.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
-from omnisim.gpu.gl_functions import attach_layer, attach_texture
+from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
@@ -31,7 +31,7 @@ class CubePass:
         cameras: the virtual cameras.
 
     Attributes:
-        context, plan: as given.
+        plan: as given.
         atlas: linear RGBA, half floats, first row of each face's picture first.
         tiles: the draw loop.
 
@@ -47,7 +47,7 @@ class CubePass:
         cameras: VirtualCameras,
     ):
         context = buffers.context
-        self.context, self._buffers, self.plan = context, buffers, plan
+        self._context, self._buffers, self.plan = context, buffers, plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
@@ -127,7 +127,7 @@ class CubePass:
     def _draw(
         self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
     ) -> None:
-        context, target, tiles = self.context, self._target, self.tiles
+        context, target, tiles = self._context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
         transforms = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
         for program in self._drawer.programs:
