@@ -24,6 +24,12 @@ class CentralError(NamedTuple):
         """The distance in words."""
         return f"{self.distance_m:g} m" if math.isfinite(self.distance_m) else "infinity"
 
+    def __str__(self) -> str:
+        if math.isnan(self.percentile_99_px):
+            return f"not shown at {self.at}"
+        off_px = self.percentile_99_px
+        return f"{'0.00' if off_px < 0.005 else f'{off_px:.2g}'} px at {self.at}"
+
     @classmethod
     def of(
         cls, distance_m: float, errors_px: NDArray[np.float64], valid: NDArray[np.bool_]

@@ -38,8 +38,8 @@ def train(request: TrainRequest) -> None:
         Costs(request.missed, request.false_alarm),
         lambda steps: track(steps, "learning", run.steps),
     )
-    if run.unfinished:
-        print_note(run.unfinished)
+    for notice in run.notices:
+        print_note(notice)
     color_model_file.save_model(request.output, trained.model, run.landmarks)
     colors, pictures = len(trained.model.colors), pluralize(trained.pictures, "picture")
     out.print(f"{request.output}: {colors} colours from {pictures}", markup=False)
@@ -107,8 +107,8 @@ def detect(request: DetectRequest) -> None:
     if not is_run:
         for _, detection in detections:
             out.print(f"  {_measurement(detection)}", markup=False)
-    if source.unfinished:
-        print_note(source.unfinished)
+    for notice in source.notices:
+        print_note(notice)
     if detector.ignored:
         print_note(f"{', '.join(detector.ignored)}: not detected: the model lacks their colours")
     if empty and is_run:

@@ -29,7 +29,7 @@ def run(request: LocalizeRequest) -> None:
     chosen = read_parameters(request.params)
     data = read_run(request.run, request.scene, request.camera_name)
     colors = _read_colors(request.model)
-    notices = [] if data.unfinished is None else [data.unfinished]
+    notices = data.notices
     if colors is None:
         notices.append("colours were learned from this run's own labels, which no robot has")
         colors = train_on_run(data, Costs()).model

@@ -300,6 +300,15 @@ class UnwarpRequest:
             show_default="4 × height",
         ),
     ] = None
+    right_at: Annotated[
+        float | None,
+        typer.Option(
+            "--right-at",
+            metavar="METRES",
+            help="Optics without one viewpoint: distance of the points that are shown right.",
+            show_default="infinity",
+        ),
+    ] = None
 
 
 class RangeMode(StrEnum):

@@ -112,8 +112,11 @@ def run(request: RenderRequest) -> None:
         write_ray_table(request.rays, camera.model, frame.metadata)
         out.print(f"{request.rays}: a ray of each pixel", markup=False)
     if request.calibration is not None:
-        _calibration(camera, base).save(request.calibration, "omnisim")
+        calibration = _calibration(camera, base)
+        calibration.save(request.calibration, "omnisim")
         out.print(f"{request.calibration}: camera and pose", markup=False)
+        for note in calibration.notes:
+            print_note(f"{request.calibration}: {note}")
     if channels:
         flows = "".join(_flow_summary(request, *other) for other in others.items())
         out.print(f"{request.output}: also {', '.join(channels)}{flows}", markup=False)
@@ -196,9 +199,8 @@ def _camera(request: RenderRequest) -> OmniCamera:
     camera = read_camera(
         request.sensor, request.camera, request.camera_name, request.mirrored, request.optics
     )
-    for option, value in (("--calibration", request.calibration), ("--faces", request.faces)):
-        if value is not None:
-            check_central(camera.model, option)
+    if request.faces is not None:
+        check_central(camera.model, "--faces")
     if isinstance(camera.model, NonCentralCamera) and (request.also or request.boxes_3d):
         require_extra("rays", "ground truth of an optical system")
     degradation = read_preset(request.preset)
@@ -261,12 +263,21 @@ def _twist(request: RenderRequest, camera: OmniCamera) -> Twist:
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
     """Calibration of the camera with its pose on the vehicle, and the vehicle's in the world."""
     from omnisim.calibration import CalibratedCamera, Calibration, NamedPose
+    from omnisim.calibration.calibrated_camera import OPTICS
 
     poses = (
         NamedPose("base", "camera", sensor.base_from_optical),
         NamedPose("world", "base", world_from_base),
     )
-    return Calibration((CalibratedCamera("camera", sensor.model, poses),))
+    if not isinstance(sensor.model, NonCentralCamera):
+        return Calibration((CalibratedCamera("camera", sensor.model, poses),))
+    from omnisim.optics.central_fit import fit_central
+    from omnisim.optics.system import OpticalSystem
+
+    assert isinstance(sensor.model, OpticalSystem)
+    camera = fit_central(sensor.model).cameras[0]
+    optics = dataclasses.replace(poses[0], source=OPTICS)
+    return Calibration((dataclasses.replace(camera, poses=(*camera.poses, optics, poses[1])),))
 
 
 def _flow_summary(request: RenderRequest, other: str, viewpoint: Viewpoint) -> str:

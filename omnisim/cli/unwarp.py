@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.atomic_file import check_distinct, check_target
-from omnisim.cli.console import out
+from omnisim.cli.console import out, print_note
 from omnisim.cli.inputs import parse_channel_format
 from omnisim.cli.picture_requests import UnwarpRequest, ViewKind
 from omnisim.errors import OpticsError
@@ -60,6 +60,9 @@ def run(request: UnwarpRequest) -> None:
         )
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
     taken = read_picture(request.picture, sensor)
+    taken, caveat = taken.assuming_viewpoint(
+        math.inf if request.right_at is None else request.right_at
+    )
     view = _view(request, taken)
     width, height = view.camera.width_px, view.camera.height_px
     if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
@@ -96,6 +99,8 @@ def run(request: UnwarpRequest) -> None:
     )
     if channels:
         out.print(f"{request.output}: also {', '.join(channels)}", markup=False)
+    if caveat is not None:
+        print_note(f"{request.picture}: {caveat}")
 
 
 def _channels(

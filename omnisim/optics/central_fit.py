@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.calibration import CalibratedCamera, Calibration, NamedPose
-from omnisim.calibration.calibrated_camera import OPTICS
+from omnisim.calibration.calibrated_camera import OPTICS, Residuals
 from omnisim.calibration.encode import model_named, nearest_fit
 from omnisim.calibration.fit import Fit, fit_camera
 from omnisim.calibration.formats.format import Fixed, Format
@@ -80,7 +80,14 @@ def fit_central(
     optics_from_camera[:3, :3] = camera_from_optics.T
     optics_from_camera[:3, 3] = view.viewpoint_m
     pose = NamedPose(OPTICS, name, optics_from_camera)
-    return Calibration((CalibratedCamera(name, camera, (pose,), residuals),), form.name, source)
+    fitted = CalibratedCamera(name, camera, (pose,), residuals, (_note(residuals),))
+    return Calibration((fitted,), form.name, source)
+
+
+def _note(residuals: Residuals) -> str:
+    """Residuals of a fit in one line."""
+    errors = ", ".join(map(str, residuals.at_distances))
+    return f"fitted to optics without one viewpoint: off by up to {errors} (99 % of the picture)"
 
 
 def _is_mirrored(system: OpticalSystem) -> bool:

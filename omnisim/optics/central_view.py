@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import Pixels, Rays
+from omnisim.cameras import NonCentralCamera, Pixels, Rays
 from omnisim.cameras.camera import CameraParameters, Uniforms, as_directions
 from omnisim.cameras.central_error import CentralError
 from omnisim.errors import OpticsError
@@ -23,7 +23,6 @@ from omnisim.optics.centrality import (
     seen_rays,
 )
 from omnisim.optics.shapes.shape import Floats
-from omnisim.optics.system import OpticalSystem
 from omnisim.short_repr import short_repr
 
 DISTANCES_M = (0.3, 1.0, 5.0)  # of points whose errors are told
@@ -45,7 +44,7 @@ class CentralView:
         OpticsError: a distance that is not positive, or a system that sees nothing.
     """
 
-    system: OpticalSystem
+    system: NonCentralCamera
     distance_m: float = math.inf
     axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
@@ -91,15 +90,23 @@ class CentralView:
         """Point (3,) nearest to all rays, in the sensor's optical frame."""
         return common_point(self.seen_rays.origins_m, self.seen_rays.directions)
 
+    def frame_from_view(self, frame_from_optical: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (4, 4) of the view, where that of the sensor's optical frame is given."""
+        found = frame_from_optical.copy()
+        found[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m
+        found[:3, :3] = frame_from_optical[:3, :3] @ self.axes.T
+        return found
+
     def scaled(self, scale: float) -> CentralView:
         """The same view in a picture `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, system=self.system.scaled(scale))
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2) from the viewpoint."""
-        rays = self.system.rays(pixels_px)
+        rays = self.system.ray_from_pixel(pixels_px)
+        origins_m = np.zeros(3) if rays.origins_m is None else rays.origins_m
         directions, meets = directions_at(
-            rays.origins_m, rays.directions, self.viewpoint_m, self.distance_m
+            origins_m, rays.directions, self.viewpoint_m, self.distance_m
         )
         unit = directions / np.maximum(np.linalg.norm(directions, axis=-1, keepdims=True), 1e-300)
         return Rays(unit @ self.axes.T, rays.valid & meets)
@@ -123,11 +130,12 @@ class CentralView:
 
     def caveat(self, distances_m: Sequence[float] = DISTANCES_M) -> str:
         """The assumption and its errors, in one line."""
-        errors = [f"{_pixels(error)} at {error.at}" for error in self.errors(distances_m)]
+        others = [distance_m for distance_m in distances_m if distance_m != self.distance_m]
+        errors = ", ".join(map(str, self.errors(others)))
         exact = "infinity" if math.isinf(self.distance_m) else f"{self.distance_m:g} m"
         return (
             f"rays meet in no point: one is assumed, right for points at {exact}; off by up to "
-            f"{', '.join(errors)} (99 % of the picture)"
+            f"{errors} (99 % of the picture)"
         )
 
     def uniforms(self) -> Uniforms:
@@ -141,9 +149,3 @@ class CentralView:
     def parameters(self) -> CameraParameters:
         """Size and distance, for messages: no file holds it."""
         return {"model": self.model_name, "width_px": self.width_px, "height_px": self.height_px}
-
-
-def _pixels(error: CentralError) -> str:
-    if math.isnan(error.percentile_99_px):
-        return "all of the picture"
-    return f"{error.percentile_99_px:.2g} px"

@@ -10,11 +10,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import Pixels
+from omnisim.cameras import Pixels, Rays
 from omnisim.cameras.central_error import CentralError
 from omnisim.errors import OpticsError
 from omnisim.optics.shapes.shape import Floats
-from omnisim.optics.tracing import TracedRays
 
 _SAMPLES = 10_000  # rays of a picture, more or less
 
@@ -28,8 +27,8 @@ class RaySource(Protocol):
     @property
     def height_px(self) -> int: ...  # noqa: D102
 
-    def rays(self, pixels_px: ArrayLike) -> TracedRays:
-        """Rays of pixels (..., 2)."""
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2), with their origins."""
         ...
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
@@ -110,8 +109,9 @@ def seen_rays(system: RaySource) -> SeenRays:
         OpticsError: no pixel sees anything.
     """
     pixels = _pixels(system)
-    rays = system.rays(pixels)
-    found = SeenRays(*(part[rays.valid] for part in (pixels, rays.origins_m, rays.directions)))
+    rays = system.ray_from_pixel(pixels)
+    origins_m = np.zeros_like(rays.directions) if rays.origins_m is None else rays.origins_m
+    found = SeenRays(*(part[rays.valid] for part in (pixels, origins_m, rays.directions)))
     if len(found.pixels_px) == 0:
         raise OpticsError("optics: expected a pixel that sees something, got none")
     return found

@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import CentralCamera, CylindricalCamera, HyperbolicCamera
+from omnisim.cameras import (
+    CentralCamera,
+    CylindricalCamera,
+    HyperbolicCamera,
+    NonCentralCamera,
+)
 from omnisim.cameras.hyperbolic import theta_from_image_radius_eq2_rad
 from omnisim.errors import LocalizationError
 from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
@@ -29,11 +34,23 @@ class CameraMount:
         camera: its model.
         base_from_optical: (4, 4) where it is.
         covered: (height, width) pixels that show the scene, or None: all that the model sees.
+        caveat: the assumption of a viewpoint that the camera has not, and its errors.
     """
 
     camera: CentralCamera
     base_from_optical: NDArray[np.float64]
     covered: NDArray[np.bool_] | None = None
+    caveat: str | None = None
+
+    def assuming_viewpoint(self) -> CameraMount:
+        """The same mount, or as if all rays of its optical system met in one point."""
+        if not isinstance(self.camera, NonCentralCamera):
+            return self
+        from omnisim.optics.central_view import CentralView  # few cameras need it
+
+        view = CentralView(self.camera)
+        base_from_view = view.frame_from_view(self.base_from_optical)
+        return CameraMount(view, base_from_view, self.covered, view.caveat())
 
     @property
     def height_m(self) -> float:

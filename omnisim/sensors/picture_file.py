@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, summary
-from omnisim.errors import OmnisimError, OutputError
+from omnisim.cameras import CentralCamera, NonCentralCamera, summary
+from omnisim.errors import OmnisimError, OpticsError, OutputError
 from omnisim.image_files import read_image
 from omnisim.poses import check_pose
 from omnisim.sensors.camera_parameters import camera_of_parameters
@@ -42,6 +44,29 @@ class TakenPicture:
 
     def __repr__(self) -> str:
         return short_repr(self, summary(self.camera), str(self.pixels.dtype))
+
+    def assuming_viewpoint(self, distance_m: float) -> tuple[TakenPicture, str | None]:
+        """The same picture, or as if all rays of its optical system met in one point.
+
+        Args:
+            distance_m: of the points from there that it is right for.
+
+        Returns the picture, and the assumption with its errors, or None.
+
+        Raises:
+            OpticsError: a distance that is not positive, or of a camera that has a viewpoint.
+        """
+        if not isinstance(self.camera, NonCentralCamera):
+            if math.isfinite(distance_m):
+                words = f"expected an optical system, got {summary(self.camera)}"
+                raise OpticsError(f"--right-at: {words}, whose rays meet in one point")
+            return self, None
+        from omnisim.optics.central_view import CentralView  # few cameras need it
+
+        view, world = CentralView(self.camera, distance_m), self.world_from_optical
+        world_from_view = None if world is None else view.frame_from_view(world)
+        central = dataclasses.replace(self, camera=view, world_from_optical=world_from_view)
+        return central, view.caveat()
 
     @property
     def height_m(self) -> float | None:

@@ -29,7 +29,8 @@ class RunData:
     Attributes:
         folder: of the run.
         camera: name of the camera.
-        mount: the camera on the vehicle, from its calibration file: no pose of the vehicle.
+        mount: the camera on the vehicle, from its calibration file: no pose of the vehicle. Of an
+            optical system a viewpoint is assumed.
         scene: that it was driven in.
         odometry: what the wheels reported, from the known start on.
         truth: poses of the base, or None: unknown.
@@ -82,9 +83,10 @@ class RunData:
         return np.ascontiguousarray(pixels[..., :3])
 
     @property
-    def unfinished(self) -> str | None:
-        """Notice about a run that is not whole, or None."""
-        return self.folder.unfinished()
+    def notices(self) -> list[str]:
+        """Notices: the run is not whole, or a viewpoint is assumed that the camera has not."""
+        caveat = None if self.mount.caveat is None else f"{self.camera}: {self.mount.caveat}"
+        return [notice for notice in (self.folder.unfinished(), caveat) if notice is not None]
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:
         """All pictures, one after the other."""
@@ -125,5 +127,5 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     truth = read_trajectory(folder / GROUND_TRUTH) if run.has(GROUND_TRUTH) else None
     if truth is not None:
         run.check_steps(GROUND_TRUTH, len(truth))
-    mount = read_mount(folder / name / CALIBRATION)
+    mount = read_mount(folder / name / CALIBRATION).assuming_viewpoint()
     return RunData(run, name, mount, found, odometry, truth, steps)

@@ -30,10 +30,14 @@ class SinglePicture:
     mount: CameraMount
     pixels: NDArray[np.uint8]
     steps: ClassVar[int] = 1
-    unfinished: ClassVar[None] = None
 
     def __repr__(self) -> str:
         return short_repr(self, summary(self.mount.camera))
+
+    @property
+    def notices(self) -> list[str]:
+        """Notices: a viewpoint is assumed that the camera has not."""
+        return [] if self.mount.caveat is None else [self.mount.caveat]
 
     def picture(self, step: int) -> NDArray[np.uint8]:
         """The picture, at step 0."""
@@ -59,6 +63,7 @@ def read_single_picture(
     taken = read_picture(path, sensor)
     if taken.pixels.dtype != np.uint8:
         raise OutputError(f"{path}: has linear floats: expected a picture of 8 bits, .png")
+    viewpoint_height_m = height_m
     if height_m is None:
         height_m = taken.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
     if height_m is None or not (math.isfinite(height_m) and height_m > 0.0):
@@ -74,5 +79,7 @@ def read_single_picture(
         arm = taken.world_from_optical[:3, 3] - taken.world_from_base[:3, 3]
         base_from_optical[:3, 3] = taken.world_from_base[:3, :3].T @ arm
     base_from_optical[2, 3] = height_m
-    mount = CameraMount(taken.camera, base_from_optical, taken.covered)
+    mount = CameraMount(taken.camera, base_from_optical, taken.covered).assuming_viewpoint()
+    if viewpoint_height_m is not None:
+        mount.base_from_optical[2, 3] = viewpoint_height_m
     return SinglePicture(mount, taken.pixels)

@@ -5,8 +5,13 @@ import json
 import numpy as np
 import pytest
 
+from omnisim.cameras import camera_from_parameters, pixel_grid
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.image_files import read_channels, read_image, write_image
+from omnisim.optics import CentralView
+from omnisim.optics.centrality import directions_at
 from tests.cli import pictures
+from tests.optics.examples import SYSTEMS
 
 
 @pytest.fixture
@@ -157,3 +162,42 @@ def test_nan_is_masked(omnisim, tmp_path, picture, suffix):
     colors, alpha = seen[..., :3].astype(float), seen[..., 3]
     assert np.all(colors[alpha == 0] == 0.0)
     assert np.ptp(colors[alpha > 0]) < 1e-6
+
+
+@pytest.mark.parametrize(("right_at", "exact"), [(0.4, True), (None, False)])
+def test_optics_assume_a_viewpoint_and_say_so(omnisim, tmp_path, right_at, exact):
+    """Each pixel's colour is where its ray is 0.4 m away: there a view from the viewpoint has its
+    own directions, if it is right there, and else it is off by what the note says."""  # fmt: skip
+    system = SYSTEMS["sphere"]
+    viewpoint_m = CentralView(system).viewpoint_m
+    rays = system.all_rays()
+    directions, _ = directions_at(rays.origins_m, rays.directions, viewpoint_m, 0.4)
+    up = system.rig_from_optical
+    colors = directions / np.linalg.norm(directions, axis=-1, keepdims=True) @ up.T
+    world_from_optical = np.eye(4)
+    world_from_optical[:3, :3] = up
+    metadata = {
+        "camera": system.parameters(),
+        "world_from_base": np.eye(4).tolist(),
+        "world_from_optical": world_from_optical.tolist(),
+    }
+    write_image(tmp_path / "a.exr", colors.astype(np.float32), metadata)
+    option = () if right_at is None else ("--right-at", right_at)
+    status, _, error = omnisim(
+        "unwarp", "a.exr", "--to", "perspective", "--fov", 60, "--size", 64, 64, *option,
+        "-o", "b.exr",
+    )  # fmt: skip
+    assert status == 0
+    assert "a.exr: rays meet in no point: one is assumed, right for points at" in error
+    assert error.count("\n") == 1
+    pixels, written = read_image(tmp_path / "b.exr")
+    view = camera_from_parameters(written["camera"])
+    expected = view.ray_from_pixel(pixel_grid(64, 64)).directions
+    expected = expected @ BASE_FROM_OPTICAL_LOOKING_AHEAD.T
+    found = pixels[..., :3][pixels[..., 3] > 0]
+    off_rad = np.linalg.norm(found - expected[pixels[..., 3] > 0], axis=-1)
+    assert (np.median(off_rad) < 5e-4) == exact  # between pixels of a degree
+    # 60° ahead are some 50 px of the picture: what the note calls 1 px is 15 mrad
+    assert 5e-4 < np.median(off_rad) < 2e-2 or exact
+    height_m = written["world_from_optical"][2][3]
+    assert height_m == pytest.approx((up @ viewpoint_m)[2])

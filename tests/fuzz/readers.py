@@ -265,7 +265,7 @@ def _manifest(plan) -> dict[str, object]:
 
 def _read_run(folder: Path) -> None:
     run = read_run(folder / "run", str(folder / "scene.toml"))
-    run.unfinished  # noqa: B018
+    run.notices  # noqa: B018
     for picture in run.pictures():
         picture.sum()
     if run.truth is not None:

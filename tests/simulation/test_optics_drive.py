@@ -10,6 +10,8 @@ import pytest
 from omnisim import OmniCamera
 from omnisim.errors import RunError
 from omnisim.image_files import read_image
+from omnisim.optics import CentralView
+from omnisim.perception.panorama import Panorama
 from omnisim.scene import load_scene
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.picture_file import read_picture
@@ -17,6 +19,7 @@ from omnisim.simulation.calibration_file import CALIBRATION, read_mount
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.manifest import first_difference
 from omnisim.simulation.route import Route
+from omnisim.simulation.run_data import read_run
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
 from tests.optics.examples import EXAMPLES
@@ -117,6 +120,21 @@ def test_the_folder_holds_the_system(runs, scene, tmp_path):
     again = OmniCamera.from_file(whole / "optics" / "sensor.toml")
     np.testing.assert_allclose(again.base_from_rig, expected.base_from_rig, atol=1e-12)
     assert read_image(whole / "optics" / "000001.png")[1]["degradation"]["sub_frames"] >= 1
+
+
+def test_localization_says_that_it_assumes_a_viewpoint(runs):
+    """Landmarks are sought from the point nearest to all rays, and its error is told."""
+    data = read_run(runs / "whole")
+    mount = read_mount(runs / "whole" / "optics" / CALIBRATION)
+    assert isinstance(data.mount.camera, CentralView)
+    above_m = mount.base_from_optical[:3, :3] @ data.mount.camera.viewpoint_m
+    np.testing.assert_allclose(
+        data.mount.base_from_optical[:3, 3], mount.base_from_optical[:3, 3] + above_m
+    )
+    caveat = data.notices[-1]
+    assert caveat.startswith("optics: rays meet in no point: one is assumed, right for points at")
+    assert " px at 5 m (99 % of the picture)" in caveat
+    assert Panorama(data.mount)(data.picture(0)).max() > 0
 
 
 @pytest.mark.parametrize("system", ALL.values(), ids=ALL)
