@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.capture.parallax_pass import ParallaxPass
+from omnisim.gpu.capture.parallax_rays import SampleRays
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.pipeline import Pipeline, ScenePoses
 from omnisim.gpu.scene.cube_pass import CubePass
 
-# Linear RGB (n, 3) of samples (n,), counted row by row, at some poses.
-CastAt = Callable[[ScenePoses, NDArray[np.intp]], NDArray[np.float32]]
+# Linear RGB (n, 3) along rays (n,) at some poses.
+CastAt = Callable[[ScenePoses, SampleRays], NDArray[np.float32]]
 
 
 class ParallaxPipeline(Pipeline):
@@ -24,7 +25,7 @@ class ParallaxPipeline(Pipeline):
         samples: of the camera whose pixels are the samples: their size counts.
         parallax: samples the atlas.
         viewpoint_m: (3,) rig frame.
-        cast: gives undecided samples; None: they keep what the last step found.
+        cast: gives undecided samples; None: they are as if what hides them were thin.
         supersampling, linear_type: see `Pipeline`.
 
     Attributes:
@@ -57,6 +58,6 @@ class ParallaxPipeline(Pipeline):
             atlas,
             self._cube.read_depth(),
             self._both_targets if linear else self.encoded_target,
-            None if cast is None else lambda samples: cast(poses, samples),
+            None if cast is None else lambda rays: cast(poses, rays),
         )
         self.undecided_samples += self._parallax.undecided_samples

@@ -7,16 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cube import face_index, face_tangents
 from omnisim.errors import GraphicsError
 from omnisim.extras import missing_packages, require_extra
-from omnisim.gpu.atlas.sampling_density import (
-    MAX_ANISOTROPY,
-    MIN_DENSITY_SHARE,
-    RegionDensity,
-)
-from omnisim.gpu.atlas.tile_plan import TilePlan, plan_regions
-from omnisim.gpu.capture.parallax_pass import ParallaxPass, ViewpointRays
+from omnisim.gpu.capture.depth_pyramid import DepthPyramid
+from omnisim.gpu.capture.parallax_pass import ParallaxPass
+from omnisim.gpu.capture.parallax_rays import SampleRays
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.parallax_pipeline import ParallaxPipeline
@@ -31,15 +26,13 @@ from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
 from omnisim.sensors.hit_source import HitSource
-from omnisim.sensors.omnicamera import OmniCamera
-from omnisim.sensors.sample_rays import SampleRays, sample_rays
-from omnisim.sensors.tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
+from omnisim.sensors.parallax_plan import parallax_tiles
+from omnisim.sensors.sample_rays import sample_rays
 
 if TYPE_CHECKING:
     from omnisim.rays.ray_scene import RayScene
 
-_PARTS = 2  # of a face, to a side: tiles of different density
-_NEAREST_M = (0.05, 0.1, 0.2, 0.5, 2.0, 1e9)  # lengths along the rays that faces are kept for
+_RAYS_PER_BATCH = 1 << 12
 
 
 class Drawn(NamedTuple):
@@ -69,31 +62,25 @@ class ParallaxCamera(CameraBackend):
             )
         self._sensor, context = sensor, drawn.buffers.context
         self._rays: RayScene | None = None
-        self._samples = sample_rays(sensor.model, sensor.supersampling, sensor.mesh_polygons)
-        seen = self._samples.valid
-        if not seen.any():
+        rays = sample_rays(sensor.model, sensor.supersampling, sensor.mesh_polygons)
+        if not rays.shown.any():
             raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
-        rig_from_optical = sensor.model.rig_from_optical.astype(np.float32)
-        directions = self._samples.directions @ rig_from_optical.T
-        origins_m = self._samples.origins_m @ rig_from_optical.T
-        every = slice(None, None, max(1, int(seen.sum()) // 10_000))
-        viewpoint_m = common_point(
-            origins_m[seen][every].astype(np.float64), directions[seen][every].astype(np.float64)
-        )
-        origins_m -= viewpoint_m.astype(np.float32)
-        rays = ViewpointRays(directions, origins_m, seen)
+        directions, origins_m = rays.centres()
+        every = slice(None, None, max(1, len(directions) // 10_000))
+        viewpoint_m = common_point(origins_m[every], directions[every])
+        rays, self._viewpoint_m = rays.seen_from(viewpoint_m), viewpoint_m
+        plan = parallax_tiles(rays, sensor.texels_per_pixel, sensor.near_m)
         is_ideal = sensor.degradation.is_ideal
         self._cube = CubePass(
             drawn.buffers,
             drawn.programs,
-            _plan(rays, sensor),
+            plan,
             VirtualCameras(
                 sensor.near_m, sensor.far_m, 1, setup.unlit, world.scene.background, setup.hidden
             ),
         )
-        parallax = ParallaxPass(
-            context, rays, self._cube.plan, sensor.supersampling, sensor.near_m, sensor.far_m
-        )
+        pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, rays.longest_m)
+        parallax = ParallaxPass(context, rays, plan, pyramid)
         self._casts = not missing_packages("rays")
         self._pipeline = ParallaxPipeline(
             self._cube,
@@ -153,22 +140,26 @@ class ParallaxCamera(CameraBackend):
             self._rays = RayScene(self.world.scene, tuple(self.world.objects.values()))
         return self._rays
 
-    def _cast(self, poses: ScenePoses, samples: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Linear RGB (n, 3) of samples (n,), by their own rays."""
+    def _cast(self, poses: ScenePoses, rays: SampleRays) -> NDArray[np.float32]:
+        """Linear RGB (n, 3) along rays (n,) from beside the viewpoint, rig frame."""
         from omnisim.rays.depth_limits import DepthLimits
-        from omnisim.rays.pixel_rays import Band
         from omnisim.rays.ray_scene import ObjectState
 
-        found, rig_from_optical = self._samples, self._sensor.model.rig_from_optical
-        directions = found.directions.reshape(-1, 3)[samples].astype(np.float64)
-        origins_m = found.origins_m.reshape(-1, 3)[samples].astype(np.float64)
-        band = Band(slice(0), found.valid, directions, origins_m, _footprints(found, samples))
-        limits = DepthLimits(self._sensor.near_m, self._sensor.far_m)
-        return self._ray_scene().radiance(
-            band.aim(limits, rig_from_optical, poses.world_from_rig),
-            band.world_footprints(poses.world_from_rig[:3, :3] @ rig_from_optical),
-            ObjectState(poses.world_from_objects, self.setup.hidden),
-            self.setup.unlit,
+        scene, rotation = self._ray_scene(), poses.world_from_rig[:3, :3]
+        aimed = DepthLimits(self._sensor.near_m, self._sensor.far_m).aim(
+            rays.directions, poses.world_from_rig
+        )
+        offsets_m = np.einsum("nj,ij->ni", rays.origins_m + self._viewpoint_m, rotation)
+        aimed = aimed._replace(origins_m=aimed.origins_m + offsets_m)
+        footprints = np.einsum("nsj,ij->nsi", rays.footprints, rotation.astype(np.float32))
+        objects = ObjectState(poses.world_from_objects, self.setup.hidden)
+
+        def of_batch(first: int) -> NDArray[np.float32]:
+            batch = np.arange(first, min(first + _RAYS_PER_BATCH, len(footprints)))
+            return scene.radiance(aimed.take(batch), footprints[batch], objects, self.setup.unlit)
+
+        return np.concatenate(
+            scene.in_threads(of_batch, range(0, len(footprints), _RAYS_PER_BATCH))
         )
 
     def _degraded_camera(self) -> DegradedCamera:
@@ -183,58 +174,3 @@ class ParallaxCamera(CameraBackend):
         )
         corners_m = object_corners_m(self.world.objects.values())
         return DegradedCamera(sensor, seed, DegradedPipeline(self._pipeline, passes), corners_m)
-
-
-def _plan(rays: ViewpointRays, sensor: OmniCamera) -> TilePlan:
-    """Parts of faces that the rays' points, near and far, are seen in from the viewpoint."""
-    side = sensor.supersampling
-    directions, origins_m = (x[::side, ::side].astype(np.float64) for x in rays[:2])
-    valid = rays.valid[::side, ::side]
-    right = directions[:-1, 1:] - directions[:-1, :-1]
-    down = directions[1:, :-1] - directions[:-1, :-1]
-    whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
-    if not whole.any():
-        raise GraphicsError("camera: the picture shows too little of the scene")
-    steps = np.linalg.svd(np.stack((right, down), axis=-1)[whole], compute_uv=False) / side
-    narrowest = np.maximum(steps[:, 1], steps[:, 0] / MAX_ANISOTROPY)
-    seen, origins_m = directions[:-1, :-1][whole], origins_m[:-1, :-1][whole]
-    found: dict[tuple[int, int, int], tuple[float, float]] = {}
-    for length_m in _NEAREST_M:
-        places = origins_m + length_m * seen
-        faces = face_index(places)
-        for face in np.flatnonzero(np.bincount(faces)).tolist():
-            on_it = np.flatnonzero(faces == face)
-            tangents = face_tangents(places[on_it], face)
-            columns, rows = np.clip((0.5 * _PARTS * (tangents + 1.0)).astype(int), 0, _PARTS - 1).T
-            parts = columns * _PARTS + rows
-            for part in np.flatnonzero(np.bincount(parts)).tolist():
-                column, row = divmod(part, _PARTS)
-                within = parts == part
-                some = on_it[within]
-                # a face's tangents grow faster than angles away from its middle
-                here = 1.0 + np.square(tangents[within]).sum(axis=1)
-                most = float((1.0 / (narrowest[some] * np.sqrt(here))).max())
-                least = float((1.0 / (steps[some, 0] * here)).min())
-                before = found.get((face, column, row), (np.inf, 0.0))
-                found[face, column, row] = min(least, before[0]), max(most, before[1])
-    highest = max(most for _, most in found.values())
-    regions = []
-    for (face, column, row), (least, most) in found.items():
-        first = -1.0 + 2.0 / _PARTS * np.array([column, row])
-        region = np.stack((first, first + 2.0 / _PARTS))
-        density = RegionDensity(max(least, MIN_DENSITY_SHARE * highest), most, region, region)
-        regions.append((face, density))
-    bias = ONE_SAMPLE_BIAS if side == 1 else SUPERSAMPLED_BIAS
-    return plan_regions(regions, sensor.texels_per_pixel / side, bias)
-
-
-def _footprints(rays: SampleRays, samples: NDArray[np.intp]) -> NDArray[np.float32]:
-    """Steps (n, 2, 3) of directions to the next samples right and below; 0: there is none."""
-    directions, valid = rays.directions.reshape(-1, 3), rays.valid.ravel()
-    found = np.zeros((len(samples), 2, 3), dtype=np.float32)
-    for axis, step in enumerate((1, rays.valid.shape[1])):
-        beside = np.minimum(samples + step, len(valid) - 1)
-        has_next = valid[beside]
-        steps = directions[beside[has_next]] - directions[samples[has_next]]
-        found[has_next, axis] = steps
-    return found

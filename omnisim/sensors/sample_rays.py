@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
-import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
+from omnisim.gpu.capture.parallax_rays import MARGIN_PX, ParallaxRays
 
-# Pixels around a sample that must have a ray for it to be interpolated: near a rim rays bend fast.
+# Pixels around one that must have a ray for its samples' to be interpolated: near a rim rays bend
+# fast. No more than the margin.
 _SMOOTH_PX = 2
-_MARGIN_PX = 2  # around the picture
-
-
-class SampleRays(NamedTuple):
-    """Rays of all samples of a picture, optical frame."""
-
-    directions: NDArray[np.float32]  # (height, width, 3), unit
-    origins_m: NDArray[np.float32]  # (height, width, 3)
-    valid: NDArray[np.bool_]  # (height, width)
+_MISS_PX = 0.02  # by which interpolated rays of a mesh may miss
 
 
 def sample_rays(
     camera: CentralCamera, supersampling: int, polygons: int | None = None
-) -> SampleRays:
-    """Rays of the samples of a camera's pixels; those of the pixels' centres are traced.
+) -> ParallaxRays:
+    """Rays of the samples of a camera's pixels, in the rig frame.
 
-    Between them rays are interpolated cubically; near the edges of what is seen they are traced.
-    Those of a mesh, which bend at its edges, are all traced.
+    Those of the pixels' centres are traced; near the edges of what is seen, those of all samples.
+    So are those of a mesh, and kept in the pixels in which they bend.
 
     Args:
         camera: with pixels.
@@ -38,71 +31,94 @@ def sample_rays(
         polygons: of the mesh of its mirror; None: exact.
     """
     width, height = camera.width_px, camera.height_px
-    u, v = ((np.arange(n * supersampling) + 0.5) / supersampling - 0.5 for n in (width, height))
+    trace = _tracer(camera, polygons)
+    around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
+    directions, origins_m, valid = trace(around)
+    smooth, near = _all_around(valid), ~_all_around(~valid)
+    inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
+    smooth, near = smooth[inner], near[inner]
+    found = ParallaxRays(
+        supersampling,
+        directions,
+        origins_m,
+        smooth,
+        np.full((height, width), -1, dtype=np.intp),
+        *_no_rays(supersampling),
+    )
+    rim = np.argwhere(near if polygons is not None else near & ~smooth)
+    offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
+    own = trace(rim[:, None, ::-1] + offsets)
+    bent = ~smooth[tuple(rim.T)]
+    if polygons is not None:
+        bent |= _bent(found, rim, own[0])
+    kept = bent & own[2].any(axis=1)
+    rim = rim[kept]
+    found.smooth[tuple(rim.T)] = False
+    found.rim_numbers[tuple(rim.T)] = np.arange(len(rim))
+    return replace(
+        found, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
+    )
+
+
+def _no_rays(
+    supersampling: int,
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    parts = np.zeros((0, supersampling**2, 3), dtype=np.float32)
+    return parts, parts, np.zeros(parts.shape[:2], dtype=np.bool_)
+
+
+def _bent(
+    rays: ParallaxRays, pixels: NDArray[np.intp], own: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Mask of pixels (n, 2), row and column, whose samples' directions (n, samples, 3) are not
+    those between the pixels around."""  # fmt: skip
+    count = rays.supersampling**2
+    rows, columns = np.repeat(pixels, count, axis=0).T
+    between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))
+    misses = np.linalg.norm(between.directions.reshape(own.shape) - own, axis=-1).max(axis=1)
+    steps = rays.supersampling * np.linalg.norm(between.footprints, axis=-1)
+    return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), -1).min(axis=1))
+
+
+_Traced = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
+
+
+def _tracer(
+    camera: CentralCamera, polygons: int | None
+) -> Callable[[NDArray[np.float64]], _Traced]:
+    """Function from pixels (..., 2) to directions and origins (..., 3), rig frame, and validity.
+
+    Directions are 0 where they are not valid.
+    """
+    ray_from_pixel: Callable[[NDArray[np.float64]], Rays] = camera.ray_from_pixel
     if polygons is not None and isinstance(camera, NonCentralCamera):
         from omnisim.optics.mesh_rays import MeshRays
 
-        mesh = MeshRays(camera, polygons)
-        return _of_mesh(mesh.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1)))
-    traced = camera.ray_from_pixel(
-        pixel_grid(width + 2 * _MARGIN_PX, height + 2 * _MARGIN_PX) - _MARGIN_PX
-    )
-    origins_m = np.zeros_like(traced.directions) if traced.origins_m is None else traced.origins_m
-    values = np.concatenate((traced.directions, origins_m), axis=-1, dtype=np.float32)
-    values = _interpolated(_interpolated(values, supersampling, 0), supersampling, 1)
-    around = np.ones((2 * _SMOOTH_PX + 1, 2 * _SMOOTH_PX + 1), dtype=np.bool_)
-    smooth = scipy.ndimage.binary_erosion(traced.valid, around, border_value=1)
-    near = scipy.ndimage.binary_dilation(traced.valid, around)
-    rows, columns = (
-        np.floor(v + _MARGIN_PX).astype(int)[:, None],
-        np.floor(u + _MARGIN_PX).astype(int),
-    )
-    corners = [(rows + down, columns + right) for down in (0, 1) for right in (0, 1)]
-    valid = np.logical_and.reduce([smooth[corner] for corner in corners])
-    rest = np.logical_or.reduce([near[corner] for corner in corners]) & ~valid
-    at = np.argwhere(rest)
-    exact = camera.ray_from_pixel(np.stack((u[at[:, 1]], v[at[:, 0]]), axis=1))
-    valid[rest] = exact.valid
-    values[rest, :3] = exact.directions
-    values[rest, 3:] = 0.0 if exact.origins_m is None else exact.origins_m
-    values[~valid] = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    x, y, z = (values[..., axis] for axis in range(3))
-    values[..., :3] /= np.sqrt(x * x + y * y + z * z)[..., None]
-    return SampleRays(values[..., :3].copy(), values[..., 3:].copy(), valid)
+        ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
+
+    def trace(pixels: NDArray[np.float64]) -> _Traced:
+        rays = ray_from_pixel(pixels)
+        assert rays.origins_m is not None
+        found = []
+        for part in (rays.directions, rays.origins_m):
+            values = np.where(rays.valid[..., None], part, 0.0)
+            rig = np.einsum("...j,ij->...i", values, camera.rig_from_optical)
+            found.append(rig.astype(np.float32))
+        return found[0], found[1], rays.valid
+
+    return trace
 
 
-def _of_mesh(rays: Rays) -> SampleRays:
-    assert rays.origins_m is not None
-    directions, origins_m = rays.directions.astype(np.float32), rays.origins_m.astype(np.float32)
-    return SampleRays(directions, origins_m, rays.valid)
-
-
-def _interpolated(
-    values: NDArray[np.float32], supersampling: int, axis: int
-) -> NDArray[np.float32]:
-    """Values at the samples of pixels (rows, columns, m), without the margin along an axis, by
-    cubic convolution.
-
-    Source: Keys 1981.
-    """  # fmt: skip
-    shape = list(values.shape)
-    count = shape[axis] - 2 * _MARGIN_PX
-    shape[axis] = count * supersampling
-    found = np.empty(shape, dtype=np.float32)
-    along = np.moveaxis(values, axis, 0)
-    for phase in range(supersampling):
-        at = (phase + 0.5) / supersampling - 0.5 + _MARGIN_PX
-        first = math.floor(at)
-        t = at - first
-        weights = (
-            ((2.0 - t) * t - 1.0) * t,
-            (3.0 * t - 5.0) * t * t + 2.0,
-            ((4.0 - 3.0 * t) * t + 1.0) * t,
-            (t - 1.0) * t * t,
+def _all_around(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels around which, within `_SMOOTH_PX`, all are valid; past the edges all are."""
+    for axis in (0, 1):
+        padded = np.pad(
+            valid,
+            [(_SMOOTH_PX,) * 2 if axis == own else (0, 0) for own in (0, 1)],
+            constant_values=True,
         )
-        taps = [along[first + tap - 1 : first + tap - 1 + count] for tap in range(4)]
-        part = np.moveaxis(found, axis, 0)[phase::supersampling]
-        np.multiply(taps[0], 0.5 * weights[0], out=part)
-        for tap, weight in zip(taps[1:], weights[1:], strict=True):
-            part += tap * np.float32(0.5 * weight)
-    return found
+        size = valid.shape[axis]
+        valid = np.logical_and.reduce(
+            [padded.take(range(step, step + size), axis) for step in range(2 * _SMOOTH_PX + 1)]
+        )
+    return valid

@@ -1,84 +1,61 @@
-// Samples of a camera whose rays do not meet in one point, from the atlas of one viewpoint.
-// A ray (o, q) meets its surface at s: that is where the viewpoint, at 0, sees it along o + s q. From
-// s = ∞ on, the range t(d) along d = o + s q is looked up, and s = (t d − o)·q, until d stays.
-// Where it does not, or where the viewpoint does not see some point of the ray before s, behind which
-// another surface may be, the sample is undecided.
-// With LEVELS, which is drawn once: mip levels of the rays beside their origins.
+// Pixels of a camera whose rays do not meet in one point, from the atlas of one viewpoint: colours of
+// those of their samples whose surfaces lie, more or less, on the plane of those that the pixels
+// around meet, if the atlas shows each there; and which samples are left (parallax_samples.frag).
+// Without branches: software drivers go through all of them.
+// With MIP_LEVELS the atlas has some.
 #version 430 core
 
-uniform sampler2D u_rays;     // unit, rig frame; and 1 where the sample has one
-uniform sampler2D u_origins;  // of the rays, from the viewpoint, rig frame; and mip level
-uniform sampler2D u_atlas;
-uniform sampler2D u_depth;    // of the atlas's texels
-uniform vec2 u_depth_from_inverse_z;  // depth = x + y / z
-uniform float u_near_m;
-uniform float u_tolerance_rad;  // d stays if it moves by less
+uniform sampler2D u_surfaces;  // of pixels, as surfaces.frag has them
 
-#include "capture/rig_uv.glsl"
+layout(location = 0) out vec4 out_color;  // sum as a share of all samples; share that has rays
+layout(location = 1) out uvec2 out_left;  // bits of the samples, row by row
 
-layout(location = 0) out vec4 out_color;
-layout(location = 1) out float out_undecided;
+#include "capture/first_surface.glsl"
+#include "capture/parallax_rays.glsl"
+#include "capture/parallax_color.glsl"
 
-const int STEPS = 6;
-// shares of the way to the surface
-const float PLACES[] = float[](0.97, 0.92, 0.85, 0.75, 0.65, 0.55, 0.45, 0.35, 0.28, 0.2);
-const float HIDDEN = 0.995;  // a surface nearer than this share of a place's range hides it
-const float NOTHING_M = 1e9;
-const float FAR_M = 100.0;  // way that is looked along where nothing is met
+const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
+const float STRAIGHT_TEXELS = 1.0;  // surfaces that differ from a plane by less, per pixel
 
-float range_m(vec3 rig) {
-    vec3 local = u_face_from_rig[face_of(rig)] * rig;
-    ivec2 texel = ivec2(uv_of(rig) * vec2(textureSize(u_depth, 0)));
-    float depth = texelFetch(u_depth, texel, 0).r;
-    if (depth <= 0.0) return NOTHING_M;
-    float z = u_depth_from_inverse_z.y / (depth - u_depth_from_inverse_z.x);
-    return z * length(local) / local.z;
-}
-
-bool is_hidden(vec3 place) {
-    float range = length(place);
-    return range_m(place / range) < HIDDEN * range;
-}
-
-// From a sample to the next, or from the one before where the next one has no ray.
-vec3 step_along(ivec2 pixel, ivec2 way, vec3 ray) {
-    vec4 next = texelFetch(u_rays, pixel + way, 0), last = texelFetch(u_rays, pixel - way, 0);
-    return next.w > 0.5 ? next.xyz - ray : last.w > 0.5 ? ray - last.xyz : vec3(0.0);
+// Tangents and inverse depth of the surface of a neighbour, as the pixel's own face has them.
+vec3 beside(ivec2 pixel, int face, inout bool straight) {
+    vec4 surface = texelFetch(u_surfaces, pixel, 0);
+    vec3 local = u_face_from_rig[face] * surface.xyz;
+    straight = straight && surface.w >= 0.0 && local.z > 0.1;
+    return vec3(local.xy, surface.w) / local.z;
 }
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 ray = texelFetch(u_rays, pixel, 0);
-    vec4 start = texelFetch(u_origins, pixel, 0);
-    vec3 origin = start.xyz;
-    out_color = vec4(0.0);
-    out_undecided = 0.0;
-    if (ray.w < 0.5) return;
-#ifdef LEVELS
-    // of the rays, which are smooth: what they meet is not
-    vec3 right = step_along(pixel, ivec2(1, 0), ray.xyz);
-    out_color = vec4(origin, level_of(ray.xyz, right, step_along(pixel, ivec2(0, 1), ray.xyz)));
-    return;
-#endif
-    vec3 direction = ray.xyz;
-    float moved = 1.0, length_m = FAR_M;
-    for (int i = 0; i < STEPS && moved > u_tolerance_rad; ++i) {
-        float range = range_m(direction);
-        vec3 next = ray.xyz;
-        length_m = FAR_M;
-        if (range < NOTHING_M) {
-            length_m = max(dot(range * direction - origin, ray.xyz), u_near_m);
-            next = normalize(origin + length_m * ray.xyz);
-        }
-        moved = distance(next, direction);
-        direction = next;
+    float share = texelFetch(u_rays, pixel + MARGIN, 0).w;
+    vec4 own = texelFetch(u_surfaces, pixel, 0);
+    vec4 origin = texelFetch(u_origins, pixel + MARGIN, 0);
+    bool straight = own.w >= 0.0 && origin.w == 0.0;
+    Place place = place_of(own.xyz, origin.xyz);
+    vec3 here = vec3(place.tangent, own.w / place.depth);
+    ivec2 last = textureSize(u_surfaces, 0) - 1;
+    vec3 ends[4] = vec3[4](
+        beside(min(pixel + ivec2(1, 0), last), place.face, straight),
+        beside(max(pixel - ivec2(1, 0), 0), place.face, straight),
+        beside(min(pixel + ivec2(0, 1), last), place.face, straight),
+        beside(max(pixel - ivec2(0, 1), 0), place.face, straight));
+    vec3 right = 0.5 * (ends[0] - ends[1]), down = 0.5 * (ends[2] - ends[3]);
+    vec2 bends = max(abs(ends[0].xy + ends[1].xy - 2.0 * here.xy),
+                     abs(ends[2].xy + ends[3].xy - 2.0 * here.xy));
+    straight = straight && max(bends.x, bends.y) * place.cell.z < STRAIGHT_TEXELS;
+    float level = level_at(pixel, place);
+    float tolerance = SAME_TEXELS / (place.depth * place.texels);
+    vec3 total = vec3(0.0);
+    uint left[2] = uint[2](0u, 0u);
+    for (int part = 0; part < SAMPLES; ++part) {
+        vec2 offset = offset_of(part);
+        vec3 surface = here + offset.x * right + offset.y * down;
+        vec2 texel = place.cell.xy + surface.xy * place.cell.zw;
+        bool known = straight && abs(inverse_z_at(texel) - surface.z) < tolerance;
+        vec3 color = color_at(texel, level);
+        total += known ? color : vec3(0.0);
+        left[part / 32] |= known ? 0u : 1u << (part % 32);
     }
-    out_color = vec4(textureLod(u_atlas, uv_of(direction), start.w).rgb, 1.0);
-    bool undecided = moved > u_tolerance_rad;
-    // places that are seen within a texel of the surface need no look-up
-    float aside = length(cross(origin, ray.xyz)) / length_m;
-    for (int i = 0; i < PLACES.length() && !undecided; ++i)
-        if (aside * (1.0 / PLACES[i] - 1.0) > u_tolerance_rad)
-            undecided = is_hidden(origin + PLACES[i] * length_m * ray.xyz);
-    out_undecided = undecided ? 1.0 : 0.0;
+    out_color = vec4(total / float(SAMPLES), share);
+    out_left = uvec2(left[0], left[1]);
 }

@@ -43,47 +43,20 @@ class SamplingDensity:
     """Sampling density of the picture on a face, by samples all over it.
 
     Args:
-        camera: whose picture.
-        face_from_optical: (3, 3).
-        seen: tangents (n, 2) that the picture looks up.
+        tangents: (n, 2) of the samples, those of the grid first, row by row.
+        seen: (n,) the picture looks them up.
+        most, least: (n,) pixels to a tangent of 1, along and across; 0 and infinite: not known.
     """
 
     def __init__(
         self,
-        camera: CentralCamera,
-        face_from_optical: NDArray[np.float64],
-        seen: NDArray[np.float64],
+        tangents: NDArray[np.float64],
+        seen: NDArray[np.bool_],
+        most: NDArray[np.float64],
+        least: NDArray[np.float64],
     ):
-        line = np.linspace(-1.0, 1.0, GRID)
-        grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-        self._tangents = np.concatenate((grid, seen))
-
-        def pixels(right: float, down: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-            local = np.ones((len(self._tangents), 3))
-            local[:, :2] = self._tangents + np.array([right, down])
-            return camera.pixel_from_ray(local @ face_from_optical)
-
-        at, valid = pixels(0.0, 0.0)
-        size = (camera.width_px, camera.height_px)
-        valid = valid & np.all((at >= -1.0) & (at <= size), axis=-1)
-        self._is_seen = bool(valid.any())
-        self._seen = valid.copy()
-        self._seen[len(grid) :] = True
-        self._max = np.zeros(len(valid))
-        self._min = np.full(len(valid), np.inf)
-        if not self._is_seen:
-            return
-        right, right_valid = pixels(_STEP, 0.0)
-        down, down_valid = pixels(0.0, _STEP)
-        steps = np.stack((right - at, down - at), axis=-1)
-        inner = valid & right_valid & down_valid
-        # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
-        # step leaps. No face is so dense that one would move the picture by a pixel otherwise.
-        smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
-        inner = smooth if smooth.any() else inner
-        px_per_tan = np.linalg.svd(steps[inner] / _STEP, compute_uv=False)
-        self._max[inner] = np.minimum(px_per_tan[:, 0], MAX_ANISOTROPY * px_per_tan[:, 1])
-        self._min[inner] = px_per_tan[:, 1]
+        self._tangents, self._seen, self._max, self._min = tangents, seen, most, least
+        self._is_seen = bool(seen.any())
 
     def whole(self) -> list[RegionDensity]:
         """Density of the whole face; empty where the picture sees nothing of it."""
@@ -147,6 +120,63 @@ class SamplingDensity:
             for right in (0, 1):
                 seen[row + down, column + right] = True
         return _dilate(density), _dilate(seen)
+
+
+def density_of_camera(
+    camera: CentralCamera, face_from_optical: NDArray[np.float64], seen: NDArray[np.float64]
+) -> SamplingDensity:
+    """Density of a camera's picture.
+
+    Args:
+        camera: whose picture.
+        face_from_optical: (3, 3).
+        seen: tangents (n, 2) that the picture looks up.
+    """
+    grid = _grid()
+    tangents = np.concatenate((grid, seen))
+
+    def pixels(right: float, down: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        local = np.ones((len(tangents), 3))
+        local[:, :2] = tangents + np.array([right, down])
+        return camera.pixel_from_ray(local @ face_from_optical)
+
+    at, valid = pixels(0.0, 0.0)
+    size = (camera.width_px, camera.height_px)
+    valid = valid & np.all((at >= -1.0) & (at <= size), axis=-1)
+    most, least = np.zeros(len(valid)), np.full(len(valid), np.inf)
+    if not valid.any():
+        return SamplingDensity(tangents, valid, most, least)
+    right, right_valid = pixels(_STEP, 0.0)
+    down, down_valid = pixels(0.0, _STEP)
+    steps = np.stack((right - at, down - at), axis=-1)
+    inner = valid & right_valid & down_valid
+    # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
+    # step leaps. No face is so dense that one would move the picture by a pixel otherwise.
+    smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
+    inner = smooth if smooth.any() else inner
+    px_per_tan = np.linalg.svd(steps[inner] / _STEP, compute_uv=False)
+    most[inner] = np.minimum(px_per_tan[:, 0], MAX_ANISOTROPY * px_per_tan[:, 1])
+    least[inner] = px_per_tan[:, 1]
+    valid[len(grid) :] = True
+    return SamplingDensity(tangents, valid, most, least)
+
+
+def density_of_rays(
+    tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
+) -> SamplingDensity:
+    """Density of a picture whose rays meet a face at tangents (n, 2), pixels to a tangent of 1."""
+    density = np.zeros((GRID, GRID))
+    column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
+    for down in (0, 1):
+        for right in (0, 1):
+            np.maximum.at(density, (row + down, column + right), px_per_tan)
+    flat = density.ravel()
+    return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
+
+
+def _grid() -> NDArray[np.float64]:
+    line = np.linspace(-1.0, 1.0, GRID)
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
 
 def _dilate(values: NDArray[Any]) -> NDArray[Any]:

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera
 from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.errors import GraphicsError
-from omnisim.gpu.atlas.sampling_density import GRID, WHOLE_FACE, RegionDensity, SamplingDensity
+from omnisim.gpu.atlas.sampling_density import (
+    GRID,
+    WHOLE_FACE,
+    RegionDensity,
+    SamplingDensity,
+    density_of_camera,
+)
 
 # The largest density lies between two samples at worst: 1 % to spare.
 DENSITY_MARGIN = 1.01
@@ -122,17 +128,40 @@ def plan_tiles(
     directions_rig = seen @ rig_from_optical.T
     face_of_ray = face_index(directions_rig)
     densities = [
-        SamplingDensity(
+        density_of_camera(
             camera,
             FACE_FROM_RIG[face] @ rig_from_optical,
             face_tangents(directions_rig[face_of_ray == face], face),
         )
         for face in range(len(FACE_NAMES))
     ]
+    return plan_densities(densities, texels_per_pixel, face_size_px, subdivide, level_bias)
+
+
+def plan_densities(
+    densities: Sequence[SamplingDensity],
+    texels_per_pixel: float,
+    face_size_px: int | None,
+    subdivide: bool,
+    level_bias: float,
+    max_level: int | None = None,
+    gutter_px: int = 1,
+) -> TilePlan:
+    """Plan the tiles of each face of the cube, in the order of `omnisim.cube.FACE_NAMES`.
+
+    Args:
+        densities: of the picture on each face.
+        texels_per_pixel, face_size_px, subdivide, level_bias: see `plan_tiles`.
+        max_level: mip levels beyond the first; None: as the densities need.
+        gutter_px: around tiles, at least.
+
+    Raises:
+        GraphicsError: nothing is seen at all.
+    """
     whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
     if not whole:
         raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
-    plan = _plan(whole, texels_per_pixel, face_size_px, level_bias)
+    plan = _plan(whole, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px)
     if subdivide and face_size_px is None:
         texels = sum(_texels(region, texels_per_pixel) for _, region in whole)
         tile_texels = max(TILE_TEXELS, TILE_SHARE * texels)
@@ -143,21 +172,11 @@ def plan_tiles(
         ]
         if 0 < len(parts) <= MAX_TILES:
             # a tile's gutter is as wide as the largest mip texel: it may cost what cutting spares
-            subdivided = _plan(parts, texels_per_pixel, face_size_px, level_bias)
+            subdivided = _plan(
+                parts, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px
+            )
             plan = min(subdivided, plan, key=lambda one: one.texels)
     return plan
-
-
-def plan_regions(
-    regions: Sequence[tuple[int, RegionDensity]], texels_per_pixel: float, level_bias: float
-) -> TilePlan:
-    """Plan a tile for each region of a face, by its index in `omnisim.cube.FACE_NAMES`.
-
-    Args:
-        regions: that do not overlap.
-        texels_per_pixel, level_bias: see `plan_tiles`.
-    """
-    return _plan(list(regions), texels_per_pixel, None, level_bias)
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:
@@ -174,6 +193,8 @@ def _plan(
     texels_per_pixel: float,
     face_size_px: int | None,
     level_bias: float,
+    max_level: int | None,
+    gutter_px: int,
 ) -> TilePlan:
     """One tile for each region of a face."""
     sizes = [
@@ -185,10 +206,10 @@ def _plan(
     minification = max(
         0.5 * size / one.min_px_per_tan for size, (_, one) in zip(sizes, regions, strict=True)
     )
-    level = round(math.log2(minification) + level_bias)
+    level = round(math.log2(minification) + level_bias) if max_level is None else max_level
     level = max(0, min(level, int(math.log2(min(sizes)))))
     tiles = [
-        _tile(face, size, one.region, one.seen_region, 1 << level)
+        _tile(face, size, one.region, one.seen_region, max(1 << level, gutter_px))
         for size, (face, one) in zip(sizes, regions, strict=True)
     ]
     return _pack(tiles, level, level_bias)

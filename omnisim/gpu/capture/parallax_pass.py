@@ -1,4 +1,4 @@
-"""Samples of rays with origins of their own, from the atlas of one viewpoint and its depth."""
+"""Pixels of rays with origins of their own, from the atlas of one viewpoint and its depth."""
 
 from __future__ import annotations
 
@@ -10,24 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
+from omnisim.gpu.capture.depth_pyramid import DepthPyramid
+from omnisim.gpu.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.gpu.capture.picture_pass import picture_array
-from omnisim.gpu.capture.tile_uniforms import bind_tiles
+from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import uniform
+from omnisim.gpu.uniforms import find_uniform, uniform
 
-_ATLAS, _RAYS, _ORIGINS, _DEPTH = range(4)  # texture units
-_TOLERANCE_TEXELS = 1.0  # a look-up that moves by less is decided
+# texture units
+_ATLAS, _RAYS, _ORIGINS, _RIM_RAYS, _SURFACES, _SAMPLES = range(6)
+_RIM_ROW = 1 << 12  # texels in a row of the rim's rays, as in capture/parallax_rays.glsl
+_SAMPLE_ROW = 1 << 10  # samples in a row of those that are drawn one by one
+_PARTS = 64  # of a pixel, at most, as in capture/parallax_samples.frag
+_LEFT = 1  # attachment
 
-CastSamples = Callable[[NDArray[np.intp]], NDArray[np.float32]]
+# Linear RGB (n, 3) along rays (n,).
+CastSamples = Callable[[SampleRays], NDArray[np.float32]]
 
 
-class ViewpointRays(NamedTuple):
-    """Rays of samples as the viewpoint has them, rig frame."""
+class RayTextures(NamedTuple):
+    """Rays of pixels, and those of the samples at the rim, as `capture/parallax.frag` has them."""
 
-    directions: NDArray[np.float32]  # (height, width, 3), unit
-    origins_m: NDArray[np.float32]  # (height, width, 3), from the viewpoint
-    valid: NDArray[np.bool_]  # (height, width)
+    rays: moderngl.Texture
+    origins: moderngl.Texture
+    rim: moderngl.Texture
+
+    def use(self) -> None:
+        """Bind them."""
+        for unit, texture in ((_RAYS, self.rays), (_ORIGINS, self.origins), (_RIM_RAYS, self.rim)):
+            texture.use(unit)
 
 
 class ParallaxPass:
@@ -35,10 +48,9 @@ class ParallaxPass:
 
     Args:
         context: of OpenGL.
-        rays: of the samples.
+        rays: of the samples, from the viewpoint, rig frame.
         plan: tiles of the atlas.
-        supersampling: samples to a side of a pixel.
-        near_m, far_m: of the virtual cameras; far may be infinite.
+        pyramid: of its depth.
 
     Attributes:
         undecided_samples: of the last picture.
@@ -50,63 +62,65 @@ class ParallaxPass:
     def __init__(
         self,
         context: moderngl.Context,
-        rays: ViewpointRays,
+        rays: ParallaxRays,
         plan: TilePlan,
-        supersampling: int,
-        near_m: float,
-        far_m: float,
+        pyramid: DepthPyramid,
     ):
-        height, width = rays.valid.shape
-        self._context, self.undecided_samples = context, 0
-        with gpu_allocation(
-            f"a capture of {width} × {height} px",
-            "make the picture or camera.supersampling smaller",
-        ):
-            valid = rays.valid[..., None].astype(np.float32)
-            texels = np.concatenate((rays.directions, valid), axis=-1)
-            self._rays = context.texture((width, height), 4, texels.tobytes(), dtype="f4")
-            texels = np.concatenate((rays.origins_m, valid), axis=-1)
-            self._origins = context.texture((width, height), 4, texels.tobytes(), dtype="f4")
-            self._depth = context.texture((plan.width_px, plan.height_px), 1, dtype="f4")
-            self._colors = context.texture((width, height), 4, dtype="f4")
-            self._undecided = context.texture((width, height), 1, dtype="f1")
-        for texture in (self._rays, self._origins, self._depth, self._colors):
+        self._context, self._sample_rays, self._plan = context, rays, plan
+        self._pyramid = pyramid
+        self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
+        self._what = f"a capture of {width} × {height} px"
+        self.undecided_samples = 0
+        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+            self._rays = ray_textures(context, rays)
+            self._surfaces = context.texture(self._size, 4, dtype="f4")
+            self._colors = context.texture(self._size, 4, dtype="f4")
+            left = context.renderbuffer(self._size, 2, dtype="u4")
+        for texture in (self._surfaces, self._colors):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._target = context.framebuffer([self._colors, self._undecided])
-        self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self._add_levels(plan)
-        program = self._program(plan)
-        for name, unit in (("atlas", _ATLAS), ("depth", _DEPTH)):
-            uniform(program, f"u_{name}").value = unit
-        share = near_m / (far_m - near_m)  # 0 where far is infinite
-        uniform(program, "u_depth_from_inverse_z").value = (-share, near_m * (1.0 + share))
-        uniform(program, "u_near_m").value = near_m
-        finest = max(tile.face_size_px for tile in plan.tiles)
-        uniform(program, "u_tolerance_rad").value = _TOLERANCE_TEXELS * 2.0 / finest
+        self._surfaces_target = context.framebuffer([self._surfaces])
+        self._target = context.framebuffer([self._colors, left])
+        # once: nothing is ever drawn where there is no ray
+        self._surfaces_target.clear(0.0, 0.0, 0.0, -1.0)
+        self._target.use()
+        self._target.clear()
+        clear_integers(_LEFT)
+        self._valid_bits = rays.valid_bits()
+        self._samples, self._samples_target = self._allocate_samples(1)
+        self._surfaces_array = self._covering("surfaces")
+        self._pixels_array = self._covering("parallax")
+        program = self._program("common/full_screen.vert", "parallax_samples")
+        uniform(program, "u_width_px").value = width
         self._samples_array = context.vertex_array(program, [])
         self._samples_array.vertices = 3
-        shape = height // supersampling, supersampling, width // supersampling, supersampling
-        shown = np.asarray(rays.valid.reshape(shape).any(axis=(1, 3)))
-        self._array = picture_array(context, shown, supersampling)
+        self._picture_array = picture_array(context, rays.shown, 1)
 
-    def _program(self, plan: TilePlan, *defines: str) -> moderngl.Program:
-        program = build_program(
-            self._context, "common/full_screen.vert", "capture/parallax.frag", defines
-        )
-        bind_tiles(program, plan, np.eye(3))
-        uniform(program, "u_rays").value = _RAYS
-        uniform(program, "u_origins").value = _ORIGINS
+    def _covering(self, fragment: str) -> moderngl.VertexArray:
+        """Vertex array that draws all pixels with samples."""
+        program = self._program("capture/picture.vert", fragment)
+        return valid_pixels_array(self._context, program, self._sample_rays.shown)
+
+    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
+        plan = self._plan
+        defines = ["MIP_LEVELS"] if plan.max_level else []
+        defines.append(f"SUPERSAMPLING {self._sample_rays.supersampling}")
+        program = build_program(self._context, vertex, f"capture/{fragment}.frag", defines)
+        self._pyramid.bind_program(program)
+        for name, value in (
+            ("u_atlas", _ATLAS),
+            ("u_rays", _RAYS),
+            ("u_origins", _ORIGINS),
+            ("u_rim_rays", _RIM_RAYS),
+            ("u_surfaces", _SURFACES),
+            ("u_samples", _SAMPLES),
+            ("u_atlas_px", (plan.width_px, plan.height_px)),
+            ("u_max_level", float(plan.max_level)),
+            ("u_level_bias", plan.level_bias),
+        ):
+            found = find_uniform(program, name)
+            if found is not None:
+                found.value = value
         return program
-
-    def _add_levels(self, plan: TilePlan) -> None:
-        """Draw mip levels beside the origins."""
-        self._rays.use(_RAYS)
-        self._origins.use(_ORIGINS)
-        self._target.use()
-        array = self._context.vertex_array(self._program(plan, "LEVELS"), [])
-        array.vertices = 3
-        array.render()
-        self._origins.write(self._colors.read())
 
     def draw(
         self,
@@ -121,21 +135,110 @@ class ParallaxPass:
             atlas: of the viewpoint.
             depth: (height, width) of its texels.
             target: of the picture.
-            cast: gives linear RGB (n, 3) of undecided samples (n,), row by row; None: they keep
-                what the last step found.
+            cast: gives undecided samples; None: they are as if what hides them were thin.
         """
-        self._depth.write(depth)
-        for unit, texture in enumerate((atlas, self._rays, self._origins, self._depth)):
-            texture.use(unit)
+        self._pyramid.update(depth)
+        self._rays.use()
+        atlas.use(_ATLAS)
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._surfaces_target.use()
+        self._surfaces_array.render()
+        self._surfaces.use(_SURFACES)
         self._target.use()
-        self._samples_array.render()
-        undecided = np.flatnonzero(np.frombuffer(self._undecided.read(alignment=1), np.uint8))
+        self._pixels_array.render()
+        self._add_samples_left(cast)
+        self._colors.use(_ATLAS)
+        target.use()
+        self._picture_array.render()
+
+    def _add_samples_left(self, cast: CastSamples | None) -> None:
+        """Add the samples that the pixels around did not tell, one by one."""
+        pixels, at, parts = self._samples_left()
+        self.undecided_samples = 0
+        if len(parts) == 0:
+            return
+        light = self._draw_samples(_PARTS * pixels[at] + parts)
+        undecided = np.flatnonzero(light[:, 3] < 0.5)
         self.undecided_samples = len(undecided)
         if cast is not None and len(undecided):
-            colors = np.frombuffer(self._colors.read(), np.float32).reshape(-1, 4).copy()
-            colors[undecided, :3] = cast(undecided)
-            self._colors.write(colors)
-        self._colors.use(0)
-        target.use()
-        self._array.render()
+            rows, columns = np.divmod(pixels[at[undecided]], self._size[0])
+            light[undecided, :3] = cast(self._sample_rays.of(rows, columns, parts[undecided]))
+        colors = np.frombuffer(self._colors.read(), np.float32).reshape(-1, 4).copy()
+        share = 1.0 / self._sample_rays.supersampling**2
+        for channel in range(3):
+            sums = np.bincount(at, light[:, channel], len(pixels))
+            colors[pixels, channel] += share * sums
+        self._colors.write(colors)
+
+    def _samples_left(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Pixels (m,) with samples left; of each sample (n,) the number in these, and its part."""
+        width, height = self._size
+        bits = np.empty((height, width, 2), dtype="<u4")
+        self._target.read_into(bits, components=2, attachment=_LEFT, dtype="u4")
+        left = bits.view("<u8").ravel() & self._valid_bits
+        pixels = np.flatnonzero(left)
+        at, parts = np.nonzero(
+            np.unpackbits(
+                left[pixels, None].view(np.uint8),
+                axis=1,
+                count=self._sample_rays.supersampling**2,
+                bitorder="little",
+            )
+        )
+        return pixels, at, parts
+
+    def _draw_samples(self, samples: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Linear RGB (n, 4) of samples (n,), and 1 where what they meet is known."""
+        rows = -(-len(samples) // _SAMPLE_ROW)
+        if rows > self._samples.height:
+            self._samples, self._samples_target = self._allocate_samples(2 * rows)
+        texels = np.zeros(rows * _SAMPLE_ROW, dtype="<u4")
+        texels[: len(samples)] = samples
+        viewport = (0, 0, _SAMPLE_ROW, rows)
+        self._samples.write(texels, viewport=viewport)
+        self._samples.use(_SAMPLES)
+        self._samples_target.use()
+        self._samples_target.viewport = viewport
+        self._samples_array.render()
+        light = np.empty((rows * _SAMPLE_ROW, 4), dtype=np.float32)
+        self._samples_target.read_into(light, viewport, components=4, dtype="f4")
+        return light[: len(samples)]
+
+    def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        size = _SAMPLE_ROW, rows
+        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+            samples = self._context.texture(size, 1, dtype="u4")
+            samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            found = self._context.renderbuffer(size, 4, dtype="f4")
+            return samples, self._context.framebuffer([found])
+
+
+def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
+    """Upload rays.
+
+    Raises:
+        moderngl.Error: no memory for them.
+    """
+    height, width = rays.directions.shape[:2]
+    inner = slice(MARGIN_PX, -MARGIN_PX)
+    samples = rays.supersampling**2
+    textures = []
+    rim = rays.rim_numbers >= 0
+    for values, own in (
+        (rays.directions, rays.valid_shares()),
+        (rays.origins_m, np.where(rim, 1 + 2 * samples * rays.rim_numbers, 0)),
+    ):
+        texels = np.zeros((height, width, 4), dtype=np.float32)
+        texels[..., :3] = values
+        texels[inner, inner, 3] = own
+        textures.append(context.texture((width, height), 4, texels.tobytes(), dtype="f4"))
+    count = 2 * samples * len(rays.rim_valid)
+    texels = np.zeros((max(1, -(-count // _RIM_ROW)) * _RIM_ROW, 4), dtype=np.float32)
+    texels[:count:2, :3] = rays.rim_directions.reshape(-1, 3)
+    texels[1:count:2, :3] = rays.rim_origins_m.reshape(-1, 3)
+    size = _RIM_ROW, len(texels) // _RIM_ROW
+    rim_rays = context.texture(size, 4, texels.tobytes(), dtype="f4")
+    found = RayTextures(textures[0], textures[1], rim_rays)
+    for texture in found:
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return found

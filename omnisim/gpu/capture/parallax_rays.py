@@ -1,0 +1,143 @@
+"""Rays of a picture's samples that do not meet in one point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+MARGIN_PX = 2  # around the picture, as in capture/parallax.frag
+
+
+class SampleRays(NamedTuple):
+    """Rays of some samples, in the frame of all."""
+
+    directions: NDArray[np.float64]  # (n, 3), unit
+    origins_m: NDArray[np.float64]  # (n, 3)
+    footprints: NDArray[np.float32]  # (n, 2, 3) changes of the direction to the next samples
+
+
+@dataclass(frozen=True, eq=False)
+class ParallaxRays:
+    """Rays of pixels' centres, between which those of samples are interpolated, or their own.
+
+    Attributes:
+        supersampling: samples to a side of a pixel.
+        directions: (height + 2 margins, width + 2 margins, 3) unit, or 0: not valid.
+        origins_m: likewise.
+        smooth: (height, width) pixels whose samples' rays are interpolated.
+        rim_numbers: (height, width) of other pixels, into the rest; −1: the pixel sees nothing.
+        rim_directions: (n, samples, 3), samples row by row.
+        rim_origins_m: likewise.
+        rim_valid: (n, samples).
+    """
+
+    supersampling: int
+    directions: NDArray[np.float32]
+    origins_m: NDArray[np.float32]
+    smooth: NDArray[np.bool_]
+    rim_numbers: NDArray[np.intp]
+    rim_directions: NDArray[np.float32]
+    rim_origins_m: NDArray[np.float32]
+    rim_valid: NDArray[np.bool_]
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """Pixels (height, width) of which some sample has a ray."""
+        return self.smooth | (self.rim_numbers >= 0)
+
+    def valid_bits(self) -> NDArray[np.uint64]:
+        """Samples of each pixel (height × width,) that have a ray, the first the lowest bit."""
+        count = self.supersampling**2
+        bits = np.where(self.smooth, np.uint64((1 << count) - 1), np.uint64(0))
+        powers = np.uint64(1) << np.arange(count, dtype=np.uint64)
+        rim = self.rim_numbers >= 0
+        bits[rim] = (self.rim_valid * powers).sum(axis=1)[self.rim_numbers[rim]]
+        return bits.ravel()
+
+    def valid_shares(self) -> NDArray[np.float32]:
+        """Share of each pixel's (height, width) samples that have a ray."""
+        shares = self.smooth.astype(np.float32)
+        rim = self.rim_numbers >= 0
+        shares[rim] = self.rim_valid.mean(axis=1)[self.rim_numbers[rim]]
+        return shares
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """Pixels (height, width) whose centre has a ray."""
+        inner = slice(MARGIN_PX, -MARGIN_PX)
+        return np.asarray(self.directions[inner, inner].any(axis=-1))
+
+    @property
+    def longest_m(self) -> float:
+        """Length of the longest origin."""
+        longest = 0.0
+        for origins_m, valid in (
+            (self.origins_m, self.directions.any(axis=-1)),
+            (self.rim_origins_m, self.rim_valid),
+        ):
+            lengths_m = np.linalg.norm(origins_m[valid], axis=-1)
+            longest = max(longest, float(lengths_m.max(initial=0.0)))
+        return longest
+
+    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Directions and origins (n, 3) of the pixels' centres that have a ray, row by row."""
+        inner = slice(MARGIN_PX, -MARGIN_PX)
+        return (
+            self.directions[inner, inner][self.valid].astype(np.float64),
+            self.origins_m[inner, inner][self.valid].astype(np.float64),
+        )
+
+    def seen_from(self, viewpoint_m: NDArray[np.float64]) -> ParallaxRays:
+        """The same rays with origins counted from a point (3,)."""
+        offset_m = viewpoint_m.astype(np.float32)
+        return replace(
+            self,
+            origins_m=self.origins_m - offset_m,
+            rim_origins_m=self.rim_origins_m - offset_m,
+        )
+
+    def of(
+        self, rows: NDArray[np.intp], columns: NDArray[np.intp], parts: NDArray[np.intp]
+    ) -> SampleRays:
+        """Rays of samples (n,): parts (n,) of pixels at rows and columns (n,)."""  # fmt: skip
+        side = self.supersampling
+        offsets = (np.stack((parts % side, parts // side), axis=1) + 0.5) / side - 0.5
+        weights = _parabolas(offsets)
+        directions, origins_m = np.zeros((2, len(rows), 3))
+        footprints = np.zeros((len(rows), 2, 3), dtype=np.float32)
+        at = rows + MARGIN_PX, columns + MARGIN_PX
+        for down in range(3):
+            for right in range(3):
+                weight = (weights[:, down, 1] * weights[:, right, 0])[:, None]
+                there = at[0] + down - 1, at[1] + right - 1
+                directions += weight * self.directions[there]
+                origins_m += weight * self.origins_m[there]
+        for axis, (down, right) in enumerate(((0, 1), (1, 0))):
+            before, after = (
+                self.directions[at[0] + sign * down, at[1] + sign * right] for sign in (-1, 1)
+            )
+            footprints[:, axis] = (after - before) / (2 * side)
+        numbers = self.rim_numbers[rows, columns]
+        rim = np.flatnonzero(~self.smooth[rows, columns])
+        directions[rim] = self.rim_directions[numbers[rim], parts[rim]]
+        origins_m[rim] = self.rim_origins_m[numbers[rim], parts[rim]]
+        # beyond the edge of what is seen there is no next sample
+        footprints[rim] = 0.0
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return SampleRays(directions, origins_m, footprints)
+
+
+def _parabolas(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights (n, 3, 2) of the pixels before, here and after, by offsets (n, 2) in pixels."""
+    return np.stack(
+        (
+            0.5 * offsets * (offsets - 1.0),
+            1.0 - offsets * offsets,
+            0.5 * offsets * (offsets + 1.0),
+        ),
+        axis=1,
+    )

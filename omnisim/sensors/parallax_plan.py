@@ -1,0 +1,100 @@
+"""Tiles for rays that do not meet in one point: all that their points are seen in."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cube import FACE_NAMES, face_index, face_tangents
+from omnisim.errors import GraphicsError
+from omnisim.gpu.atlas.sampling_density import GRID_STEP, SamplingDensity, density_of_rays
+from omnisim.gpu.atlas.tile_plan import TilePlan, plan_densities
+from omnisim.gpu.capture.parallax_rays import ParallaxRays
+from omnisim.sensors.tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
+
+_MAX_ANISOTROPY = 2.0  # of a pixel: one stretched by more is drawn as if it were by this
+_MOST = 90.0  # % of the pixels, whose mip levels there are
+_GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its centre
+_MAX_RAYS = 40_000  # whose points, near and far, are counted
+
+
+def parallax_tiles(rays: ParallaxRays, texels_per_pixel: float, near_m: float) -> TilePlan:
+    """Plan the tiles that show all points of rays, in the rig frame, to the viewpoint at 0.
+
+    Args:
+        rays: of the samples.
+        texels_per_pixel: to a side of a pixel.
+        near_m: nothing is nearer.
+
+    Raises:
+        GraphicsError: the picture shows too little.
+    """
+    directions, origins_m = rays.directions, rays.origins_m
+    valid = np.asarray(directions.any(axis=-1))
+    whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
+    if not whole.any():
+        raise GraphicsError("camera: the picture shows too little of the scene")
+    here = directions[:-1, :-1][whole].astype(np.float64)
+    steps = np.stack((directions[:-1, 1:][whole] - here, directions[1:, :-1][whole] - here), -1)
+    # of the samples, as mip levels are of these
+    along, across = (values / rays.supersampling for values in _singular_values(steps))
+    densest = 1.0 / np.maximum(across, along / _MAX_ANISOTROPY)
+    found = [(here, densest)]
+    some = slice(None, None, max(1, len(here) // _MAX_RAYS))
+    near, densest = here[some], densest[some]
+    origins_m = origins_m[:-1, :-1][whole][some].astype(np.float64)
+    # of all points of a ray, no two in neighbouring cells
+    turn = float(np.linalg.norm(origins_m, axis=1).max()) / near_m
+    for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / GRID_STEP))[1:]:
+        found.append((near + nearness * origins_m, densest))
+    densities = _densities(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    bias = ONE_SAMPLE_BIAS if rays.supersampling == 1 else SUPERSAMPLED_BIAS
+
+    def plan(max_level: int) -> TilePlan:
+        density = texels_per_pixel / rays.supersampling
+        return plan_densities(densities, density, None, True, bias, max_level, _GUTTER_PX)
+
+    first = plan(0)
+    level = max(0, int(_mip_level(first, here, along) + bias))
+    return plan(level) if level else first
+
+
+def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> list[SamplingDensity]:
+    """Density of each face, by the directions of points (n, 3), and samples a radian (n,)."""
+    face_of_place = face_index(places)
+    densities = []
+    for face in range(len(FACE_NAMES)):
+        on_it = np.flatnonzero(face_of_place == face)
+        tangents = face_tangents(places[on_it], face)
+        # a face's tangents grow faster than angles away from its middle
+        wider = np.sqrt(1.0 + np.square(tangents).sum(axis=1))
+        densities.append(density_of_rays(tangents, densest[on_it] / wider))
+    return densities
+
+
+def _mip_level(
+    plan: TilePlan, directions: NDArray[np.float64], along: NDArray[np.float64]
+) -> float:
+    """Level at which a texel is as wide as the samples of directions (n, 3) are far, in radians.
+
+    That of most: past a rim's last pixels, and at poles, samples are as far as one likes.
+    """
+    face_of_ray = face_index(directions)
+    texels = [np.ones(1)]
+    for tile in plan.tiles:
+        on_it = np.flatnonzero(face_of_ray == tile.face)
+        tangents = face_tangents(directions[on_it], tile.face)
+        inside = np.all((tangents >= tile.region[0]) & (tangents < tile.region[1]), axis=1)
+        wider = 1.0 + np.square(tangents[inside]).sum(axis=1)
+        texels.append(0.5 * tile.face_size_px * wider * along[on_it[inside]])
+    return float(np.log2(np.percentile(np.concatenate(texels), _MOST)))
+
+
+def _singular_values(steps: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Larger and smaller singular values (n,) of matrices (n, 3, 2), in closed form."""
+    gram = np.einsum("nji,njk->nik", steps, steps)
+    mean = 0.5 * (gram[:, 0, 0] + gram[:, 1, 1])
+    spread = np.hypot(0.5 * (gram[:, 0, 0] - gram[:, 1, 1]), gram[:, 0, 1])
+    return np.sqrt(mean + spread), np.sqrt(np.maximum(mean - spread, 0.0))
