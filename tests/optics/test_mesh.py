@@ -20,6 +20,7 @@ from omnisim.sensors.valid_mask import valid_mask
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.validation.psnr import psnr_of_levels_db
 from tests.optics.examples import EXAMPLES, SYSTEMS, at, port
+from tests.optics.samples import all_samples
 from tests.scenes import room, scene_of
 
 SEEN = [path for path in EXAMPLES if has_mesh(read_optics_file(path))]
@@ -153,10 +154,16 @@ def test_shadows_are_those_of_exact_rays():
 
 def test_samples_of_a_mesh_are_its_rays():
     system = SYSTEMS["sphere"].scaled(0.25)
-    found = sample_rays(system, 2, 64)
+    found = all_samples(sample_rays(system, 2, 64), system)
     expected = MeshRays(system.scaled(2.0), 64).ray_from_pixel(pixel_grid(180, 180))
     np.testing.assert_array_equal(found.valid, expected.valid)
-    np.testing.assert_allclose(found.directions, expected.directions, atol=1e-6)
+    valid = expected.valid
+    misses = np.linalg.norm(found.directions - expected.directions, axis=-1)[valid]
+    # between its edges, and kept on them
+    turns = np.linalg.norm(np.diff(expected.directions, axis=1), axis=-1)
+    # a twentieth of a pixel, of two samples to a side
+    assert misses.max() < 0.1 * np.median(turns[valid[:, 1:] & valid[:, :-1]])
+    assert np.median(misses) < 1e-6
 
 
 @pytest.mark.parametrize("backend", ["cube", "rays"])

@@ -122,12 +122,12 @@ class ParallaxRays:
             )
             footprints[:, axis] = (after - before) / (2 * side)
         numbers = self.rim_numbers[rows, columns]
-        rim = np.flatnonzero(~self.smooth[rows, columns])
+        rim = np.flatnonzero(numbers >= 0)
         directions[rim] = self.rim_directions[numbers[rim], parts[rim]]
         origins_m[rim] = self.rim_origins_m[numbers[rim], parts[rim]]
         # beyond the edge of what is seen there is no next sample
         footprints[rim] = 0.0
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-30)
         return SampleRays(directions, origins_m, footprints)
 
 
