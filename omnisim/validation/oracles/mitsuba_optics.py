@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera, pixel_grid
 from omnisim.errors import OpticsError
-from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.optics import OpticalSystem, Rod, Surface
 from omnisim.optics.shapes import Conic, Plane
 from omnisim.optics.surface_mesh import tessellate_surface
@@ -137,9 +136,10 @@ class PhysicalOptics:
         }
 
     def _mirror(self, surface: Surface) -> mi.Mesh:
-        mesh = tessellate_surface(surface, self.polygons)
+        camera_m = self.system.system_from_camera[:3, 3]
+        mesh = tessellate_surface(surface, self.polygons, camera_m)
         to_units = self.units_from(surface.system_from_surface)
-        turn = to_units[:3, :3] @ MIRROR_FROM_OPTICAL.T
+        turn = to_units[:3, :3]
         return mesh_of(
             mesh.vertices_m @ turn.T + to_units[:3, 3],
             mesh.triangles,
