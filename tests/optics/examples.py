@@ -6,6 +6,7 @@ from pathlib import Path
 import omnisim
 from omnisim import poses
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
+from omnisim.cameras.field_of_view import optical_axis
 from omnisim.optics import OpticalSystem, Rod, Surface
 from omnisim.optics.shapes import Asphere, Cone, Conic, Hyperbolic, Plane, Polynomial
 
@@ -30,6 +31,16 @@ def dome(center_m=0.0, x=0.0, rim_m=math.inf):
         Surface(Conic(-0.05), at(center_m + 0.05, x), rim_m, medium="acrylic", name="inside"),
         Surface(Conic(-0.055), at(center_m + 0.055, x), rim_m, medium="water", name="dome"),
     )
+
+
+def behind_a_dome(camera, radius_m):
+    """Half a dome about the effective viewpoint, on the side to which the camera looks."""
+    turn = poses.pose() if optical_axis(camera) > 0.0 else poses.pose(roll_deg=180.0)
+    surfaces = [
+        Surface(Conic(-outer_m), turn @ poses.pose((0.0, 0.0, outer_m)), medium=medium)
+        for outer_m, medium in ((0.9 * radius_m, "glass"), (radius_m, "water"))
+    ]
+    return OpticalSystem(camera, tuple(surfaces))
 
 
 def folded():

@@ -15,7 +15,8 @@ from omnisim.sensors.degradations import Degradation, Shutter, preset
 from omnisim.sensors.motion import Twist
 from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
 from omnisim.world import WorldState
-from tests.optics.examples import SYSTEMS, at, pinhole
+from tests.camera_examples import CAMERA_EXAMPLES
+from tests.optics.examples import SYSTEMS, at, behind_a_dome, pinhole
 from tests.scenes import room, scene_of
 from tests.vehicles import box
 
@@ -25,7 +26,9 @@ NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
 BALL = OpticalSystem(pinhole(550.0), (Surface(Conic(0.06), at(0.2), 0.057),)).scaled(0.25)
 PORT = SYSTEMS["port"].scaled(0.25)
 each_backend = pytest.mark.parametrize("backend", BACKENDS)
-each_system = pytest.mark.parametrize("system", [BALL, PORT], ids=["ball", "port"])
+each_system = pytest.mark.parametrize(
+    "system", [BALL, pytest.param(PORT, marks=pytest.mark.slow)], ids=["ball", "port"]
+)
 
 
 @pytest.fixture
@@ -87,7 +90,7 @@ def test_rows_of_a_rolling_shutter_are_those_of_their_instants(system, backend):
         with Renderer(stage, rolling, unlit=True) as renderer:
             ours = renderer.render(motion(0.0), linear=True, motion=motion)
         with Renderer(stage, _sensor(system, Degradation()), unlit=True) as still:
-            rows = np.arange(2, height, 5)
+            rows = np.arange(2, height, 9)
             times_s = ((rows + 0.5) / height - 0.5) * readout_s
             instants = [still.render(motion(time_s), linear=True) for time_s in times_s]
             middle = still.render(motion(0.0), linear=True)
@@ -163,3 +166,35 @@ def test_supersampling(backend, supersampling):
     both = ours.valid & expected.valid
     assert (ours.valid != expected.valid).mean() < 0.02
     assert psnr_db(ours.linear, expected.linear, both) > (24.0 if supersampling == 1 else 28.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("backend", "percent"), [("cube", 50.0), ("rays", 98.0)])
+@pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES)
+def test_every_camera_behind_a_concentric_dome_takes_its_own_picture(camera, backend, percent):
+    """Such a dome bends no ray; the virtual cameras' edges are theirs."""
+    bare = OmniCamera(camera, polygons=None, supersampling=1).resized(48)
+    dome = dataclasses.replace(bare, model=behind_a_dome(bare.model, 0.05))
+    with Stage(_world(), backend=backend) as stage:
+        with Renderer(stage, bare, unlit=True) as renderer:
+            expected = renderer.render(NOW, linear=True)
+        with Renderer(stage, dome, unlit=True) as renderer:
+            ours = renderer.render(NOW, linear=True)
+    both = ours.valid & expected.valid
+    assert both.sum() > 0.3 * ours.valid.sum() > 10
+    off = np.abs(ours.rgb.astype(int) - expected.rgb).max(axis=-1)[both]
+    assert np.percentile(off, percent) <= 2.0
+    assert (off > 60).mean() < 0.06
+
+
+@each_backend
+def test_batches(backend):
+    moved = [NOW, NOW @ pose((0.2, 0.1, 0.0), yaw_deg=10.0)]
+    names = ("rgb", "range", "instance")
+    with Renderer(_world(), _sensor(BALL, Degradation()), backend=backend) as renderer:
+        batch = renderer.render_batch(np.array(moved), channels=names)
+        for number, one in enumerate(moved):
+            frame = renderer.render(one, also=names[1:])
+            np.testing.assert_array_equal(batch["rgb"][number], frame.rgb)
+            for name in names[1:]:
+                np.testing.assert_array_equal(batch[name][number], frame.channels[name])
