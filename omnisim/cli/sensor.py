@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera, NonCentralCamera
+from omnisim.cameras.camera import ParameterValue
 from omnisim.cli.console import out
 from omnisim.cli.picture_requests import SensorRequest
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+
+MAX_VALUES = 8  # of a list in a line
 
 
 def run(request: SensorRequest) -> None:
@@ -22,16 +26,37 @@ def run(request: SensorRequest) -> None:
         return
     sensor = OmniCamera.from_file(request.check)
     out.print(f"{request.check}: good", markup=False)
-    lines = (
-        _mirror_lines(sensor, sensor.model)
-        if isinstance(sensor.model, HyperbolicCamera)
-        else [f"  {key:22} {value}" for key, value in sensor.model.parameters().items()]
-    )
+    lines = _model_lines(sensor)
     for name, values in sensor.degradation.tables().items():
         pairs = ", ".join(f"{key} = {value}" for key, value in values.items())
         lines.append(f"  {name:22} {pairs}")
     for line in lines:
         out.print(line, markup=False)
+
+
+def _model_lines(sensor: OmniCamera) -> list[str]:
+    if isinstance(sensor.model, HyperbolicCamera):
+        return _mirror_lines(sensor, sensor.model)
+    named = sensor.model.parameters().items()
+    if isinstance(sensor.model, NonCentralCamera):
+        return [line for key, value in named for line in _part_lines(key, value)]
+    return [f"  {key:22} {value}" for key, value in named]
+
+
+def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:
+    """Lines of a key of an optical system: one for each part."""
+    parts = value if isinstance(value, list) and isinstance(value[0], dict) else [value]
+    for part in parts:
+        if isinstance(part, dict):
+            part = ", ".join(f"{name} = {_short(one)}" for name, one in part.items())
+        yield f"  {key:22} {part}"
+
+
+def _short(value: ParameterValue) -> str:
+    """A value; of a long list the number of its values."""
+    if isinstance(value, list) and len(value) > MAX_VALUES:
+        return f"{len(value)} values"
+    return str(value)
 
 
 def mesh_text(sensor: OmniCamera) -> str:

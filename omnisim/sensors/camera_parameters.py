@@ -6,16 +6,31 @@ from collections.abc import Mapping
 from typing import Any
 
 from omnisim.cameras import CentralCamera, camera_from_parameters
+from omnisim.errors import OpticsError, SensorFileError
 
 
 def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
     """Camera that any camera's `parameters()` describes, an optical system's among them.
 
     Raises:
-        OmnisimError: naming the key, the expected value and its own.
+        OpticsError: naming the first faulty key, the expected value and its own.
     """
-    if isinstance(parameters, Mapping) and parameters.get("model") == "optics":
-        from omnisim.optics.system_file import parse_optics  # few cameras are one
+    if not isinstance(parameters, Mapping) or parameters.get("model") != "optics":
+        return camera_from_parameters(parameters)
+    from omnisim.optics.system_file import parse_optics  # few cameras are one
 
+    _check_whole(parameters)
+    try:
         return parse_optics(parameters, "camera")
-    return camera_from_parameters(parameters)
+    except SensorFileError as faults:
+        raise OpticsError(str(faults).partition("\n")[0]) from None
+
+
+def _check_whole(parameters: Mapping[str, Any]) -> None:
+    """Refuse names of other files: a picture or a run has all of its camera inside."""
+    surfaces = parameters.get("surfaces")
+    tables = list(surfaces) if isinstance(surfaces, list | tuple) else []
+    for table in (parameters.get("camera"), *tables):
+        for key in ("calibration", "file"):
+            if isinstance(table, Mapping) and key in table:
+                raise OpticsError(f"camera: {key}: expected its content, got {table[key]!r}")

@@ -44,5 +44,5 @@ def read_mount(path: Path) -> CameraMount:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except OmnisimError as reason:
         raise RunError(f"{path}: {reason}") from None
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not a camera's calibration") from None

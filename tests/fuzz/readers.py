@@ -39,6 +39,7 @@ from omnisim.sensors.degradations import preset
 from omnisim.sensors.degradations.degradation_file import PRESETS
 from omnisim.sensors.picture_file import read_picture
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.simulation.calibration_file import calibration_json, read_mount
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.manifest import read_manifest
 from omnisim.simulation.route import Route, plan_route
@@ -154,6 +155,30 @@ def _read_optics(folder: Path) -> None:
     """Read all of them: one is damaged, or a profile that it names."""
     for path in sorted(folder.glob("*.toml")):
         read_optics_file(path).rays([[180.0, 100.0], [9.0, 5.0]])
+
+
+def _optics_sensors(folder: Path) -> None:
+    """Sensor files with systems in place: of every shape, and of a table of points."""
+    for path in sorted(OPTICS.glob("*.toml")):
+        sensor = OmniCamera(read_optics_file(path)).resized(SIZE_PX)
+        text = re.sub(r"(?m)^([rz]_m = \[)(.*)\]$", _fewer, sensor_toml(sensor))
+        (folder / path.name).write_text(text)
+
+
+def _fewer(found: re.Match[str]) -> str:
+    """Every 50th point of a table: damage is to reach the other keys, too."""
+    return found[1] + ", ".join(found[2].split(", ")[::50]) + "]"
+
+
+def _read_optics_sensors(folder: Path) -> None:
+    """Read all of them."""
+    for path in sorted(folder.glob("*.toml")):
+        OmniCamera.from_file(path).resized(SIZE_PX).model.ray_from_pixel([[9.0, 5.0], [20.0, 3.0]])
+
+
+def _optics_mount(folder: Path) -> None:
+    sensor = OmniCamera(read_optics_file(OPTICS / "tilted-mirror.toml")).resized(SIZE_PX)
+    (folder / "calibration.json").write_text(calibration_json(sensor))
 
 
 def _copy(source: Path, name: str, folder: Path) -> None:
@@ -331,6 +356,8 @@ def _readers() -> list[Reader]:
                lambda f: OmniCamera.from_file(f / "a.toml")),
         Reader("sensor-models", _sensors, _read_sensors),
         Reader("optics", partial(shutil.copytree, OPTICS, dirs_exist_ok=True), _read_optics),
+        Reader("sensor-optics", _optics_sensors, _read_optics_sensors),
+        Reader("mount-optics", _optics_mount, lambda f: read_mount(f / "calibration.json")),
         Reader("preset", partial(_copy, PRESETS / "bad-day.toml", "a.toml"),
                lambda f: preset("a.toml", f)),
         Reader("labels", partial(_write, "a.toml", LABELS),

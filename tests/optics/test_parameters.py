@@ -147,3 +147,15 @@ def test_a_camera_without_a_principal_point_has_none_by_default():
             "medium": "water"}  # fmt: skip
     camera = {"model": "equirectangular", "width_px": 40, "height_px": 20}
     assert parse_optics({"camera": camera, "surfaces": [port]}).width_px == 40
+
+
+@pytest.mark.parametrize(
+    "table", [{"camera": {"calibration": "a.yaml"}}, {"surfaces": [{"file": "../a.csv"}]}]
+)
+def test_pictures_name_no_other_files(table):
+    with pytest.raises(
+        OpticsError, match=r"^camera: (calibration|file): expected its content, got"
+    ):
+        camera_of_parameters(_table(**table))
+    with pytest.raises(OpticsError, match=r"^[^\n]*$"):
+        camera_of_parameters({"model": "optics", "surfaces": 1})
