@@ -91,7 +91,7 @@ def test_a_flat_port_bends_by_snell(camera):
 
 
 def test_a_calibrated_lens(tmp_path):
-    """Of a file, in the medium behind a port."""
+    """Lens of a calibration file, behind a port."""
     shutil.copy(SAMPLES / "kalibr_tum_vi.yaml", tmp_path)
     surface = {"shape": "port", "position_m": [0.0, 0.0, 0.02], "thickness_m": 0.01}
     table = {
