@@ -25,7 +25,7 @@ CALIBRATION_FORMATS = (
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",
-    "markers", "omnidir", "boards", "orientation", "unwarping",
+    "markers", "omnidir", "boards", "orientation", "unwarping", "optics",
 )  # fmt: skip
 Completion = Callable[[str], list[str]]
 

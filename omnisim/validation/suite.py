@@ -77,6 +77,7 @@ CHECKS = (
     ),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
+    Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),
 )
 
 

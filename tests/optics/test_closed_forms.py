@@ -12,6 +12,8 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.optics import OpticalSystem, Surface
 from omnisim.optics.media import MEDIA, refractive_index
 from omnisim.optics.shapes import Asphere, Conic, Polynomial, TabulatedProfile
+from omnisim.validation import closed_forms
+from omnisim.validation.closed_forms import AxialRays
 from tests.optics.examples import HYPERBOLA, SYSTEMS, at, dome, pinhole, port
 
 ANGLE_RAD = 1e-10
@@ -20,58 +22,39 @@ SHARE = 1e-9  # of a surface's distance
 
 def _radial(system):
     """Valid rays of a picture: (azimuth's direction, angle to the axis, origins, directions)."""
-    u, v = np.meshgrid(np.linspace(0, 359, 97), np.linspace(0, 359, 89))
-    pixels = np.stack((u, v), axis=-1)
-    rays = system.rays(pixels)
-    into = system.camera.ray_from_pixel(pixels).directions[rays.valid]
-    across = np.hypot(into[:, 0], into[:, 1])
-    outward = into[:, :2] / across[:, None]
-    beta = np.arctan2(across, into[:, 2])
-    return outward, beta, rays.origins_m[rays.valid], rays.directions[rays.valid]
+    return closed_forms.traced_rays(system)[1:]
 
 
-def _expect(system, origins, angle):
-    """Expect rays at an angle (n,) to +z from radial and axial positions (2, n)."""
-    outward, _, got_m, got = _radial(system)
-    r, z = origins
-    expected_m = np.column_stack((outward * r[:, None], z))
-    expected = np.column_stack((outward * np.sin(angle)[:, None], np.cos(angle)))
-    assert len(got) > 2000
-    assert np.abs(got_m - expected_m).max() < SHARE * 0.1
-    assert np.linalg.norm(got - expected, axis=1).max() < ANGLE_RAD
+def _expect(system, form, *parameters):
+    """Expect rays in closed form."""
+    traced = closed_forms.traced_rays(system)
+    assert len(traced.beta_rad) > 2000
+    angle_rad, distance_m = traced.misses(form(traced.beta_rad, *parameters))
+    assert angle_rad < ANGLE_RAD
+    assert distance_m < SHARE * 0.1
 
 
 def test_sphere():
-    system = SYSTEMS["sphere"]
-    beta = _radial(system)[1]
-    center_m, radius_m = 0.18, 0.03
-    incidence = np.arcsin(center_m * np.sin(beta) / radius_m)
-    polar = incidence - beta
-    hits = radius_m * np.sin(polar), center_m - radius_m * np.cos(polar)
-    _expect(system, hits, math.pi - (2.0 * incidence - beta))
+    _expect(SYSTEMS["sphere"], closed_forms.sphere, 0.15, 0.03)
 
 
 def test_cone():
-    system = SYSTEMS["cone"]
-    beta = _radial(system)[1]
-    alpha, tip_m = math.radians(50.0), 0.12
-    z = tip_m * np.tan(alpha) / (np.tan(alpha) - np.tan(beta))
-    _expect(system, (z * np.tan(beta), z), 2.0 * alpha - beta)
+    _expect(SYSTEMS["cone"], closed_forms.cone, 0.12, math.radians(50.0))
 
 
 def test_flat_port():
+    indices = [refractive_index(medium) for medium in ("air", "acrylic", "water")]
     system = OpticalSystem(pinhole(150.0), port())
-    beta = _radial(system)[1]
-    air, acrylic, water = (refractive_index(medium) for medium in ("air", "acrylic", "water"))
-    inside = np.arcsin(air * np.sin(beta) / acrylic)
-    r = 0.05 * np.tan(beta) + 0.01 * np.tan(inside)
-    _expect(system, (r, np.full(len(r), 0.06)), np.arcsin(air * np.sin(beta) / water))
+    _expect(system, closed_forms.flat_port, 0.05, (0.01,), indices)
 
 
 def test_centred_dome_refracts_nothing():
     system = OpticalSystem(pinhole(150.0), dome())
-    beta = _radial(system)[1]
-    _expect(system, (0.055 * np.sin(beta), 0.055 * np.cos(beta)), beta)
+
+    def form(beta):
+        return AxialRays(0.055 * np.sin(beta), 0.055 * np.cos(beta), beta)
+
+    _expect(system, form)
 
 
 def test_hyperbola_is_central():

@@ -9,6 +9,7 @@ from omnisim import frames, poses
 from omnisim.cameras import HyperbolicCamera
 from omnisim.gpu import shader_files
 from omnisim.mirrors import HyperbolicMirror
+from omnisim.optics import Surface
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.suite import CHECKS
 from tests.slow import slow_but
@@ -34,7 +35,7 @@ def _missed(key, fixture):
     return [f"{measure.name}: {measure.value:.4g}" for measure in check.run(fixture).missed]
 
 
-@pytest.mark.parametrize("key", slow_but(BY_KEY, "viewpoint", "markers", "polygons"))
+@pytest.mark.parametrize("key", slow_but(BY_KEY, "viewpoint", "markers", "polygons", "optics"))
 def test_every_bound_holds(key, fixture):
     assert not _missed(key, fixture)
 
@@ -49,6 +50,13 @@ def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
         HyperbolicMirror, "half_angle_ratio", property(lambda self: 1.02 * true(self))
     )
     assert _missed(key, fixture)
+
+
+def test_a_surface_that_faces_aside_is_found_out(fixture, monkeypatch):
+    """Its normals are turned by a ten millionth of a degree."""
+    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=1e-7)[:3, :3]
+    monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
+    assert any("closed form" in name for name in _missed("optics", fixture))
 
 
 @pytest.mark.slow

@@ -26,20 +26,21 @@ from omnisim.cameras import PerspectiveCamera, pixel_grid
 from omnisim.errors import OpticsError
 from omnisim.optics import OpticalSystem, Rod, Surface
 from omnisim.optics.shapes import Conic, Plane
-from omnisim.optics.surface_mesh import tessellate_surface
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_scene import (
+    RINGS,
+    SECTORS,
     film,
     mesh_of,
     metal,
     rgb,
     scalar_variant,
     shining,
+    triangles_of_rings,
 )
 from omnisim.validation.oracles.surfaces import visible_surfaces
 
-POLYGONS = 1 << 18
 SIZE_UNITS = 100.0
 _WINDOW_SIZES = 50.0  # radius of a window without a rim
 
@@ -51,7 +52,6 @@ class PhysicalOptics:
     Attributes:
         system: behind a perspective camera.
         world_from_optical: (4, 4) pose of the sensor's optical frame.
-        polygons: of a mirror's mesh.
 
     Raises:
         OmnisimError: another camera, or a matrix that is not a pose.
@@ -59,7 +59,6 @@ class PhysicalOptics:
 
     system: OpticalSystem
     world_from_optical: NDArray[np.float64]
-    polygons: int = POLYGONS
     _white: dict[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -136,15 +135,27 @@ class PhysicalOptics:
         }
 
     def _mirror(self, surface: Surface) -> mi.Mesh:
-        camera_m = self.system.system_from_camera[:3, 3]
-        mesh = tessellate_surface(surface, self.polygons, camera_m)
+        """Rings equally wide along the radius, from the hole to the rim.
+
+        Raises:
+            OpticsError: a rim beside the axis.
+        """
+        if surface.rim_center_m != (0.0, 0.0):
+            raise OpticsError(f"{surface.name}: expected a rim about the axis")
+        radii_m = np.linspace(surface.hole_radius_m, surface.visible_radius_m, RINGS + 1)[:, None]
+        azimuths = np.arange(SECTORS) * (2.0 * math.pi / SECTORS)
+        x, y = radii_m * np.cos(azimuths), radii_m * np.sin(azimuths)
+        vertices_m = np.stack((x, y, surface.shape.sag_m(np.hypot(x, y))), axis=-1).reshape(-1, 3)
+        beside_m = vertices_m.copy()  # a tip has no normal
+        beside_m[:SECTORS, :2] += 1e-9 * vertices_m[-SECTORS:, :2]
+        normals = surface.shape.level(beside_m).gradients
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         to_units = self.units_from(surface.system_from_surface)
-        turn = to_units[:3, :3]
         return mesh_of(
-            mesh.vertices_m @ turn.T + to_units[:3, 3],
-            mesh.triangles,
+            vertices_m @ to_units[:3, :3].T + to_units[:3, 3],
+            triangles_of_rings(RINGS, SECTORS, surface.hole_radius_m > 0.0),
             {"mesh_bsdf": mi.load_dict({"type": "twosided", "bsdf": metal(1.0)})},
-            normals=mesh.normals @ turn.T / self.units_per_m,
+            normals=normals @ to_units[:3, :3].T / self.units_per_m,
         )
 
     def _boundary(self, number: int, surface: Surface) -> dict[str, Any]:

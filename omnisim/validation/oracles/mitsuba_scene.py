@@ -21,6 +21,7 @@ from omnisim.validation.oracles.surfaces import Surface
 
 # Needs no LLVM: Dr.Jit 1.5 on Debian 12's LLVM 15 aborts the whole process.
 VARIANT = "scalar_rgb"
+RINGS, SECTORS = 256, 1024  # of a mirror's mesh
 _VERTEX_COLOR = "vertex_color"
 
 
@@ -34,6 +35,17 @@ def film(width_px: int, height_px: int) -> dict[str, Any]:
         "component_format": "float32",
         "rfilter": {"type": "box"},
     }
+
+
+def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDArray[np.int64]:
+    """Triangles (m, 3) between rings + 1 rings of vertices; without a hole the first is a point."""
+    sector = np.arange(sectors)
+    following = (sector + 1) % sectors
+    inner = sectors * np.arange(rings)[:, None]
+    outer = inner + sectors
+    lower = np.stack((inner + sector, outer + sector, outer + following), axis=-1)
+    upper = np.stack((inner + sector, outer + following, inner + following), axis=-1)
+    return np.concatenate((lower.reshape(-1, 3), upper[0 if has_hole else 1 :].reshape(-1, 3)))
 
 
 def shining(surface: Surface, units_per_m: float) -> mi.Mesh:

@@ -27,16 +27,18 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_scene import (
+    RINGS,
+    SECTORS,
     film,
     mesh_of,
     metal,
     rgb,
     scalar_variant,
     shining,
+    triangles_of_rings,
 )
 from omnisim.validation.oracles.surfaces import visible_surfaces
 
-MIRROR_RINGS, MIRROR_SECTORS = 256, 1024
 RIM_UNITS = 100.0
 
 
@@ -139,7 +141,7 @@ def mirror_of_metal(
 
 
 def mirror_mesh(
-    mirror: HyperbolicMirror, rings: int = MIRROR_RINGS, sectors: int = MIRROR_SECTORS
+    mirror: HyperbolicMirror, rings: int = RINGS, sectors: int = SECTORS
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (n, 3) on Eq. 1 up to the rim, mirror frame, metres, and triangles (m, 3).
 
@@ -149,12 +151,4 @@ def mirror_mesh(
     azimuth = np.arange(sectors) * (2.0 * math.pi / sectors)
     x, y = radius_m * np.cos(azimuth), radius_m * np.sin(azimuth)
     z = np.broadcast_to(mirror.height_from_radius_m(radius_m), x.shape)
-    sector = np.arange(sectors)
-    following = (sector + 1) % sectors
-    inner = sectors * np.arange(rings)[:, None]
-    outer = inner + sectors
-    lower = np.stack((inner + sector, outer + sector, outer + following), axis=-1)
-    upper = np.stack((inner + sector, outer + following, inner + following), axis=-1)
-    upper = upper[1:]  # at the axis all azimuths are one point
-    triangles = np.concatenate((lower.reshape(-1, 3), upper.reshape(-1, 3)))
-    return np.stack((x, y, z), axis=-1).reshape(-1, 3), triangles
+    return np.stack((x, y, z), axis=-1).reshape(-1, 3), triangles_of_rings(rings, sectors)

@@ -231,7 +231,7 @@ def _facet_errors_px(camera, rings, sectors):
 
 
 def test_facets_are_fine_enough():
-    rings, sectors = mitsuba_tracer.MIRROR_RINGS, mitsuba_tracer.MIRROR_SECTORS
+    rings, sectors = mitsuba_scene.RINGS, mitsuba_scene.SECTORS
     camera = _camera(512)
     errors_px = _facet_errors_px(camera, rings, sectors)
     assert errors_px.mean() < 0.0006

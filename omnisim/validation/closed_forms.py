@@ -1,0 +1,200 @@
+"""Rays and caustics of optical systems in closed form: a pinhole at the origin, on their axis.
+
+All by β, the angle between a pixel's ray and the axis, in the plane of both: r from the axis, z
+along it, away from the pinhole.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OpticsError
+from omnisim.optics import OpticalSystem
+
+Floats = NDArray[np.float64]
+
+
+class AxialRays(NamedTuple):
+    """Rays in the plane of the axis."""
+
+    radii_m: Floats  # (n,) of their origins
+    heights_m: Floats  # (n,)
+    angles_rad: Floats  # (n,) between them and +z, outwards
+
+
+class AxialPoints(NamedTuple):
+    """Points (n,) in the plane of the axis."""
+
+    radii_m: Floats
+    heights_m: Floats
+
+
+class TracedAxialRays(NamedTuple):
+    """Rays of a system's pixels, by their plane."""
+
+    pixels_px: Floats  # (n, 2)
+    outward: Floats  # (n, 2): unit, from the axis
+    beta_rad: Floats  # (n,)
+    origins_m: Floats  # (n, 3)
+    directions: Floats  # (n, 3)
+
+    def misses(self, expected: AxialRays) -> tuple[float, float]:
+        """Largest angle in rad, and largest distance of an origin in metres."""
+        sines, cosines = np.sin(expected.angles_rad), np.cos(expected.angles_rad)
+        directions = np.column_stack((self.outward * sines[:, None], cosines))
+        origins_m = self.place(AxialPoints(*expected[:2]))
+        angles = np.linalg.norm(self.directions - directions, axis=1)
+        return float(angles.max()), float(np.abs(self.origins_m - origins_m).max())
+
+    def place(self, points: AxialPoints) -> Floats:
+        """Points (n, 3) in the planes of these rays."""
+        return np.column_stack((self.outward * points.radii_m[:, None], points.heights_m))
+
+
+def traced_rays(system: OpticalSystem, count: int = 97) -> TracedAxialRays:
+    """Valid rays of count × count pixels, none of them on the axis.
+
+    Raises:
+        OpticsError: none.
+    """
+    sides = [np.linspace(0.0, n - 1.0, count) for n in (system.width_px, system.height_px)]
+    pixels = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+    rays, into = system.rays(pixels), system.camera.ray_from_pixel(pixels).directions
+    across = np.hypot(into[:, 0], into[:, 1])
+    kept = rays.valid & (across > 1e-9)
+    if not kept.any():
+        raise OpticsError("optics: expected a pixel that sees something, got none")
+    into, across = into[kept], across[kept]
+    return TracedAxialRays(
+        pixels[kept],
+        into[:, :2] / across[:, None],
+        np.arctan2(across, into[:, 2]),
+        rays.origins_m[kept],
+        rays.directions[kept],
+    )
+
+
+def sphere(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
+    """Rays off a ball: the law of sines."""
+    center_m = vertex_m + radius_m
+    incidence = np.arcsin(center_m * np.sin(beta) / radius_m)
+    polar = incidence - beta
+    return AxialRays(
+        radius_m * np.sin(polar),
+        center_m - radius_m * np.cos(polar),
+        math.pi - (2.0 * incidence - beta),
+    )
+
+
+def cone(beta: Floats, tip_m: float, half_angle_rad: float) -> AxialRays:
+    """Rays off a cone: its section is a line."""
+    slope = math.tan(half_angle_rad)
+    z = tip_m * slope / (slope - np.tan(beta))
+    return AxialRays(z * np.tan(beta), z, 2.0 * half_angle_rad - beta)
+
+
+def hyperboloid(beta: Floats, focus_m: float, semi_axis_m: float) -> AxialRays:
+    """Rays off a hyperboloid, the pinhole in one focus: they come from the other, at 2 focus_m."""
+    length = (focus_m**2 - semi_axis_m**2) / (focus_m * np.cos(beta) - semi_axis_m)
+    r, z = length * np.sin(beta), length * np.cos(beta)
+    return AxialRays(r, z, np.arctan2(r, z - 2.0 * focus_m))
+
+
+def paraboloid(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
+    """Rays off a paraboloid z = r²/2R, the pinhole at any place on its axis."""
+    tangent = np.tan(beta)
+    root = np.sqrt(1.0 - 2.0 * vertex_m * tangent**2 / radius_m)
+    r = 2.0 * vertex_m * tangent / (1.0 + root)
+    return AxialRays(r, r / tangent, math.pi - (2.0 * np.arctan(r / radius_m) + beta))
+
+
+def flat_port(
+    beta: Floats, distance_m: float, thicknesses_m: Sequence[float], indices: Sequence[float]
+) -> AxialRays:
+    """Rays through parallel windows, by Snell's law.
+
+    Args:
+        beta: (n,).
+        distance_m: from the pinhole to the first boundary.
+        thicknesses_m: of what is between boundaries.
+        indices: refractive indices before, between and behind them.
+    """
+    sines = indices[0] * np.sin(beta)
+    r = distance_m * np.tan(beta)
+    for thickness_m, index in zip(thicknesses_m, indices[1:-1], strict=True):
+        r = r + thickness_m * np.tan(np.arcsin(sines / index))
+    depth_m = np.full(len(beta), distance_m + sum(thicknesses_m))
+    return AxialRays(r, depth_m, np.arcsin(sines / indices[-1]))
+
+
+def mirror_caustic(
+    beta: Floats, rays: AxialRays, curvature: Floats, curvature_across: Floats
+) -> tuple[AxialPoints, AxialPoints]:
+    """Tangential and sagittal sheet of a convex mirror's caustic.
+
+    Args:
+        beta: (n,).
+        rays: off the mirror.
+        curvature, curvature_across: (n,) of the mirror there, in the plane of the axis and across.
+    Source: Coddington's equations, to which the closed forms of Swaminathan, Grossberg & Nayar
+        (2001) for conics of revolution come down.
+    """
+    length_m = np.hypot(rays.radii_m, rays.heights_m)
+    cosine = np.cos(0.5 * (math.pi + beta - rays.angles_rad))  # of the incidence
+    tangential_m = 1.0 / (1.0 / length_m + 2.0 * curvature / cosine)
+    sagittal_m = 1.0 / (1.0 / length_m + 2.0 * curvature_across * cosine)
+    return _behind(rays, tangential_m), _behind(rays, sagittal_m)
+
+
+def flat_port_caustic(
+    beta: Floats, distance_m: float, index: float
+) -> tuple[AxialPoints, AxialPoints]:
+    """Caustic of a pinhole before one flat boundary, and the axis, where rays meet it.
+
+    Source: Treibitz, Schechner, Kunz & Singh, Flat refractive geometry (2012).
+    """
+    tangent, inside = np.tan(beta), 1.0 - index**-2
+    z = -index * distance_m * (1.0 + inside * tangent**2) ** 1.5
+    axis = -index * distance_m * np.sqrt(1.0 + inside * tangent**2)
+    tangential = AxialPoints(-distance_m * inside * tangent**3, distance_m + z)
+    return tangential, AxialPoints(np.zeros(len(beta)), distance_m + axis)
+
+
+def flat_port_radius(
+    radius_m: float, depth_m: float, distance_m: float, index: float
+) -> tuple[float, ...]:
+    """Radii at which rays from a pinhole to a point pass a flat boundary: roots of a quartic.
+
+    Args:
+        radius_m: of the point from the axis.
+        depth_m: of the point behind the boundary.
+        distance_m: of the pinhole before it.
+        index: behind it, relative to that before.
+    Source: Agrawal, Ramalingam, Taguchi & Chari, A theory of multi-layer flat refractive geometry
+        (2012): the analytical forward projection.
+    """
+    square, more = index * index, index * index - 1.0
+    found = np.roots(
+        (
+            more,
+            -2.0 * more * radius_m,
+            more * radius_m**2 + square * distance_m**2 - depth_m**2,
+            -2.0 * square * distance_m**2 * radius_m,
+            square * (distance_m * radius_m) ** 2,
+        )
+    )
+    real = found.real[np.abs(found.imag) < 1e-9 * abs(radius_m)]
+    return tuple(real[(real >= 0.0) & (real <= radius_m)].tolist())
+
+
+def _behind(rays: AxialRays, lengths_m: Floats) -> AxialPoints:
+    """Points at lengths behind the rays' origins."""
+    return AxialPoints(
+        rays.radii_m - lengths_m * np.sin(rays.angles_rad),
+        rays.heights_m - lengths_m * np.cos(rays.angles_rad),
+    )
