@@ -39,7 +39,7 @@ def test_single_rays(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sphere", "flat port", "dome port"])
 def test_room_of_gradients(name):
-    """What a boundary reflects is lost, and darkens nothing."""
+    """Reflected light is lost, and darkens nothing."""
     system = validation_systems()[name].scaled(0.2)
     traced = PhysicalOptics(system, POSE).picture(scene_of([room()]), 64)
     steps = (np.arange(4) + 0.5) / 4.0 - 0.5
