@@ -114,11 +114,13 @@ def profile(request: OpticsProfileRequest) -> None:
     radius_m = surface.visible_radius_m
     if math.isinf(radius_m):
         raise OpticsError(f"{request.system}: surfaces.{request.surface}.rim_radius_m: missing")
-    radii_m, heights_m = sampled(surface.shape, radius_m, request.points)
-    write_profile(request.output, radii_m, heights_m)
+    found = sampled(surface.shape, radius_m, request.points)
+    write_profile(request.output, found.radii_m, found.heights_m)
+    tip = ', tip = "pointed"' if found.pointed else ""
+    deviation_nm = 1e9 * found.deviation_m
     out.print(
         f"{request.output}: {pluralize(request.points, 'point')} of {surface.name}, radius "
-        f"{1e3 * radius_m:.4g} mm",
+        f"{1e3 * radius_m:.4g} mm{tip}; a spline through them is off by {deviation_nm:.2g} nm at most",
         markup=False,
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +13,13 @@ from omnisim.errors import OpticsError
 from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors.mirror_mesh import UnfoldedMirrorMesh
 from omnisim.mirrors.tessellation import RING_EXPONENT, sectors_and_rings
+from omnisim.optics.profile_file import profile_lengths_m
 from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.surface import Surface
 
 _TURN = np.diag(MIRROR_FROM_OPTICAL)
-_SAMPLES = 257  # of a profile, to find out if it is seen in one piece
+_SAMPLES = 4097  # of a profile
+_LARGEST_SLANT = 2.0  # between parts of a profile, by how narrow they are seen
 _BISECTIONS = 64
 _SHARE_OF_TIP = 1e-8  # of the rim's radius: so near to the axis a tip has its normal
 
@@ -106,24 +109,45 @@ def heights_m(surface: Surface, radii_m: Floats) -> Floats:
 
 
 def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) -> Floats:
-    """Radii (rings + 1,) of the rings, from the hole to the rim.
+    """Radii (rings + 1,) of the rings, from the hole to the rim, see `RING_EXPONENT`.
 
-    In the picture of a camera on the axis they are as those of a central mirror, see
-    `RING_EXPONENT`; where it does not see the whole profile, the radii themselves are.
+    They are spaced as a camera on the axis sees them, as those of a central mirror. Where it sees
+    parts of the profile from the side, the length along it counts as much; where it does not see
+    all of it, only that does. Of a ball seen up to its limb that halves the largest error.
     """
     height_m = -float(surface.points_from_system(camera_m[None])[0, 2])
 
     def seen(radii_m: Floats) -> Floats:
         return radii_m / (height_m + surface.shape.sag_m(radii_m))
 
-    steps = np.diff(seen(np.linspace(0.0, rim_m, _SAMPLES)))
-    measure = seen if np.all(steps > 0.0) else np.positive  # NaN is not, either
-    first, last = measure(np.array([surface.hole_radius_m, rim_m])) ** (1.0 / RING_EXPONENT)
-    wanted = (first + (last - first) * np.arange(rings + 1) / rings) ** RING_EXPONENT
-    low, high = np.zeros(rings + 1), np.full(rings + 1, rim_m)
+    samples_m = np.linspace(0.0, rim_m, _SAMPLES)
+    steps = np.diff(seen(samples_m))
+    ends_m = np.array([surface.hole_radius_m, rim_m])
+    if steps.min() * _LARGEST_SLANT > steps.max():  # false for NaN, too
+        radii_m = _bisected(seen, _spaced(seen(ends_m), rings), rim_m)
+    else:
+        lengths_m = profile_lengths_m(surface.shape, samples_m)
+        measure = lengths_m / lengths_m[-1]
+        if steps.min() > 0.0:
+            measure += seen(samples_m) / seen(ends_m)[-1]
+        wanted = _spaced(np.interp(ends_m, samples_m, measure), rings)
+        radii_m = np.interp(wanted, measure, samples_m)
+    radii_m[[0, -1]] = ends_m  # free of rounding
+    return radii_m
+
+
+def _spaced(ends: Floats, count: int) -> Floats:
+    """Values (count + 1,) between two (2,), by the exponent of rings."""
+    first, last = ends ** (1.0 / RING_EXPONENT)
+    values: Floats = (first + (last - first) * np.arange(count + 1) / count) ** RING_EXPONENT
+    return values
+
+
+def _bisected(function: Callable[[Floats], Floats], values: Floats, last: float) -> Floats:
+    """Arguments (n,) from 0 to the last of a growing function's values (n,)."""
+    low, high = np.zeros_like(values), np.full_like(values, last)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        is_low = measure(middle) < wanted
+        is_low = function(middle) < values
         low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
-    high[[0, -1]] = surface.hole_radius_m, rim_m  # free of rounding
     return high

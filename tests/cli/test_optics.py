@@ -1,5 +1,6 @@
 """`omnisim optics`: output, files and errors."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,8 @@ def test_check(omnisim):
     status, out, err = omnisim("optics", "check", SPHERE, "--at-distance", 0.5, 2)
     assert (status, err) == (0, "")
     assert "perspective 360 × 360 px, 1 mirror" in out
-    assert "68.6 % of the pixels see something; 30.7 % pass a surface" in out
-    assert "best viewpoint: (0.00000, 0.00000, 0.15570) m" in out
+    assert "67.1 % of the pixels see something; 30.7 % pass a surface" in out
+    assert "best viewpoint: (0.00000, -0.00008, 0.15569) m" in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0.5", "2"]
 
 
@@ -73,12 +74,29 @@ def test_profile(omnisim, tmp_path):
     np.testing.assert_allclose(profile.table_heights_m, shape.sag_m(profile.radii_m))
 
 
+@pytest.mark.parametrize("name", ["cone", "sphere", "tilted-mirror", "security-mirror"])
+def test_profile_as_a_table_has_the_same_rays(omnisim, tmp_path, name):
+    path = EXAMPLES / f"{name}.toml"
+    status, out, err = omnisim("optics", "profile", path, "-o", "a.csv")
+    assert (status, err) == (0, "")
+    assert ('tip = "pointed"' in out) == (name == "cone")
+    system = read_optics_file(path)
+    surface = system.surfaces[0]
+    profile = read_profile(tmp_path / "a.csv", pointed=name == "cone")
+    table = dataclasses.replace(system, surfaces=(dataclasses.replace(surface, shape=profile),))
+    expected, found = system.all_rays(), table.all_rays()
+    np.testing.assert_array_equal(found.valid, expected.valid)
+    # the bound that the documentation states; a ball, 29/30 of its radius, comes nearest to it
+    np.testing.assert_allclose(found.directions, expected.directions, atol=1e-6)
+    np.testing.assert_allclose(found.origins_m, expected.origins_m, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "surface", "area_m2"),
     [
         # caps and frusta: 2 π R h, and π r s
         ("sphere", 0, 2.0 * np.pi * 0.03 * (0.03 - np.sqrt(0.03**2 - 0.029**2))),
-        ("cone", 0, np.pi * 0.08**2 / np.sin(np.radians(50.0))),
+        ("cone", 0, np.pi * 0.08**2 / np.sin(np.radians(55.0))),
     ],
 )
 def test_mesh_of_a_surface(omnisim, tmp_path, name, surface, area_m2):

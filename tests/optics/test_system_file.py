@@ -93,7 +93,7 @@ def test_faults_of_the_camera(changes, message):
 
 def test_profile_file(tmp_path):
     path = tmp_path / "profile.csv"
-    write_profile(path, *sampled(Conic(0.03), 0.02, 50))
+    write_profile(path, *sampled(Conic(0.03), 0.02, 50)[:2])
     profile = read_profile(path)
     radii_m = np.linspace(0.0, 0.02, 333)
     np.testing.assert_allclose(profile.sag_m(radii_m), Conic(0.03).sag_m(radii_m), atol=1e-9)
