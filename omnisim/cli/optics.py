@@ -120,7 +120,8 @@ def profile(request: OpticsProfileRequest) -> None:
     deviation_nm = 1e9 * found.deviation_m
     out.print(
         f"{request.output}: {pluralize(request.points, 'point')} of {surface.name}, radius "
-        f"{1e3 * radius_m:.4g} mm{tip}; a spline through them is off by {deviation_nm:.2g} nm at most",
+        f"{1e3 * radius_m:.4g} mm{tip}; a spline through them is off by "
+        f"{deviation_nm:.2g} nm at most",
         markup=False,
     )
 

@@ -57,7 +57,7 @@ def evenly_along(shape: Shape, radius_m: float, shares: Floats) -> Floats:
     """Radii (n,) at shares (n,) of the length of a profile from the axis to a radius."""
     radii_m = np.linspace(0.0, radius_m, _SAMPLES)
     lengths_m = profile_lengths_m(shape, radii_m)
-    found = np.interp(shares * lengths_m[-1], lengths_m, radii_m)
+    found: Floats = np.interp(shares * lengths_m[-1], lengths_m, radii_m)
     found[shares == 1.0] = radius_m  # free of rounding
     return found
 
