@@ -97,6 +97,10 @@ class NonCentralCamera(CentralCamera, Protocol):
         """Pixels of points (..., 3), optical frame; valid where they are seen."""
         ...
 
+    def by_color(self) -> tuple[CentralCamera, ...]:
+        """Cameras of R, G and B, where each has rays of its own; else the camera itself."""
+        ...
+
 
 def pixels_of_points(
     camera: CentralCamera, points_m: NDArray[np.float64], is_finite: NDArray[np.bool_]

@@ -76,7 +76,9 @@ def rays(request: OpticsRaysRequest) -> None:
     check_suffix(request.output, ".exr")
     check_target(request.output)
     _check_distinct(request.output, request.system)
-    system = read_optics_file(request.system).of_color(request.color)
+    system = read_optics_file(request.system)
+    if request.color is not None:
+        system = system.of_color(request.color)
     write_ray_table(request.output, system)
     out.print(f"{request.output}: {_summary(system)}", markup=False)
 

@@ -53,7 +53,10 @@ class OpticsRaysRequest:
     color: Annotated[
         str | None,
         typer.Option(
-            "--color", metavar="R|G|B", help="Wavelength of a colour.", show_default="the d line"
+            "--color",
+            metavar="R|G|B",
+            help="Wavelength of a colour.",
+            show_default="that of the file",
         ),
     ] = None
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.capture.chromatic_pass import ChromaticPass
 from omnisim.gpu.capture.parallax_pass import ParallaxPass
 from omnisim.gpu.capture.parallax_rays import SampleRays
 from omnisim.gpu.capture.pixel_map import PixelMap
@@ -36,7 +37,7 @@ class ParallaxPipeline(Pipeline):
         self,
         cube: CubePass,
         samples: PixelMap,
-        parallax: ParallaxPass,
+        parallax: ParallaxPass | ChromaticPass,
         viewpoint_m: NDArray[np.float64],
         cast: CastAt | None,
         supersampling: int,

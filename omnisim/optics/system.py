@@ -37,7 +37,7 @@ from omnisim.frames import (
     RIG_FROM_OPTICAL_LOOKING_UP,
 )
 from omnisim.optics.inverse import Inverse, Targets
-from omnisim.optics.media import Medium, medium_parameter, refractive_index
+from omnisim.optics.media import WAVELENGTHS_UM, Medium, medium_parameter, refractive_index
 from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.surface import Rod, Surface
 from omnisim.optics.tracing import Fate, Paths, TracedRays, trace
@@ -65,6 +65,7 @@ class OpticalSystem:
         color: "R", "G" or "B", whose wavelength is refracted; None: the d line.
         orientation: (3, 3) rig_from_optical in a level rig; None: up into a mirror, else the
             camera's own.
+        chromatic: pictures show R, G and B by rays of their own; all else is by those of G.
 
     Raises:
         OmnisimError: no camera with one viewpoint, no surface, an unknown medium or colour, or a
@@ -79,6 +80,7 @@ class OpticalSystem:
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     color: str | None = None
     orientation: NDArray[np.float64] | None = None
+    chromatic: bool = False
 
     model_name = "optics"
     domain_limit_rad = None
@@ -93,6 +95,8 @@ class OpticalSystem:
             check_pose(pose_from_rotation(self.orientation, (0.0, 0.0, 0.0)))
         if not self.surfaces:
             raise OpticsError("surfaces: expected at least one, got none")
+        if self.chromatic and self.color is not None:
+            raise OpticsError(f"color: expected none, as chromatic is true, got {self.color!r}")
         assert self.indices  # or it refuses a medium
 
     def __repr__(self) -> str:
@@ -133,7 +137,8 @@ class OpticalSystem:
         media = [self.medium]
         for surface in self.surfaces:
             media.append(media[-1] if surface.medium is None else surface.medium)
-        return tuple(refractive_index(medium, self.color) for medium in media)
+        color = "G" if self.chromatic else self.color
+        return tuple(refractive_index(medium, color) for medium in media)
 
     def surface(self, number: int, source: str) -> Surface:
         """Surface of a number; `source` names the system in messages.
@@ -152,7 +157,13 @@ class OpticalSystem:
 
     def of_color(self, color: str | None) -> Self:
         """The same system at the wavelength of "R", "G" or "B"; None: at the d line."""
-        return dataclasses.replace(self, color=color)
+        return dataclasses.replace(self, color=color, chromatic=False)
+
+    def by_color(self) -> tuple[Self, ...]:
+        """The systems of R, G and B, if it is chromatic and refracts; else the system itself."""
+        if not self.chromatic or all(surface.is_mirror for surface in self.surfaces):
+            return (self,)
+        return tuple(self.of_color(color) for color in WAVELENGTHS_UM)
 
     def paths(self, pixels_px: ArrayLike) -> Paths:
         """Ways of the rays of pixels (n, 2), in the system's frame."""
@@ -241,6 +252,8 @@ class OpticalSystem:
             found["looking"] = _looking(self.orientation)
         if self.color is not None:
             found["color"] = self.color
+        if self.chromatic:
+            found["chromatic"] = True
         found["camera"] = {**self.camera.parameters(), "pose": self.system_from_camera.tolist()}
         found["surfaces"] = [surface.parameters() for surface in self.surfaces]
         if self.obstacles:

@@ -110,6 +110,9 @@ class OpticsFile(Table):
     """Origin of the sensor's frame, metres in the system's; by default the camera's pinhole."""
     color: Literal["R", "G", "B"] | None = None
     """Primary whose wavelength is refracted; left out: helium's d line."""
+    chromatic: Annotated[bool, Field(strict=True)] = False
+    """Draw red, green and blue each by rays of its own wavelength: three times the work. Ground
+    truth is that of green."""
     camera: CameraTable
     surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
     obstacles: Annotated[tuple[ObstacleTable, ...], Field(max_length=64)] = ()
@@ -172,6 +175,7 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
             file.origin_m,
             file.color,
             orientation,
+            file.chromatic,
         )
     except OmnisimError as reason:
         raise SensorFileError(f"{source}: {below}{reason}") from None

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
 from omnisim.extras import missing_packages, require_extra
+from omnisim.gpu.capture.chromatic_pass import ChromaticPass
 from omnisim.gpu.capture.depth_pyramid import DepthPyramid
 from omnisim.gpu.capture.parallax_pass import ParallaxPass
-from omnisim.gpu.capture.parallax_rays import SampleRays
+from omnisim.gpu.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.parallax_pipeline import ParallaxPipeline
@@ -26,6 +28,7 @@ from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
 from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.parallax_plan import parallax_tiles
 from omnisim.sensors.sample_rays import sample_rays
 
@@ -62,14 +65,13 @@ class ParallaxCamera(CameraBackend):
             )
         self._sensor, context = sensor, drawn.buffers.context
         self._rays: RayScene | None = None
-        rays = sample_rays(sensor.model, sensor.supersampling, sensor.mesh_polygons)
-        if not rays.shown.any():
-            raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
-        directions, origins_m = rays.centres()
+        colors = _rays_by_color(sensor)
+        directions, origins_m = colors[len(colors) // 2].centres()
         every = slice(None, None, max(1, len(directions) // 10_000))
         viewpoint_m = common_point(origins_m[every], directions[every])
-        rays, self._viewpoint_m = rays.seen_from(viewpoint_m), viewpoint_m
-        plan = parallax_tiles(rays, sensor.texels_per_pixel, sensor.near_m)
+        colors = [rays.seen_from(viewpoint_m) for rays in colors]
+        self._viewpoint_m = viewpoint_m
+        plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
         is_ideal = sensor.degradation.is_ideal
         self._cube = CubePass(
             drawn.buffers,
@@ -79,8 +81,13 @@ class ParallaxCamera(CameraBackend):
                 sensor.near_m, sensor.far_m, 1, setup.unlit, world.scene.background, setup.hidden
             ),
         )
-        pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, rays.longest_m)
-        parallax = ParallaxPass(context, rays, plan, pyramid)
+        longest_m = max(rays.longest_m for rays in colors)
+        pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
+        parallax = (
+            ParallaxPass(context, colors[0], plan, pyramid)
+            if len(colors) == 1
+            else ChromaticPass(context, colors, plan, pyramid)
+        )
         self._casts = not missing_packages("rays")
         self._pipeline = ParallaxPipeline(
             self._cube,
@@ -174,3 +181,17 @@ class ParallaxCamera(CameraBackend):
         )
         corners_m = object_corners_m(self.world.objects.values())
         return DegradedCamera(sensor, seed, DegradedPipeline(self._pipeline, passes), corners_m)
+
+
+def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:
+    """Rays of the samples, or those of R, G and B.
+
+    Raises:
+        GraphicsError: none sees anything.
+    """
+    assert isinstance(sensor.model, NonCentralCamera)
+    cameras = sensor.model.by_color()
+    rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
+    if not all(one.shown.any() for one in rays):
+        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+    return rays

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +22,43 @@ _GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its centre
 _MAX_RAYS = 40_000  # whose points, near and far, are counted
 
 
-def parallax_tiles(rays: ParallaxRays, texels_per_pixel: float, near_m: float) -> TilePlan:
+class _SeenRays(NamedTuple):
+    """Rays of pixels that have neighbours, and what of their points is seen."""
+
+    directions: NDArray[np.float64]  # (n, 3)
+    along: NDArray[np.float64]  # (n,) radians from a sample to the next, the longer way
+    points: list[tuple[NDArray[np.float64], NDArray[np.float64]]]  # (m, 3), samples a radian (m,)
+
+
+def parallax_tiles(
+    colors: Sequence[ParallaxRays], texels_per_pixel: float, near_m: float
+) -> TilePlan:
     """Plan the tiles that show all points of rays, in the rig frame, to the viewpoint at 0.
 
     Args:
-        rays: of the samples.
+        colors: rays of the samples, of each colour that has its own.
         texels_per_pixel: to a side of a pixel.
         near_m: nothing is nearer.
 
     Raises:
         GraphicsError: the picture shows too little.
     """
+    supersampling = colors[0].supersampling
+    seen = [_seen_rays(rays, near_m, _MAX_RAYS // len(colors)) for rays in colors]
+    points = [part for one in seen for part in one.points]
+    densities = _densities(*(np.concatenate(parts) for parts in zip(*points, strict=True)))
+    bias = ONE_SAMPLE_BIAS if supersampling == 1 else SUPERSAMPLED_BIAS
+
+    def plan(max_level: int) -> TilePlan:
+        density = texels_per_pixel / supersampling
+        return plan_densities(densities, density, None, True, bias, max_level, _GUTTER_PX)
+
+    first = plan(0)
+    level = max(0, int(_mip_level(first, seen[0].directions, seen[0].along) + bias))
+    return plan(level) if level else first
+
+
+def _seen_rays(rays: ParallaxRays, near_m: float, max_rays: int) -> _SeenRays:
     directions, origins_m = rays.directions, rays.origins_m
     valid = np.asarray(directions.any(axis=-1))
     whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
@@ -42,23 +70,14 @@ def parallax_tiles(rays: ParallaxRays, texels_per_pixel: float, near_m: float) -
     along, across = (values / rays.supersampling for values in _singular_values(steps))
     densest = 1.0 / np.maximum(across, along / _MAX_ANISOTROPY)
     found = [(here, densest)]
-    some = slice(None, None, max(1, len(here) // _MAX_RAYS))
+    some = slice(None, None, max(1, len(here) // max_rays))
     near, densest = here[some], densest[some]
     origins_m = origins_m[:-1, :-1][whole][some].astype(np.float64)
     # of all points of a ray, no two in neighbouring cells
     turn = float(np.linalg.norm(origins_m, axis=1).max()) / near_m
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / GRID_STEP))[1:]:
         found.append((near + nearness * origins_m, densest))
-    densities = _densities(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-    bias = ONE_SAMPLE_BIAS if rays.supersampling == 1 else SUPERSAMPLED_BIAS
-
-    def plan(max_level: int) -> TilePlan:
-        density = texels_per_pixel / rays.supersampling
-        return plan_densities(densities, density, None, True, bias, max_level, _GUTTER_PX)
-
-    first = plan(0)
-    level = max(0, int(_mip_level(first, here, along) + bias))
-    return plan(level) if level else first
+    return _SeenRays(here, along, found)
 
 
 def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> list[SamplingDensity]:

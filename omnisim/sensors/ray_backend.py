@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
 from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.ground_truth.hits import Hits
@@ -117,7 +118,7 @@ class RayCamera(CameraBackend):
         self._ray_world, self._sensor = world, sensor
         self._limits = DepthLimits(sensor.near_m, sensor.far_m)
         self._hit_source: RayHitSource | None = None
-        self._picture = self._ray_picture()
+        self._pictures = self._ray_pictures()
         self._degraded = None
         if not sensor.degradation.is_ideal:
             corners_m = object_corners_m(world.objects.values())
@@ -131,18 +132,24 @@ class RayCamera(CameraBackend):
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""
-        self._picture, self._hit_source = self._ray_picture(), None
+        self._pictures, self._hit_source = self._ray_pictures(), None
 
-    def _ray_picture(self) -> RayPicture:
-        sensor = self._sensor
-        return RayPicture(
-            self._ray_world.rays,
-            sensor.supersampled_model,
-            sensor.mesh_polygons,
-            sensor.supersampling,
-            self._limits,
-            self.setup.unlit,
-        )
+    def _ray_pictures(self) -> list[RayPicture]:
+        """Picture, or those of R, G and B."""
+        sensor, samples = self._sensor, self._sensor.supersampled_model
+        return [
+            RayPicture(
+                self._ray_world.rays,
+                camera,
+                sensor.mesh_polygons,
+                sensor.supersampling,
+                self._limits,
+                self.setup.unlit,
+            )
+            for camera in (
+                samples.by_color() if isinstance(samples, NonCentralCamera) else (samples,)
+            )
+        ]
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation."""
@@ -167,9 +174,14 @@ class RayCamera(CameraBackend):
         raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
 
     def _linear(self, poses: ScenePoses) -> LinearPicture:
-        return self._picture.render(
-            poses.world_from_rig, ObjectState(poses.world_from_objects, self.setup.hidden)
-        )
+        objects = ObjectState(poses.world_from_objects, self.setup.hidden)
+        found = [one.render(poses.world_from_rig, objects) for one in self._pictures]
+        if len(found) == 1:
+            return found[0]
+        red, green, blue = found
+        valid = green[..., 3] > 0.0
+        green[valid, 0], green[valid, 2] = red[valid, 0], blue[valid, 2]
+        return green
 
 
 class RayRangeFinder:

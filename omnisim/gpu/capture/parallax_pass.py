@@ -51,6 +51,7 @@ class ParallaxPass:
         rays: of the samples, from the viewpoint, rig frame.
         plan: tiles of the atlas.
         pyramid: of its depth.
+        shown: pixels (height, width) of the picture to draw; None: all that have samples.
 
     Attributes:
         undecided_samples: of the last picture.
@@ -65,6 +66,7 @@ class ParallaxPass:
         rays: ParallaxRays,
         plan: TilePlan,
         pyramid: DepthPyramid,
+        shown: NDArray[np.bool_] | None = None,
     ):
         self._context, self._sample_rays, self._plan = context, rays, plan
         self._pyramid = pyramid
@@ -93,7 +95,9 @@ class ParallaxPass:
         uniform(program, "u_width_px").value = width
         self._samples_array = context.vertex_array(program, [])
         self._samples_array.vertices = 3
-        self._picture_array = picture_array(context, rays.shown, 1)
+        self._picture_array = picture_array(
+            context, rays.shown if shown is None else rays.shown & shown, 1
+        )
 
     def _covering(self, fragment: str) -> moderngl.VertexArray:
         """Vertex array that draws all pixels with samples."""
@@ -138,6 +142,12 @@ class ParallaxPass:
             cast: gives undecided samples; None: they are as if what hides them were thin.
         """
         self._pyramid.update(depth)
+        self.draw_again(atlas, target, cast)
+
+    def draw_again(
+        self, atlas: moderngl.Texture, target: moderngl.Framebuffer, cast: CastSamples | None
+    ) -> None:
+        """Draw by the depth that the pyramid has already."""
         self._rays.use()
         atlas.use(_ATLAS)
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
