@@ -12,6 +12,16 @@ layout(location = 0) out vec4 out_color;
 #include "capture/parallax_rays.glsl"
 #include "capture/parallax_color.glsl"
 
+// All four texels that a colour is mixed of show what the ray meets, or something whose parallax is
+// less than a texel from it: beside an edge, what is behind or before it would shine through.
+bool is_unmixed(Place place, float nearness) {
+    vec2 first = floor(place.texel - 0.5) + 0.5;
+    vec4 found = vec4(inverse_z_at(first), inverse_z_at(first + vec2(1.0, 0.0)),
+                      inverse_z_at(first + vec2(0.0, 1.0)), inverse_z_at(first + vec2(1.0)));
+    vec4 texels = abs(found * place.depth - nearness) * place.texels;
+    return max(max(texels.x, texels.y), max(texels.z, texels.w)) < SAME_TEXELS;
+}
+
 void main() {
     uint at = texelFetch(u_samples, ivec2(gl_FragCoord.xy), 0).x;
     int number = int(at / 64u);
@@ -19,5 +29,6 @@ void main() {
     Ray ray = ray_of(pixel, int(at % 64u));
     FirstSurface found = first_surface(ray.direction, ray.origin);
     Place place = place_of(ray.direction + found.nearness * ray.origin, ray.origin);
-    out_color = vec4(color_at(place.texel, level_at(pixel, place)), found.known ? 1.0 : 0.0);
+    bool known = found.known && is_unmixed(place, found.nearness);
+    out_color = vec4(color_at(place.texel, level_at(pixel, place)), known ? 1.0 : 0.0);
 }

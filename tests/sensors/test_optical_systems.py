@@ -20,6 +20,9 @@ from omnisim.scene.model import Material
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.motion import moved_px
 from omnisim.sensors.sample_rays import sample_rays
+from omnisim.validation.markers import centroids
+from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
+from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.psnr import psnr_of_levels_db
 from tests.optics.examples import SYSTEMS
 from tests.optics.samples import all_samples
@@ -183,6 +186,22 @@ def test_virtual_cameras_show_what_rays_do(embree, name, db):
     assert _psnr_db(cube, rays) > db
     assert cube.metadata["undecided"]["cast"]
     assert 0 < cube.metadata["undecided"]["samples"] < 0.1 * 9 * cube.valid.sum()
+
+
+def test_nothing_shines_through_beside_edges(embree):
+    """Discs on black, seen by a cone: nothing of them is beside them."""
+    system = validation_systems()["cone"]
+    world_from_optical = NOW.copy()
+    world_from_optical[:3, :3] = NOW[:3, :3] @ system.rig_from_optical
+    pixels = marker_pixels(system, 40)
+    scene = markers_on_rays(system, pixels, world_from_optical)
+    middles = []
+    for backend in ("cube", "rays"):
+        with Renderer(scene, system, backend=backend) as renderer:
+            linear = renderer.render(NOW, linear=True).linear[..., 1]
+        middles.append(centroids(linear.astype(np.float64), pixels))
+    assert len(pixels) > 10
+    assert np.linalg.norm(middles[0] - middles[1], axis=1).max() < 0.12
 
 
 def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
