@@ -77,7 +77,7 @@ def _bent(
     between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))
     misses = np.linalg.norm(between.directions.reshape(own.shape) - own, axis=-1).max(axis=1)
     steps = rays.supersampling * np.linalg.norm(between.footprints, axis=-1)
-    return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), -1).min(axis=1))
+    return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), 2 * count).min(axis=1))
 
 
 _Traced = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]

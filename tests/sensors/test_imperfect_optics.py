@@ -13,6 +13,7 @@ from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.object_motion import Orbit
 from omnisim.sensors.degradations import Degradation, Shutter, preset
 from omnisim.sensors.motion import Twist
+from omnisim.sensors.sample_rays import sample_rays
 from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
 from omnisim.world import WorldState
 from tests.camera_examples import CAMERA_EXAMPLES
@@ -198,3 +199,8 @@ def test_batches(backend):
             np.testing.assert_array_equal(batch["rgb"][number], frame.rgb)
             for name in names[1:]:
                 np.testing.assert_array_equal(batch[name][number], frame.channels[name])
+
+
+def test_a_mesh_that_fills_no_pixel_has_no_rays():
+    tiny = OpticalSystem(pinhole(5.0).scaled(1 / 45), (Surface(Conic(0.06), at(0.2), 0.001),))
+    assert not sample_rays(tiny, 3, 16).shown.any()
