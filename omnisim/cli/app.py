@@ -16,6 +16,7 @@ from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.command import Command, Group, command
 from omnisim.cli.console import err, out
 from omnisim.cli.optics_requests import (
+    OpticsCalibrateRequest,
     OpticsCheckRequest,
     OpticsDesignRequest,
     OpticsPlotRequest,
@@ -294,6 +295,14 @@ def write_optics_profile(request: OpticsProfileRequest) -> None:
     from omnisim.cli.optics import profile
 
     profile(request)
+
+
+@command(optics_app, OpticsCalibrateRequest, "calibrate")
+def calibrate_optics(request: OpticsCalibrateRequest) -> None:
+    """Fit an optical system's own parameters to the corners of a board in pictures."""
+    from omnisim.cli.optics_calibration import calibrate
+
+    calibrate(request)
 
 
 for group in (robot_app, landmarks_app, calibration_app, optics_app):

@@ -116,3 +116,29 @@ class OpticsProfileRequest:
     points: Annotated[
         int, typer.Option("--points", metavar="POINTS", min=4, max=100_000, help="Lines.")
     ] = 501
+
+
+@dataclass(frozen=True)
+class OpticsCalibrateRequest:
+    """Parameters of `omnisim optics calibrate`."""
+
+    system: SystemArgument
+    corners: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CORNERS",
+            help="Corners of a flat board: .csv, picture,x_m,y_m,u_px,v_px.",
+            show_default=False,
+        ),
+    ]
+    free: Annotated[
+        str,
+        typer.Option(
+            "--free",
+            metavar="KEYS",
+            help="Keys of SYSTEM to fit, comma-separated, as surfaces.0.decenter_m.",
+        ),
+    ]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Optics file to write: .toml.")
+    ]

@@ -1,6 +1,8 @@
 """Optical systems that need no single viewpoint: mirrors of any profile, misaligned, and ports."""
 
 from omnisim.cameras.central_error import CentralError
+from omnisim.optics.board_corners import BoardCorners, read_corners, write_corners
+from omnisim.optics.calibrate import SystemCalibration, calibrate_system
 from omnisim.optics.caustic import caustic_points, pixel_jacobians, ray_jacobians
 from omnisim.optics.central_fit import fit_central
 from omnisim.optics.central_view import CentralView
@@ -12,6 +14,7 @@ from omnisim.optics.system_file import read_optics_file
 from omnisim.optics.tracing import Fate, TracedRays
 
 __all__ = [
+    "BoardCorners",
     "CentralError",
     "CentralView",
     "Centrality",
@@ -20,12 +23,16 @@ __all__ = [
     "OpticalSystem",
     "Rod",
     "Surface",
+    "SystemCalibration",
     "TracedRays",
+    "calibrate_system",
     "caustic_points",
     "common_point",
     "fit_central",
     "measure_centrality",
     "pixel_jacobians",
     "ray_jacobians",
+    "read_corners",
     "read_optics_file",
+    "write_corners",
 ]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import scipy  # its submodules load when first used
+from numpy.typing import NDArray
 
 from omnisim.errors import OmnisimError, OpticsError
 from omnisim.optics.board_corners import BoardCorners
@@ -24,7 +25,8 @@ from omnisim.optics.shapes.shape import Floats
 from omnisim.optics.system import OpticalSystem
 
 _STEP = 1e-6  # of a parameter, or of 1 where it is less
-_SINGULAR = 1e-9  # least singular value of the scaled Jacobian, as a share of the largest
+_SINGULAR = 1e-7  # least singular value of the scaled Jacobian, as a share of the largest
+_UNSEEN_PX = 1e-4  # by which a parameter moves corners, if it grows by 1 or doubles
 _SHARE = 0.1  # of a direction that the corners do not tell: a parameter that is part of it
 _MAX_STEPS = 100
 _WIDER = 1.1  # a rim that a step moves must not hide corners
@@ -108,9 +110,7 @@ def calibrate_system(
 class _Problem:
     """Least squares over the free parameters and a move of each board's pose."""
 
-    def __init__(
-        self, parameters: FreeParameters, boards: Sequence[BoardCorners], poses: Floats
-    ):
+    def __init__(self, parameters: FreeParameters, boards: Sequence[BoardCorners], poses: Floats):
         self._parameters, self._boards, self._poses = parameters, boards, poses
         self._pixels = np.concatenate([board.pixels_px for board in boards])
         self._count = len(parameters.names)
@@ -127,7 +127,7 @@ class _Problem:
             ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=_MAX_STEPS,
         )  # fmt: skip
         values, moves = self._split(found.x)
-        sigmas = self._sigmas(found.jac, found.fun)
+        sigmas = self._sigmas(self.jacobian(found.x), found.fun)
         rows = zip(parameters.names, parameters.values, values, sigmas, strict=True)
         return SystemCalibration(
             parameters.system(values),
@@ -219,14 +219,25 @@ class _Problem:
         """
         if self._count == 0:
             return np.zeros(0)
-        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        scale = np.linalg.norm(jacobian, axis=0)
+        effects_px = scale[: self._count] * np.maximum(1.0, np.abs(self._values))
+        self._check(effects_px < _UNSEEN_PX)
         _, sizes, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
         if sizes[-1] < _SINGULAR * sizes[0]:
             parts = np.abs(directions[-1, : self._count])
-            names = [self._parameters.names[i] for i in np.flatnonzero(parts > _SHARE * parts.max())]
-            words = "the corners do not tell, or not apart: expected fewer free parameters"
-            raise OpticsError(f"{', '.join(names)}: {words}")
+            self._check(parts > _SHARE * parts.max())
         freedom = max(len(errors) - len(sizes), 1)
         variances = np.square(directions / sizes[:, None]).sum(axis=0) * (errors @ errors) / freedom
         found: Floats = (np.sqrt(variances) / scale)[: self._count]
         return found
+
+    def _check(self, untold: NDArray[np.bool_]) -> None:
+        """Refuse parameters (n,) that the corners do not tell.
+
+        Raises:
+            OpticsError: naming them.
+        """
+        if untold.any():
+            names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
+            words = "the corners do not tell, or not apart: expected fewer free parameters"
+            raise OpticsError(f"{', '.join(names)}: {words}")

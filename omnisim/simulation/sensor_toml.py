@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from omnisim.cameras import HyperbolicCamera, NonCentralCamera
-from omnisim.cameras.camera import CameraParameters
 from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.omnicamera import Polygons
+from omnisim.toml_file import toml_keys, toml_tables
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
@@ -30,10 +27,11 @@ def sensor_toml(sensor: OmniCamera) -> str:
     elif isinstance(sensor.model, NonCentralCamera):
         group, picture = "optics", ""
         named = sensor.model.parameters()
-        geometry, parts = _system({key: named[key] for key in named if key != "model"})
+        own = {key: named[key] for key in named if key != "model"}
+        geometry, parts = toml_tables(own, "optics.")
         geometry += _polygons(sensor.polygons)
     else:
-        group, geometry, picture = "lens", _keys(sensor.model.parameters()), ""
+        group, geometry, picture = "lens", toml_keys(sensor.model.parameters()), ""
     return f"""[{group}]
 {geometry}
 [{group}.mounting]
@@ -65,7 +63,7 @@ theta_max_deg = {round(math.degrees(mirror.theta_max_rad), 12)!r}
 
 
 def _polygons(polygons: Polygons) -> str:
-    return _keys({"polygons": "exact" if polygons is None else polygons})
+    return toml_keys({"polygons": "exact" if polygons is None else polygons})
 
 
 def _picture(camera: HyperbolicCamera) -> str:
@@ -80,28 +78,6 @@ principal_point_px = [{u!r}, {v!r}]
 def _degradation(sensor: OmniCamera) -> str:
     """Tables of the degradations, none for an ideal camera."""
     return "".join(
-        f"\n[degradation.{name}]\n{_keys(values)}"
+        f"\n[degradation.{name}]\n{toml_keys(values)}"
         for name, values in sensor.degradation.tables().items()
     )
-
-
-def _system(parameters: CameraParameters) -> tuple[str, str]:
-    """Keys of an optical system, and the tables of its parts."""
-    own, parts = {}, ""
-    for key, value in parameters.items():
-        if isinstance(value, Mapping):
-            parts += f"\n[optics.{key}]\n{_keys(value)}"
-        elif isinstance(value, list) and isinstance(value[0], dict):
-            parts += "".join(f"\n[[optics.{key}]]\n{_keys(table)}" for table in value)
-        else:
-            own[key] = value
-    return _keys(own), parts
-
-
-def _keys(values: Mapping[str, Any]) -> str:
-    """Numbers, lists of numbers, words, true and false are written alike in JSON and in TOML."""
-    return "".join(f"{key} = {_value(value)}\n" for key, value in values.items())
-
-
-def _value(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -9,8 +9,9 @@ import trimesh
 
 import omnisim as package
 from omnisim.calibration.ray_table import read_ray_table
-from omnisim.optics import read_optics_file
+from omnisim.optics import read_optics_file, write_corners
 from omnisim.optics.profile_file import read_profile
+from tests.optics.test_calibrate import boards_of
 
 EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"
 SPHERE = EXAMPLES / "sphere.toml"
@@ -111,3 +112,40 @@ def test_mesh_of_a_surface(omnisim, tmp_path, name, surface, area_m2):
     assert (
         np.einsum("nj,nj->n", mesh.face_normals, mesh.vertex_normals[mesh.faces[:, 2]]).min() > 0.9
     )
+
+
+def test_calibrate(omnisim, tmp_path):
+    """The example's tilt is found again from one without, and files are named from the output."""
+    truth = read_optics_file(EXAMPLES / "tilted-mirror.toml")
+    write_corners(tmp_path / "corners.csv", boards_of(truth, 4))
+    text = (EXAMPLES / "tilted-mirror.toml").read_text()
+    aligned = text.replace("tilt_deg = [2.0, 0.0, 0.0]\n", "").replace("[0.002,", "[0.001,")
+    (tmp_path / "aligned.toml").write_text(aligned)
+    keys = "surfaces.0.decenter_m,surfaces.0.tilt_deg.0,surfaces.0.tilt_deg.1"
+    status, out, err = omnisim(
+        "optics", "calibrate", "aligned.toml", "corners.csv", "--free", keys, "-o", "a.toml"
+    )
+    assert (status, err) == (0, "")
+    assert "a.toml: 4 pictures, " in out
+    assert "surfaces.0.tilt_deg.0" in out
+    fitted = read_optics_file(tmp_path / "a.toml")
+    np.testing.assert_allclose(
+        fitted.surfaces[0].system_from_surface, truth.surfaces[0].system_from_surface, atol=1e-6
+    )
+    assert len(fitted.obstacles) == 1
+
+
+def test_calibrate_names_files_from_its_output(omnisim, tmp_path):
+    for suffix in (".toml", ".csv"):
+        path = EXAMPLES / f"equi-angular{suffix}"
+        (tmp_path / path.name).write_text(path.read_text())
+    system = read_optics_file(tmp_path / "equi-angular.toml")
+    write_corners(tmp_path / "corners.csv", boards_of(system, 3))
+    (tmp_path / "fitted").mkdir()
+    status, _, err = omnisim(
+        "optics", "calibrate", "equi-angular.toml", "corners.csv",
+        "--free", "camera.focal_length_px", "-o", "fitted/a.toml",
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    found = read_optics_file(tmp_path / "fitted" / "a.toml").camera.focal_length_px
+    assert found == pytest.approx(system.camera.focal_length_px, abs=1e-4)

@@ -24,7 +24,7 @@ from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import read_channels, write_image
 from omnisim.localization.parameters import DEFAULT as FILTER_FILE
 from omnisim.localization.parameters import read_parameters
-from omnisim.optics import read_optics_file
+from omnisim.optics import read_corners, read_optics_file
 from omnisim.perception.color_model import BINS, ColorModel
 from omnisim.perception.color_model_file import load_model, save_model
 from omnisim.perception.unwarping import Unwarping
@@ -199,6 +199,9 @@ def _soccer():
     return load_scene("soccer")
 
 
+CORNERS = "picture,x_m,y_m,u_px,v_px\n" + "".join(
+    f"0,{x},{y},{100 + 9 * x},{80.5 + 9 * y}\n" for x in range(3) for y in range(3)
+)
 WAYPOINTS = "x_m,y_m\n-1.0,0.5\n0.2,0.5\n0.2,1.5\n"
 
 
@@ -356,6 +359,7 @@ def _readers() -> list[Reader]:
                lambda f: OmniCamera.from_file(f / "a.toml")),
         Reader("sensor-models", _sensors, _read_sensors),
         Reader("optics", partial(shutil.copytree, OPTICS, dirs_exist_ok=True), _read_optics),
+        Reader("corners", partial(_write, "a.csv", CORNERS), lambda f: read_corners(f / "a.csv")),
         Reader("sensor-optics", _optics_sensors, _read_optics_sensors),
         Reader("mount-optics", _optics_mount, lambda f: read_mount(f / "calibration.json")),
         Reader("preset", partial(_copy, PRESETS / "bad-day.toml", "a.toml"),
