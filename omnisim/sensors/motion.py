@@ -14,6 +14,7 @@ from pydantic import Field
 from omnisim.cameras import CentralCamera, pixels_of_points
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.parameters import Number, Parameters
+from omnisim.poses import pose_from_rotation
 from omnisim.world import Pose
 
 # Assumed distance of the nearest surface, as depth is not known before there is a picture. Nearer
@@ -95,6 +96,12 @@ def moved_px(
         moved_m = _moved(points_m, np.linalg.inv(after) @ before)
         seen = pixels_of_points(camera, moved_m, is_finite)
         static_px += np.where(seen.valid, np.linalg.norm(seen.positions_px - pixels, axis=-1), 0.0)
+    if rays.origins_m is not None and rays.valid.any():
+        # objects are near or far from where the rays start, as a mirror before its camera
+        middle_m = rays.origins_m[rays.valid].mean(axis=0)
+        world_from_optical = [
+            pose @ pose_from_rotation(np.eye(3), middle_m) for pose in world_from_optical
+        ]
     dynamic_px = [
         _object_px(camera, rays.directions[rays.valid], world_from_optical, path, corners_m)
         for corners_m, path in zip(
@@ -118,7 +125,8 @@ def _object_px(
     Args:
         camera: whose picture it is.
         seen: directions (n, 3) that are spread over the picture, optical frame.
-        world_from_optical: poses of the camera, one after the other.
+        world_from_optical: poses of the camera, the middle of its rays' origins at theirs, one
+            after the other.
         world_from_object: poses of the object.
         corners_m: (8, 3) of the box around it, in its own frame.
     """

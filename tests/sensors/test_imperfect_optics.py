@@ -1,18 +1,20 @@
 """Optical systems as imperfect cameras in worlds that move, by both back ends."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, Stage
+from omnisim.gpu.pipeline import ScenePoses
 from omnisim.optics import OpticalSystem, Surface
 from omnisim.optics.shapes import Conic
 from omnisim.poses import pose
 from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.object_motion import Orbit
 from omnisim.sensors.degradations import Degradation, Shutter, preset
-from omnisim.sensors.motion import Twist
+from omnisim.sensors.motion import Twist, moved_px
 from omnisim.sensors.sample_rays import sample_rays
 from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
 from omnisim.world import WorldState
@@ -204,3 +206,16 @@ def test_batches(backend):
 def test_a_mesh_that_fills_no_pixel_has_no_rays():
     tiny = OpticalSystem(pinhole(5.0).scaled(1 / 45), (Surface(Conic(0.06), at(0.2), 0.001),))
     assert not sample_rays(tiny, 3, 16).shown.any()
+
+
+def test_objects_move_as_seen_from_the_mirror():
+    """A mirror 2 m before its camera: an object passes 0.5 m from the mirror."""
+    mirror = OpticalSystem(pinhole(900.0), (Surface(Conic(0.3), at(2.0), 0.25),))
+    lifted = dataclasses.replace(mirror, origin_m=(0.0, 0.0, 2.0))
+    corners_m = [0.1 * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))]
+    found = []
+    for system, z_m in ((mirror, 2.0), (lifted, 0.0)):
+        states = [ScenePoses(np.eye(4), (pose((0.5, y_m, z_m)),)) for y_m in (-0.05, 0.0, 0.05)]
+        found.append(moved_px(system, states, corners_m))
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+    assert found[0] > 1.0
