@@ -1,4 +1,4 @@
-"""Long runs of what must not wear out: `python -m tests.soak kills|renderers --times 200`."""
+"""Long runs of what must not wear out: `python -m tests.soak WHAT --times 200`."""
 
 import argparse
 import sys
@@ -6,6 +6,8 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
+from tests.soak.frames import LARGEST_GROWTH as FRAMES_GROWTH
+from tests.soak.frames import frames
 from tests.soak.kills import kills
 from tests.soak.renderers import LARGEST_GROWTH, renderers
 
@@ -13,7 +15,7 @@ from tests.soak.renderers import LARGEST_GROWTH, renderers
 def main() -> None:
     """Run one; exit status 1 where it fails."""
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
-    parser.add_argument("what", choices=("kills", "renderers"))
+    parser.add_argument("what", choices=("kills", "renderers", "frames"))
     parser.add_argument("--times", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1, help="of the kills' moments")
     parser.add_argument("--output", type=Path, help="for the runs; a temporary folder")
@@ -23,6 +25,10 @@ def main() -> None:
         growth = renderers(options.times, print_line)
         print(f"{options.times} renderers: {growth / 1e3:+.0f} kB each")
         sys.exit(growth > LARGEST_GROWTH)
+    if options.what == "frames":
+        growth = frames(options.times, print_line)
+        print(f"{options.times} frames: {growth / 1e6:+.1f} MB")
+        sys.exit(growth > FRAMES_GROWTH)
     with tempfile.TemporaryDirectory(prefix="omnisim-kills-") as folder:
         kills(options.output or Path(folder), options.times, options.seed, print_line)
 

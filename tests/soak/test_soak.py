@@ -22,3 +22,11 @@ def test_dropped_renderers_take_no_more_memory_than_a_few():
     command = [sys.executable, "-m", "tests.soak", "renderers", "--times", "50"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
+
+
+@pytest.mark.slow
+def test_frames_take_no_more_memory_than_a_few():
+    """In a process of its own: memory of other tests would hide it."""
+    command = [sys.executable, "-m", "tests.soak", "frames", "--times", "6000"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr + done.stdout
