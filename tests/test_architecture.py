@@ -29,7 +29,7 @@ LAYERS = (
     {"image_files", "trajectories"},
     {"world"},
     {"poses"},
-    {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file"},
+    {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file", "file_keys"},
     {"parameters", "extras"},
     {"errors", "short_repr", "version"},
 )

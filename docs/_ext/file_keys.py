@@ -1,48 +1,17 @@
-"""Keys of omnisim's TOML files, from the pydantic schema that checks them.
-
-A key's help is the string below it in the schema's source, as in any Python class.
-"""
+"""Pages of the keys of omnisim's TOML files, in Markdown."""
 
 from __future__ import annotations
 
-import ast
-import inspect
-import textwrap
 import types
 import typing
 from collections.abc import Iterator
 from typing import Any, get_args, get_origin
 
-import annotated_types
 import pydantic
 from pydantic_core import PydanticUndefined
 
-from omnisim.parameters import Table, table_of
-
-_FAR = 1e9  # of limits that only keep numbers within a float32
-
-
-def attribute_docs(model: type) -> dict[str, str]:
-    """Strings below the fields of a model or dataclass, by the fields' names."""
-    docs: dict[str, str] = {}
-    for kind in reversed(model.__mro__):
-        if not kind.__module__.startswith("omnisim"):
-            continue
-        try:
-            (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-        except OSError:  # made by pydantic.create_model: its fields have no source of their own
-            continue
-        assert isinstance(tree, ast.ClassDef)
-        for field, text in zip(tree.body, tree.body[1:], strict=False):
-            if (
-                isinstance(field, ast.AnnAssign)
-                and isinstance(field.target, ast.Name)
-                and isinstance(text, ast.Expr)
-                and isinstance(text.value, ast.Constant)
-                and isinstance(text.value.value, str)
-            ):
-                docs[field.target.id] = " ".join(text.value.value.split())
-    return docs
+from omnisim import file_keys
+from omnisim.parameters import table_of
 
 
 def tables(
@@ -55,10 +24,10 @@ def tables(
         path: key of the table in its file.
         source: class with the keys' help, where it is not the model itself.
     """
-    docs, rows, inner = attribute_docs(source or model), [], []
+    docs, rows, inner = file_keys.attribute_docs(source or model), [], []
     for name, field in model.model_fields.items():
         key = field.alias or name
-        found = _table_in(field.annotation)
+        found = file_keys.table_in(field.annotation)
         if found is not None:
             child, is_list = found
             below = f"{path}.{key}" if path else key
@@ -69,12 +38,8 @@ def tables(
     if rows:
         yield "\n".join(["| key | value | default | meaning |", "| --- | --- | --- | --- |", *rows])
     for header, below, child in inner:
-        yield f"## `{header}`\n\n{_summary(child)}"
+        yield f"## `{header}`\n\n{file_keys.summary(child)}"
         yield from tables(child, below)
-
-
-def _summary(model: type) -> str:
-    return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
 
 
 def _default(field: Any) -> str:
@@ -89,35 +54,13 @@ def _default(field: Any) -> str:
 
 
 def _type(field: Any) -> str:
-    """Kind of value and its tightest limits; those far beyond any use are left out."""
-    rules = [*field.metadata, *_rules(field.annotation)]
-    limits = []
-    for tightest, strict, loose, signs in ((max, "gt", "ge", "> ≥"), (min, "lt", "le", "< ≤")):
-        found = [
-            (limit, sign)
-            for rule in rules
-            if isinstance(rule, annotated_types.BaseMetadata)
-            for attribute, sign in zip((strict, loose), signs.split(), strict=True)
-            if (limit := getattr(rule, attribute, None)) is not None
-        ]
-        limit, sign = tightest(found, default=(_FAR, ""))
-        if 0.0 < limit <= 1.0 / _FAR:
-            limits.append("> 0")
-        elif abs(limit) < _FAR:
-            limits.append(f"{sign} {limit:g}")
-    return ", ".join([_name(field.annotation), *limits])
-
-
-def _rules(annotation: Any) -> Iterator[Any]:
-    """Limits inside a union, such as a number or none."""
-    origin, parts = get_origin(annotation), get_args(annotation)
-    if origin is typing.Annotated:
-        for rule in parts[1:]:
-            yield from getattr(rule, "metadata", [rule])
-        yield from _rules(parts[0])
-    elif origin in (typing.Union, types.UnionType):
-        for part in parts:
-            yield from _rules(part)
+    """Kind of value and its limits."""
+    low, high = file_keys.limits(field)
+    words = [_name(field.annotation)]
+    for limit, open_sign, closed_sign in ((low, ">", "≥"), (high, "<", "≤")):
+        if limit is not None:
+            words.append(f"{open_sign if limit.is_open else closed_sign} {limit.value:g}")
+    return ", ".join(words)
 
 
 def _name(annotation: Any) -> str:
@@ -141,18 +84,6 @@ def _name(annotation: Any) -> str:
         return "table" if value is Any else f"table of {_name(value)}"
     words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
     return words.get(annotation, getattr(annotation, "__name__", str(annotation)))
-
-
-def _table_in(annotation: Any) -> tuple[type[Table], bool] | None:
-    """The table that a key holds, and whether as a list."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        return annotation, False
-    is_list = get_origin(annotation) in (tuple, list)
-    for part in get_args(annotation):
-        found = _table_in(part)
-        if found is not None:
-            return found[0], is_list or found[1]
-    return None
 
 
 def key_pages() -> dict[str, str]:
@@ -179,7 +110,7 @@ def _mounts() -> Iterator[str]:
     from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
     for name, mount in MOUNT_TYPES.items():
-        yield f'## `[[sensors]]`, `type = "{name}"`\n\n{_summary(mount)}'
+        yield f'## `[[sensors]]`, `type = "{name}"`\n\n{file_keys.summary(mount)}'
         yield from tables(mount, "sensors")
 
 
@@ -187,7 +118,7 @@ def _shapes() -> Iterator[str]:
     from omnisim.optics.surface_tables import shape_schemas
 
     for name, table, source in shape_schemas():
-        yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{_summary(source)}'
+        yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{file_keys.summary(source)}'
         yield from tables(table, "surfaces", source)
 
 
@@ -195,5 +126,5 @@ def _effects() -> Iterator[str]:
     from omnisim.sensors.degradations.degradation_file import EFFECTS
 
     for name, effect in EFFECTS.items():
-        yield f"## `[degradation.{name}]`\n\n{_summary(effect)}"
+        yield f"## `[degradation.{name}]`\n\n{file_keys.summary(effect)}"
         yield from tables(table_of(effect), source=effect)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from omnisim.file_keys import attribute_docs, table_in
 from omnisim.localization.parameters import FilterParameters
 from omnisim.optics.surface_tables import shape_schemas
 from omnisim.optics.system_file import OpticsFile
@@ -27,16 +28,10 @@ FILES = (
 )
 
 
-@pytest.fixture
-def file_keys(monkeypatch):
-    monkeypatch.syspath_prepend(str(EXTENSION))
-    return importlib.import_module("file_keys")
-
-
-def _without_help(file_keys, model, source=None):
-    docs = file_keys.attribute_docs(source or model)
+def _without_help(model, source=None):
+    docs = attribute_docs(source or model)
     for name, field in model.model_fields.items():
-        found = file_keys._table_in(field.annotation)
+        found = table_in(field.annotation)
         if found is None:
             if not docs.get(name):
                 yield f"{model.__name__}.{name}"
@@ -44,30 +39,31 @@ def _without_help(file_keys, model, source=None):
             child, _ = found
             if not child.__doc__ or child.__doc__ == Table.__doc__:
                 yield child.__name__
-            yield from _without_help(file_keys, child)
+            yield from _without_help(child)
 
 
 @pytest.mark.parametrize("model", FILES, ids=lambda model: model.__name__)
-def test_every_key_of_a_file_has_its_help(file_keys, model):
-    assert not list(_without_help(file_keys, model))
+def test_every_key_of_a_file_has_its_help(model):
+    assert not list(_without_help(model))
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS.keys())
-def test_every_key_of_a_degradation_has_its_help(file_keys, effect):
+def test_every_key_of_a_degradation_has_its_help(effect):
     assert effect.__doc__
-    assert not list(_without_help(file_keys, table_of(effect), effect))
+    assert not list(_without_help(table_of(effect), effect))
 
 
 @pytest.mark.parametrize(
     ("table", "source"), [one[1:] for one in shape_schemas()], ids=lambda kind: kind.__name__
 )
-def test_every_key_of_a_shape_has_its_help(file_keys, table, source):
+def test_every_key_of_a_shape_has_its_help(table, source):
     assert source.__doc__
-    assert not list(_without_help(file_keys, table, source))
+    assert not list(_without_help(table, source))
 
 
-def test_pages_have_a_row_for_each_key(file_keys):
-    pages = file_keys.key_pages()
+def test_pages_have_a_row_for_each_key(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXTENSION))
+    pages = importlib.import_module("file_keys").key_pages()
     assert "## `[degradation.noise]`" in pages["degradation-keys"]
     assert "| `read_noise_e` | number, ≥ 0 | `5.0` |" in pages["degradation-keys"]
     assert '## `[[sensors]]`, `type = "lms200"`' in pages["robot-file-keys"]

@@ -1,0 +1,124 @@
+"""Keys of omnisim's TOML files, from the pydantic schemas that check them.
+
+A key's help is the string below it in the schema's source, as in any Python class. The reference
+and the controls of the live page are made from the same.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+import types
+import typing
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_origin
+
+import annotated_types
+from pydantic.fields import FieldInfo
+
+from omnisim.parameters import Table
+
+FAR = 1e9  # of limits that only keep numbers within a float32
+
+
+class Limit(NamedTuple):
+    """Bound of a number.
+
+    Attributes:
+        value: the bound.
+        is_open: the number is not the bound itself.
+    """
+
+    value: float
+    is_open: bool
+
+
+class InnerTable(NamedTuple):
+    """Table that a key holds.
+
+    Attributes:
+        model: its schema.
+        is_list: the key holds a list of them.
+    """
+
+    model: type[Table]
+    is_list: bool
+
+
+@cache
+def attribute_docs(model: type) -> dict[str, str]:
+    """Strings below the fields of a model or dataclass, by the fields' names."""
+    docs: dict[str, str] = {}
+    for kind in reversed(model.__mro__):
+        if not kind.__module__.startswith("omnisim"):
+            continue
+        try:
+            (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+        except OSError:  # made by pydantic.create_model: its fields have no source of their own
+            continue
+        assert isinstance(tree, ast.ClassDef)
+        for field, text in zip(tree.body, tree.body[1:], strict=False):
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(field.target, ast.Name)
+                and isinstance(text, ast.Expr)
+                and isinstance(text.value, ast.Constant)
+                and isinstance(text.value.value, str)
+            ):
+                docs[field.target.id] = " ".join(text.value.value.split())
+    return docs
+
+
+def summary(model: type) -> str:
+    """First paragraph of a class's docstring, in one line."""
+    return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
+
+
+def limits(field: FieldInfo) -> tuple[Limit | None, Limit | None]:
+    """Tightest lower and upper limit of a key; those far beyond any use are left out."""
+    rules = [*field.metadata, *_rules(field.annotation)]
+    low = _tightest(rules, "gt", "ge", is_lower=True)
+    high = _tightest(rules, "lt", "le", is_lower=False)
+    return low, high
+
+
+def table_in(annotation: Any) -> InnerTable | None:
+    """The table that a key holds, or None."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return InnerTable(annotation, False)
+    is_list = get_origin(annotation) in (tuple, list)
+    for part in get_args(annotation):
+        found = table_in(part)
+        if found is not None:
+            return InnerTable(found.model, is_list or found.is_list)
+    return None
+
+
+def _tightest(rules: list[Any], strict: str, loose: str, is_lower: bool) -> Limit | None:
+    found = [
+        Limit(float(limit), attribute == strict)
+        for rule in rules
+        if isinstance(rule, annotated_types.BaseMetadata)
+        for attribute in (strict, loose)
+        if (limit := getattr(rule, attribute, None)) is not None
+    ]
+    if not found:
+        return None
+    tightest = max(found) if is_lower else min(found)
+    if is_lower and 0.0 < tightest.value <= 1.0 / FAR:
+        return Limit(0.0, True)
+    return tightest if abs(tightest.value) < FAR else None
+
+
+def _rules(annotation: Any) -> Iterator[Any]:
+    """Limits inside a union, such as a number or none."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is typing.Annotated:
+        for rule in parts[1:]:
+            yield from getattr(rule, "metadata", [rule])
+        yield from _rules(parts[0])
+    elif origin in (typing.Union, types.UnionType):
+        for part in parts:
+            yield from _rules(part)
