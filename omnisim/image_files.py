@@ -68,11 +68,26 @@ def write_image(
         OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
             written; nothing is left under `path` then.
     """
+    data = image_bytes(path, pixels, metadata, jpeg_quality)
+    check_target(path)
+    _store(path, data)
+
+
+def image_bytes(
+    path: Path,
+    pixels: NDArray[Any],
+    metadata: Metadata | None = None,
+    jpeg_quality: int = JPEG_QUALITY,
+) -> bytes:
+    """Contents of the file that `write_image` writes under `path`, whose suffix is its format.
+
+    Raises:
+        OutputError: an unknown format, or pixels that do not suit it.
+    """
     is_float = is_float_format(path)
     kind = "float32" if is_float else "uint8"
     if pixels.dtype != kind:
         raise OutputError(f"{path}: expected {kind} pixels, got {pixels.dtype}")
-    check_target(path)
     attributes: dict[str, str | int | float] = {
         "oiio:ColorSpace": "lin_rec709_scene" if is_float else "srgb_rec709_scene",
         "DateTime": _NO_DATE,
@@ -81,7 +96,7 @@ def write_image(
     if path.suffix.lower() in (".jpg", ".jpeg"):
         pixels = pixels[..., :3]
         attributes |= _jpeg_attributes(jpeg_quality, _JPEG_SUBSAMPLING)
-    _write(path, pixels, attributes, metadata)
+    return _encode(path, pixels, _with_metadata(attributes, metadata))
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
@@ -231,10 +246,15 @@ def _write(
     metadata: Metadata | None,
     channel_names: tuple[str, ...] = (),
 ) -> None:
-    attributes = {"Software": f"omnisim {__version__}", **attributes}
-    if metadata is not None:
-        attributes[METADATA_KEY] = json.dumps(metadata)
-    data = _encode(path, pixels, attributes, channel_names)
+    _store(path, _encode(path, pixels, _with_metadata(attributes, metadata), channel_names))
+
+
+def _with_metadata(attributes: Attributes, metadata: Metadata | None) -> Attributes:
+    own = {} if metadata is None else {METADATA_KEY: json.dumps(metadata)}
+    return {"Software": f"omnisim {__version__}", **attributes, **own}
+
+
+def _store(path: Path, data: bytes) -> None:
     with atomic_write(path) as partial:
         partial.write_bytes(data)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -62,7 +64,7 @@ def toml_keys(values: Mapping[str, Any]) -> str:
 
     Numbers, lists of numbers, words, true and false are written alike in JSON and in TOML.
     """
-    return "".join(f"{key} = {_value(value)}\n" for key, value in values.items())
+    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in values.items())
 
 
 def toml_tables(values: Mapping[str, Any], prefix: str = "") -> tuple[str, str]:
@@ -78,5 +80,53 @@ def toml_tables(values: Mapping[str, Any], prefix: str = "") -> tuple[str, str]:
     return toml_keys(own), parts
 
 
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def toml_text(table: Mapping[str, Any], path: str = "") -> str:
+    """Table as TOML: its values first, then its tables and lists of tables.
+
+    Args:
+        table: words, numbers, booleans, lists and tables; None leaves a key out.
+        path: of the table in its file.
+    """
+    given = {key: value for key, value in table.items() if value is not None}
+    inner = {key: value for key, value in given.items() if _tables_in(value)}
+    lines = [f"{_key(key)} = {_value(value)}\n" for key, value in given.items() if key not in inner]
+    parts = ["".join(lines)] if lines else []
+    for key, value in inner.items():
+        below = f"{path}.{_key(key)}" if path else _key(key)
+        is_list = not isinstance(value, Mapping)
+        header = f"[[{below}]]\n" if is_list else f"[{below}]\n"
+        for one in _tables_in(value):
+            has_own = is_list or not one or any(not _tables_in(each) for each in one.values())
+            parts.append((header if has_own else "") + toml_text(one, below))
+    return "\n".join(parts)
+
+
+def _tables_in(value: Any) -> list[Mapping[str, Any]]:
+    if isinstance(value, Mapping):
+        return [value]
+    if isinstance(value, list | tuple) and value and all(isinstance(x, Mapping) for x in value):
+        return list(value)
+    return []
+
+
+def _key(key: str) -> str:
+    return key if _BARE.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def _value(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(one) for one in value)}]"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_key(key)} = {_value(one)}' for key, one in value.items())} }}"
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return "nan" if math.isnan(value) else ("inf" if value > 0.0 else "-inf")
+    return json.dumps(value)
