@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import inspect
 import io
+import json
 import math
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from omnisim import OmniCamera, Renderer  # noqa: E402
+from omnisim.browser.presets import PRESETS_FILE  # noqa: E402
 from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
 from omnisim.cameras.field_of_view import FieldOfView, field_of_view  # noqa: E402
 from omnisim.scene import load_scene  # noqa: E402
@@ -35,6 +38,9 @@ LARGEST_BYTES = 40_000
 SHEET = "all.jpg"
 COLUMNS, CELL_PX, LABEL_PX = 5, 190, 20
 OUTSIDE = (24, 24, 28)  # where a camera sees nothing
+OPTICS = ROOT / "examples" / "optics"
+# Of the live page: a strip of small pictures, one below the other.
+STRIP, STRIP_PX, STRIP_BYTES = PRESETS_FILE.parent / "page" / "lenses.jpg", 64, 32_000
 
 
 def gallery_cameras() -> dict[str, CentralCamera]:
@@ -48,6 +54,18 @@ def gallery_cameras() -> dict[str, CentralCamera]:
         )
         for model in CAMERA_MODELS
     }
+
+
+def presets(cameras: dict[str, CentralCamera]) -> str:
+    """Parameters of all models, and the examples of optical systems that are one file each."""
+    systems = {
+        path.stem: table
+        for path in sorted(OPTICS.glob("*.toml"))
+        for table in [tomllib.loads(path.read_text(encoding="utf-8"))]
+        if not any("file" in surface for surface in table["surfaces"])
+    }
+    lenses = {model: camera.parameters() for model, camera in cameras.items()}
+    return json.dumps({"lens": lenses, "optics": systems}, indent=1) + "\n"
 
 
 def page(cameras: dict[str, CentralCamera]) -> str:
@@ -133,11 +151,23 @@ def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
     return sheet
 
 
+def _strip(pictures: dict[str, Image.Image]) -> Image.Image:
+    strip = Image.new("RGB", (STRIP_PX, STRIP_PX * len(pictures)), OUTSIDE)
+    for at, picture in enumerate(pictures.values()):
+        small = picture.copy()
+        small.thumbnail((STRIP_PX, STRIP_PX), Image.Resampling.LANCZOS)
+        strip.paste(
+            small, ((STRIP_PX - small.width) // 2, (2 * at + 1) * STRIP_PX // 2 - small.height // 2)
+        )
+    return strip
+
+
 def main() -> None:
     """Render all pictures and write the page; with --page only that."""
     FOLDER.mkdir(exist_ok=True)
     cameras = gallery_cameras()
     (FOLDER / "README.md").write_text(page(cameras), encoding="utf-8")
+    PRESETS_FILE.write_text(presets(cameras), encoding="utf-8")
     if sys.argv[1:] == ["--page"]:
         return
     pictures = {}
@@ -146,6 +176,7 @@ def main() -> None:
         _save(pictures[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
         print(f"{model}: {camera.width_px} × {camera.height_px} px")
     _save(_sheet(pictures), FOLDER / SHEET, 4 * LARGEST_BYTES)
+    _save(_strip(pictures), STRIP, STRIP_BYTES)
     print(f"{FOLDER.relative_to(ROOT)}: {len(pictures)} models")
 
 

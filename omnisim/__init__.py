@@ -13,6 +13,7 @@ Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
 Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
 Spinning lidars: `SpinningLidar`, `LidarRenderer` and `PointCloud` of `omnisim.sensors`.
+The camera in a browser, or in a notebook's cell: `live`.
 Errors: `OmnisimError`.
 
 Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING
 from omnisim.version import __version__
 
 if TYPE_CHECKING:
+    from omnisim.browser.notebook import live
     from omnisim.calibration import (
         Calibration,
         calibration_of,
@@ -64,6 +66,7 @@ _MODULES = {
     "Vehicle": "omnisim.simulation.vehicle",
     "Motion": "omnisim.world",
     "WorldState": "omnisim.world",
+    "live": "omnisim.browser.notebook",
 }
 __all__ = [
     "Calibration",
@@ -83,6 +86,7 @@ __all__ = [
     "WorldState",
     "__version__",
     "calibration_of",
+    "live",
     "load_calibration",
     "load_scene",
     "pose",

@@ -27,6 +27,7 @@ EXTRAS = {
     "rays": {"embreex": "embreex"},
     "video": {"av": "av"},
     "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
+    "live": {"websockets": "websockets"},
     "oracles": {
         "embreex": "embreex",
         "mitsuba": "mitsuba",

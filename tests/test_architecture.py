@@ -13,6 +13,7 @@ PACKAGE = Path(omnisim.__file__).parent
 LAYERS = (
     {"__main__"},
     {"cli"},
+    {"browser"},
     {"validation", "experiments"},
     {"reports"},
     {"plots"},
@@ -61,6 +62,7 @@ HOMES = {
     "pycolmap": {"validation"},
     "yaml": {"calibration"},
     "embreex": {"rays"},
+    "websockets": {"browser"},
 }
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path

@@ -15,6 +15,7 @@ from omnisim.cli import INTERRUPTED
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.command import Command, Group, command
 from omnisim.cli.console import err, out
+from omnisim.cli.live_requests import LiveRequest
 from omnisim.cli.optics_requests import (
     OpticsCalibrateRequest,
     OpticsCheckRequest,
@@ -101,6 +102,15 @@ def scene(request: SceneRequest) -> None:
 def render(request: RenderRequest) -> None:
     """Render a frame, or a rig along a trajectory, with ground truth."""
     from omnisim.cli.render import run
+
+    run(request)
+
+
+@command(app, LiveRequest)
+def live(request: LiveRequest) -> None:
+    """Serve a page: the camera in a browser, driven by keys, every parameter a control."""
+    require_extra("live", "omnisim live")
+    from omnisim.cli.live import run
 
     run(request)
 

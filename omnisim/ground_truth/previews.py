@@ -14,10 +14,10 @@ from omnisim.srgb import srgb8_from_linear
 
 _NOTHING = (0, 0, 0)
 # From near to far: yellow, orange, red, violet, dark blue.
-_NEAR_TO_FAR = np.array(
+NEAR_TO_FAR = np.array(
     [[253, 250, 160], [251, 176, 51], [226, 84, 62], [142, 36, 106], [56, 22, 100], [12, 10, 44]]
 )
-_OCCLUSION = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, occluded, outside
+OCCLUSION = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, occluded, outside
 _OFF_M = 0.37  # floors and walls like to be at whole metres, where the pattern jumps
 _HUES = np.array([colorsys.hsv_to_rgb(hue / 256, 1.0, 1.0) for hue in range(257)])
 
@@ -36,16 +36,39 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     return _PREVIEWS[name](values)
 
 
+def range_limits(distances: NDArray[Any]) -> tuple[float, float]:
+    """Ranges in the brightest and the darkest colour of their preview; 1 m where none is finite."""
+    near, far = np.exp(_log_limits(distances)).tolist()
+    return near, far
+
+
+def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
+    seen = np.isfinite(distances) & (distances > 0.0)
+    if not seen.any():
+        return np.zeros(2)
+    logarithms = np.log(distances[seen].astype(np.float64))
+    limits: NDArray[np.float64] = np.percentile(logarithms, (1.0, 99.0))
+    return limits
+
+
+def signed_limit(values: NDArray[Any]) -> float:
+    """Size of the value in the full colours of the preview of z."""
+    seen = np.isfinite(values)
+    if not seen.any():
+        return 1.0
+    return max(float(np.percentile(np.abs(values[seen]), 99.0)), 1e-6)
+
+
 def _distances(distances: NDArray[Any]) -> NDArray[np.uint8]:
     seen = np.isfinite(distances) & (distances > 0.0)
     colors = np.zeros((*distances.shape, 3), dtype=np.uint8)
     if seen.any():
         logarithms = np.log(distances[seen].astype(np.float64))
-        near, far = np.percentile(logarithms, (1.0, 99.0))
+        near, far = _log_limits(distances)
         share = np.clip((logarithms - near) / max(far - near, 1e-6), 0.0, 1.0)
-        stops = np.linspace(0.0, 1.0, len(_NEAR_TO_FAR))
+        stops = np.linspace(0.0, 1.0, len(NEAR_TO_FAR))
         for channel in range(3):
-            colors[seen, channel] = np.rint(np.interp(share, stops, _NEAR_TO_FAR[:, channel]))
+            colors[seen, channel] = np.rint(np.interp(share, stops, NEAR_TO_FAR[:, channel]))
     return colors
 
 
@@ -53,8 +76,7 @@ def _signed(values: NDArray[Any]) -> NDArray[np.uint8]:
     seen = np.isfinite(values)
     colors = np.zeros((*values.shape, 3), dtype=np.uint8)
     if seen.any():
-        largest = max(float(np.percentile(np.abs(values[seen]), 99.0)), 1e-6)
-        share = np.clip(values[seen] / largest, -1.0, 1.0)[:, None]
+        share = np.clip(values[seen] / signed_limit(values), -1.0, 1.0)[:, None]
         taken = np.where(share > 0.0, (20.0, 200.0, 220.0), (220.0, 160.0, 20.0))
         colors[seen] = np.rint(255.0 - np.abs(share) * taken)
     return colors
@@ -108,7 +130,7 @@ def _vectors(vectors: NDArray[Any]) -> NDArray[np.uint8]:
 
 def _occlusion(codes: NDArray[Any]) -> NDArray[np.uint8]:
     table = np.zeros((256, 3), dtype=np.uint8)
-    for code, color in _OCCLUSION.items():
+    for code, color in OCCLUSION.items():
         table[code] = color
     return table.take(codes, axis=0)
 

@@ -1,0 +1,238 @@
+"""Pictures of the live page by the renderer: coarse and fine, of a camera that is edited."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import tempfile
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omnisim.browser.camera_document import OPTICS_NAME, SENSOR_NAME, CameraDocument
+from omnisim.browser.motion import Place
+from omnisim.browser.session import Draw, Shown
+from omnisim.browser.taken import Taken
+from omnisim.errors import OmnisimError
+from omnisim.frame import Frame
+from omnisim.ground_truth import CHANNELS
+from omnisim.image_files import image_bytes
+from omnisim.poses import inverse
+from omnisim.scene import Scene
+from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.simulation.vehicle import Vehicle
+from omnisim.world import WorldState
+
+ADVANCE_M = 0.1  # to the next picture, for flow, as `omnisim render` has it
+SCALES = (1.0, 0.7, 0.5)  # of coarse pictures
+SLOW_S, QUICK_S = 0.14, 0.035  # of a coarse picture: smaller then, or larger
+COARSE = "fast"  # capture quality
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """Scene and camera at the start.
+
+    Attributes:
+        scene: that is seen.
+        document: of the camera.
+        vehicle: robot that carries the camera; None: free flight.
+        camera_name: of the robot's cameras; None: the first.
+        scene_words: scene and its options, as a command line has them.
+        camera_words: options of the camera as it is at the start.
+        device: number of the GPU.
+    """
+
+    scene: Scene
+    document: CameraDocument
+    vehicle: Vehicle | None = None
+    camera_name: str | None = None
+    scene_words: tuple[str, ...] = ()
+    camera_words: tuple[str, ...] = ()
+    device: int | None = None
+
+
+class LiveSource:
+    """Renderers of the camera at hand; only the thread that made it may use it.
+
+    Raises:
+        OmnisimError: no OpenGL, or a scene past its limits.
+    """
+
+    channel_names = tuple(CHANNELS)
+
+    def __init__(self, settings: LiveSettings):
+        self._settings, self.scene = settings, settings.scene
+        vehicle = settings.vehicle
+        self._hidden: tuple[str, ...] = ()
+        if vehicle is not None:
+            self._hidden = tuple(vehicle.camera(settings.camera_name).hides)
+        body = None if vehicle is None else vehicle.body
+        self.stage = Stage(settings.scene, body, device=settings.device)
+        self._document: CameraDocument | None = None
+        self._camera = OmniCamera()
+        self._renderers: dict[float | None, Renderer] = {}  # by the coarse scale; None: fine
+        self._scale, self._slow = 0, 0
+
+    @property
+    def camera(self) -> OmniCamera:
+        """Camera of the last document."""
+        return self._camera
+
+    def use(self, document: CameraDocument) -> bool:
+        """Take the camera of a document; true where it is another one.
+
+        Raises:
+            OmnisimError: it cannot be; the one before stays.
+        """
+        if document == self._document:
+            return False
+        camera = document.camera()
+        before, self._camera = self._camera, camera
+        kept, self._renderers = self._renderers, {}
+        try:
+            self._renderer(SCALES[self._scale])  # or the GPU refuses it
+        except OmnisimError:
+            self._camera, self._renderers = before, kept
+            raise
+        for renderer in kept.values():
+            renderer.close()
+        self._document = document
+        return True
+
+    def take(self, draw: Draw, channels: Collection[str]) -> Taken:
+        """Render a state."""
+        self.use(draw.shown.document)
+        begin_s = time.monotonic()
+        scale = None if draw.is_fine else SCALES[self._scale]
+        renderer = self._renderer(scale)
+        frame = self._render(renderer, draw, channels)
+        if scale is not None:
+            self._adapt(time.monotonic() - begin_s)
+        camera = renderer.camera
+        png = image_bytes(Path("picture.png"), frame.rgb, frame.metadata) if draw.is_fine else None
+        base = self._base(renderer, draw.shown.place)
+        return Taken(
+            camera.model, camera.base_from_optical, base, frame.rgb, png, frame.channels,
+            frame.labels,
+        )  # fmt: skip
+
+    def files(self, draw: Draw) -> dict[str, bytes]:
+        """Picture with all channels, as `omnisim render --also all` writes them."""
+        self.use(draw.shown.document)
+        frame = self._render(self._renderer(None), draw, tuple(CHANNELS))
+        with tempfile.TemporaryDirectory() as folder:
+            frame.save(Path(folder) / "picture.png", previews=True)
+            return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+
+    def command(self, shown: Shown, taken: Taken) -> str:
+        """Shell commands that render the same picture, with the camera's files if it was changed.
+
+        A robot's body is not in it.
+        """
+        document, words = shown.document, ["omnisim", "render", *self._settings.scene_words]
+        lines = []
+        if document == self._settings.document and self._settings.vehicle is None:
+            words += self._settings.camera_words
+        else:
+            for name, text in document.files().items():
+                lines.append(f"cat > {name} <<'END'\n{text.rstrip()}\nEND\n")
+            words += ["--sensor", SENSOR_NAME]
+            if document.optics is not None and set(document.sensor) == {"optics"}:
+                words[-2:] = ["--optics", OPTICS_NAME]
+                lines = lines[1:]
+            if document.size_px is not None:
+                words += ["--size", str(document.size_px)]
+        at = shown.place if self._settings.vehicle is None else taken.viewpoint
+        words += ["--at", *(f"{value!r}" for value in at.position_m)]
+        for option, angle in (
+            ("--yaw", at.yaw_deg),
+            ("--pitch", at.pitch_deg),
+            ("--roll", at.roll_deg),
+        ):
+            if angle or option == "--yaw":
+                words += [option, f"{angle!r}"]
+        if shown.time_s:
+            words += ["--time", f"{shown.time_s!r}"]
+        words += ["-o", "picture.png"]
+        return "".join(lines) + shlex.join(words)
+
+    def about(self) -> dict[str, Any]:
+        """Names of scene and robot, and the robot's outline."""
+        vehicle = self._settings.vehicle
+        size = None if vehicle is None else vehicle.footprint
+        return {
+            "scene": self.scene.name,
+            "robot": None if vehicle is None else vehicle.title,
+            "outline_m": None if size is None else [size.length_m, size.width_m],
+            "steps": None,
+            "has_clock": bool(self.scene.objects),
+            "is_editable": True,
+        }
+
+    def close(self) -> None:
+        """Free the GPU memory."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self.stage.close()
+
+    def _renderer(self, scale: float | None) -> Renderer:
+        if scale not in self._renderers:
+            camera = self._camera
+            if scale is not None:
+                camera = camera.with_quality(COARSE)
+                shorter_px = min(camera.model.width_px, camera.model.height_px)
+                if scale < 1.0:
+                    camera = camera.resized(max(1, round(shorter_px * scale)))
+            self._renderers[scale] = Renderer(self.stage, camera, hidden=self._hidden)
+        return self._renderers[scale]
+
+    def _adapt(self, seconds: float) -> None:
+        """Smaller coarse pictures where two in a row were slow, larger ones where all are quick."""
+        self._slow = self._slow + 1 if seconds > SLOW_S else 0
+        if self._slow >= 2 and self._scale + 1 < len(SCALES):
+            self._scale, self._slow = self._scale + 1, 0
+        elif seconds < QUICK_S and self._scale > 0:
+            self._scale -= 1
+
+    def _base(self, renderer: Renderer, place: Place) -> Any:
+        if self._settings.vehicle is not None:
+            return place.pose
+        angles = (place.yaw_deg, place.pitch_deg, place.roll_deg)
+        return renderer.camera.base_pose(place.position_m, *angles)
+
+    def _render(self, renderer: Renderer, draw: Draw, channels: Collection[str]) -> Frame:
+        base, time_s = self._base(renderer, draw.shown.place), draw.shown.time_s
+        states = {}
+        for other, way_m in (("next", ADVANCE_M), ("previous", -ADVANCE_M)):
+            moved = base.copy()
+            moved[:3, 3] += way_m * base[:3, 0]
+            states[other] = WorldState({renderer.vehicle: moved}, time_s)
+        return renderer.render(
+            WorldState({renderer.vehicle: base}, time_s),
+            also=channels,
+            next_state=states["next"],
+            previous_state=states["previous"],
+        )
+
+
+def start_place(settings: LiveSettings, at: Place | None) -> Place:
+    """Place at the start: as given, or the scene's; of a robot that of its base."""
+    scene, vehicle = settings.scene, settings.vehicle
+    if vehicle is None:
+        start = scene.start
+        return at or Place(start.position_m, start.yaw_deg)
+    if at is None:
+        if scene.starts:
+            first = scene.starts[0]
+            return Place(first.position_m, first.yaw_deg)
+        start = scene.start
+        x, y, _ = start.position_m
+        return Place((x, y, 0.0), start.yaw_deg)
+    base_from_rig = vehicle.camera(settings.camera_name).sensor.base_from_rig
+    base = at.pose @ inverse(base_from_rig)
+    x, y, z = base[:3, 3].tolist()
+    yaw_deg = math.degrees(math.atan2(base[1, 0], base[0, 0]))
+    return Place((x, y, z), yaw_deg)

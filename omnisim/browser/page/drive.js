@@ -1,0 +1,98 @@
+// Keys, gamepad and touch buttons as one wish: ahead, left, up, turn and tilt, each from -1 to 1.
+
+import { byId } from "./dom.js";
+
+const KEYS = {
+  w: ["ahead", 1], arrowup: ["ahead", 1], s: ["ahead", -1], arrowdown: ["ahead", -1],
+  a: ["left", 1], d: ["left", -1], r: ["up", 1], f: ["up", -1],
+  arrowleft: ["turn", 1], q: ["turn", 1], arrowright: ["turn", -1], e: ["turn", -1],
+  t: ["tilt", -1], g: ["tilt", 1],
+};
+const AXES = ["ahead", "left", "up", "turn", "tilt"];
+const DEAD = 0.15; // of a stick
+const REPEAT_MS = 250; // keys count as let go when the server hears nothing
+
+export class Drive {
+  #held = new Set();
+  #isFast = false;
+  #send;
+  #last = "";
+  #isHeld = false;
+  #sentMs = 0;
+
+  constructor(send) {
+    this.#send = send;
+    addEventListener("keydown", (event) => this.#key(event, true));
+    addEventListener("keyup", (event) => this.#key(event, false));
+    addEventListener("blur", () => this.#release());
+    document.addEventListener("visibilitychange", () => document.hidden && this.#release());
+    for (const button of byId("pad").querySelectorAll("button")) {
+      const hold = (isDown) => (event) => {
+        event.preventDefault();
+        if (isDown) button.setPointerCapture?.(event.pointerId);
+        this.#hold(button.dataset.key, isDown);
+      };
+      button.addEventListener("pointerdown", hold(true));
+      for (const name of ["pointerup", "pointercancel"]) button.addEventListener(name, hold(false));
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+    }
+    setInterval(() => this.#update(), 50);
+  }
+
+  #key(event, isDown) {
+    const key = event.key.toLowerCase();
+    if (key === "shift") this.#isFast = isDown;
+    if (!(key in KEYS) || (isDown && isTyping(event))) return;
+    event.preventDefault();
+    this.#hold(key, isDown);
+  }
+
+  #hold(key, isDown) {
+    if (isDown) this.#held.add(key);
+    else this.#held.delete(key);
+    this.#update();
+  }
+
+  #release() {
+    this.#held.clear();
+    this.#update();
+  }
+
+  #update() {
+    const wish = Object.fromEntries(AXES.map((axis) => [axis, 0]));
+    for (const key of this.#held) wish[KEYS[key][0]] += KEYS[key][1];
+    this.#addGamepad(wish);
+    for (const axis of AXES) wish[axis] = Math.min(1, Math.max(-1, wish[axis]));
+    const isHeld = AXES.some((axis) => wish[axis] !== 0);
+    wish.fast = this.#isFast ? 3 : 1;
+    const text = JSON.stringify(wish);
+    const now = performance.now();
+    if (text === this.#last && !(isHeld && now - this.#sentMs > REPEAT_MS)) return;
+    const wasHeld = this.#isHeld;
+    this.#last = text;
+    this.#isHeld = isHeld;
+    if (!isHeld && !wasHeld) return;
+    this.#sentMs = now;
+    this.#send("drive", wish);
+  }
+
+  #addGamepad(wish) {
+    const pad = navigator.getGamepads?.().find((one) => one?.connected);
+    if (!pad) return;
+    const axis = (at) => (Math.abs(pad.axes[at] ?? 0) > DEAD ? pad.axes[at] : 0);
+    wish.left -= axis(0);
+    wish.ahead -= axis(1);
+    wish.turn -= axis(2);
+    wish.tilt += axis(3);
+    wish.up += (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
+  }
+}
+
+/** Whether a key belongs to what has the focus: a field, or a shortcut. */
+export function isTyping(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey) return true;
+  const target = event.target;
+  if (target.closest?.("dialog[open]")) return true;
+  if (target.matches?.("input[type=range]")) return event.key.startsWith("Arrow");
+  return Boolean(target.matches?.("input:not([type=checkbox]), select, textarea"));
+}

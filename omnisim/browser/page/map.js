@@ -1,0 +1,172 @@
+// Map from above: the scene's picture, and on it the robot, its path, what the camera sees.
+
+const TRAIL = 2000; // points kept
+const TRAIL_STEP_M = 0.03;
+const WIDTH = 720;
+
+export class FloorMap {
+  #picture = null;
+  #low = [0, 0];
+  #high = [1, 1];
+  #center = [0, 0];
+  #pixelsPerM = 40;
+  #trail = [];
+  #state = {};
+
+  constructor(view) {
+    this.view = view;
+    view.canvas.width = WIDTH;
+    view.canvas.height = Math.round(WIDTH * 0.75);
+  }
+
+  async setPicture(message) {
+    const isFirst = this.#picture === null;
+    this.#picture = await createImageBitmap(message.parts[0].blob);
+    [this.#low, this.#high] = [message.low_m, message.high_m];
+    if (isFirst) this.fit();
+    this.draw();
+  }
+
+  fit() {
+    const { width, height } = this.view.canvas;
+    const size = [this.#high[0] - this.#low[0], this.#high[1] - this.#low[1]];
+    this.#center = [0.5 * (this.#low[0] + this.#high[0]), 0.5 * (this.#low[1] + this.#high[1])];
+    this.#pixelsPerM = Math.min(width / size[0], height / size[1]);
+  }
+
+  /** @param state `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point` as far as they change. */
+  update(state) {
+    Object.assign(this.#state, state);
+    if (state.place) this.#extendTrail(state.place.position_m);
+    this.draw();
+  }
+
+  clearTrail() {
+    this.#trail = [];
+  }
+
+  zoom(factor, u, v) {
+    const at = this.world(u, v);
+    this.#pixelsPerM = Math.min(2000, Math.max(0.5, this.#pixelsPerM * factor));
+    const now = this.world(u, v);
+    this.#center = [this.#center[0] + at[0] - now[0], this.#center[1] + at[1] - now[1]];
+    this.draw();
+  }
+
+  pan(du, dv) {
+    const { width, height } = this.view.canvas;
+    this.#center[0] -= (du * width) / this.#pixelsPerM;
+    this.#center[1] += (dv * height) / this.#pixelsPerM;
+    this.draw();
+  }
+
+  /** Point (x, y) in metres of a place, as shares of the sides. */
+  world(u, v) {
+    const { width, height } = this.view.canvas;
+    return [
+      this.#center[0] + ((u - 0.5) * width) / this.#pixelsPerM,
+      this.#center[1] - ((v - 0.5) * height) / this.#pixelsPerM,
+    ];
+  }
+
+  /** Place of a point (x, y), as shares of the sides. */
+  place(point) {
+    const { width, height } = this.view.canvas;
+    const [x, y] = this.#pixel(point);
+    return [x / width, y / height];
+  }
+
+  #pixel([x, y]) {
+    const { width, height } = this.view.canvas;
+    return [
+      0.5 * width + (x - this.#center[0]) * this.#pixelsPerM,
+      0.5 * height - (y - this.#center[1]) * this.#pixelsPerM,
+    ];
+  }
+
+  #extendTrail([x, y]) {
+    const last = this.#trail.at(-1);
+    if (last && Math.hypot(x - last[0], y - last[1]) < TRAIL_STEP_M) return;
+    this.#trail.push([x, y]);
+    if (this.#trail.length > TRAIL) this.#trail.shift();
+  }
+
+  draw() {
+    const context = this.view.canvas.getContext("2d");
+    const { width, height } = this.view.canvas;
+    context.clearRect(0, 0, width, height);
+    if (this.#picture) {
+      const [left, top] = this.#pixel([this.#low[0], this.#high[1]]);
+      const [right, bottom] = this.#pixel([this.#high[0], this.#low[1]]);
+      context.imageSmoothingQuality = "high";
+      context.drawImage(this.#picture, left, top, right - left, bottom - top);
+    }
+    const { place, seen_m: seen, driven_m: driven, goal, point } = this.#state;
+    if (seen?.length) {
+      this.#line(context, seen);
+      context.closePath();
+      context.fillStyle = "rgb(255 255 255 / .16)";
+      context.strokeStyle = "rgb(255 255 255 / .75)";
+      context.lineWidth = 1.2;
+      context.fill();
+      context.stroke();
+    }
+    if (driven?.length > 1) this.#stroke(context, driven, "rgb(255 190 60 / .9)", 2.5);
+    if (this.#trail.length > 1) this.#stroke(context, this.#trail, "rgb(20 184 166 / .95)", 3);
+    if (goal) this.#dot(context, goal, 6, "rgb(20 184 166)", true);
+    if (place) this.#vehicle(context, place);
+    if (point) this.#dot(context, point, 7, "#ff3d71", true);
+  }
+
+  #line(context, points) {
+    context.beginPath();
+    points.forEach((point, at) => context[at ? "lineTo" : "moveTo"](...this.#pixel(point)));
+  }
+
+  #stroke(context, points, color, width) {
+    this.#line(context, points);
+    context.strokeStyle = color;
+    context.lineWidth = width;
+    context.lineJoin = "round";
+    context.stroke();
+  }
+
+  #dot(context, point, radius, color, isRing) {
+    context.beginPath();
+    context.arc(...this.#pixel(point), radius, 0, 2 * Math.PI);
+    context.lineWidth = 2.5;
+    context.strokeStyle = context.fillStyle = color;
+    if (isRing) context.stroke();
+    else context.fill();
+  }
+
+  #vehicle(context, place) {
+    context.save();
+    context.translate(...this.#pixel(place.position_m));
+    context.rotate((-place.yaw_deg * Math.PI) / 180);
+    const outline = this.#state.outline_m;
+    context.fillStyle = "#14b8a6";
+    context.strokeStyle = "#ffffff";
+    context.lineWidth = 2;
+    if (outline) {
+      const [length, width] = outline.map((side) => side * this.#pixelsPerM);
+      context.beginPath();
+      context.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) / 5);
+      context.globalAlpha = 0.85;
+      context.fill();
+      context.globalAlpha = 1;
+      context.stroke();
+    }
+    const size = 11;
+    context.beginPath();
+    context.moveTo(size, 0);
+    context.lineTo(-size * 0.7, size * 0.7);
+    context.lineTo(-size * 0.35, 0);
+    context.lineTo(-size * 0.7, -size * 0.7);
+    context.closePath();
+    context.fillStyle = outline ? "#ffffff" : "#14b8a6";
+    context.fill();
+    if (!outline) context.stroke();
+    context.restore();
+  }
+}

@@ -1,0 +1,40 @@
+// Cameras of the gallery, optical systems and degradations, one click away.
+
+import { byId, make } from "./dom.js";
+
+const STRIP = [
+  "hyperbolic", "perspective", "cylindrical", "equidistant", "stereographic", "equisolid", "orthographic",
+  "kannala_brandt", "eucm", "double_sphere", "unified", "equirectangular", "f_theta", "f_theta_inverse",
+  "parabolic", "ocamcalib", "radial_table", "gazebo", "planar", "elliptic",
+]; // pictures of lenses.jpg from top to bottom
+const ICON_PX = 40;
+
+/** @param choose takes the kind and the name of a preset. */
+export function showPresets(presets, choose) {
+  const lenses = make("div", { class: "lenses" }, ...presets.lens.map((name) => lensButton(name, choose)));
+  const row = (kind) => make("div", { class: "row" }, ...presets[kind].map((name) => make("button", { text: name, onclick: () => choose(kind, name) })));
+  byId("presets").replaceChildren(
+    details("Mirrors and lenses", lenses, false),
+    details("Optical systems without one viewpoint", row("optics"), false),
+    details("Imperfect cameras", row("degradation"), true),
+  );
+}
+
+export function markPreset(model) {
+  for (const button of document.querySelectorAll(".lenses button")) {
+    const isIt = button.dataset.name === model || (button.dataset.name === "paper" && model === "hyperbolic");
+    button.setAttribute("aria-pressed", String(isIt));
+  }
+}
+
+function lensButton(name, choose) {
+  const icon = make("i", { "aria-hidden": "true" });
+  const row = Math.max(0, STRIP.indexOf(name));
+  icon.style.backgroundPosition = `0 ${-row * ICON_PX}px`;
+  const title = name === "paper" ? "paper’s mirror" : name.replaceAll("_", " ");
+  return make("button", { "data-name": name, title, onclick: () => choose("lens", name) }, icon, make("span", { text: title }));
+}
+
+function details(title, body, isOpen) {
+  return make("details", { open: isOpen }, make("summary", { text: title }), make("div", { class: "body" }, body));
+}

@@ -1,0 +1,139 @@
+// Tiles of pictures: each draws what arrives, marks a point, and tells what the mouse does.
+
+import { make, short } from "./dom.js";
+
+const TITLES = {
+  camera: "Camera", panorama: "Panorama", perspective: "Perspective", birdseye: "Bird’s eye",
+  map: "Map", range: "Range", z: "Depth z", position: "Position", normals: "Normals",
+  normals_camera: "Normals, camera", albedo: "Albedo", semantic: "Classes", instance: "Instances",
+  flow: "Flow", occluded: "Occlusion", flow_backward: "Backward flow",
+  occluded_backward: "Backward occlusion", scene_flow: "Scene flow",
+  scene_flow_camera: "Scene flow, camera", valid: "Valid", profile: "Profile",
+};
+export const titleOf = (name) => TITLES[name] ?? name;
+const WIDE = new Set(["panorama"]);
+const PROBE_MS = 40;
+const CLICK_PX = 4; // a press that moves less is no drag
+
+export class View {
+  #canvas = make("canvas", { width: 4, height: 3, tabIndex: 0 });
+  #mark = make("div", { class: "mark", hidden: true });
+  #reason = make("div", { class: "reason", hidden: true });
+  #detail = make("span", { class: "detail" });
+  #legend = make("div", { class: "legend", hidden: true });
+  #state = make("i", { class: "state", title: "coarse while it moves, fine when it rests" });
+  #drag = null;
+  #probedMs = 0;
+  blob = null;
+
+  /** @param hooks `probe`, `drag`, `click`, `wheel` and `close` of this view. */
+  constructor(name, hooks) {
+    this.name = name;
+    this.#canvas.setAttribute("aria-label", titleOf(name));
+    this.#canvas.setAttribute("role", "img");
+    const caption = make("figcaption", {}, make("b", { text: titleOf(name) }), this.#detail, make("span", { class: "spread" }));
+    if (name === "camera") caption.append(this.#state, make("span"));
+    else caption.append(make("button", { class: "close", "aria-label": `Hide ${titleOf(name)}`, text: "×", onclick: () => hooks.close(name) }));
+    this.box = make("div", { class: "box" }, this.#canvas, this.#mark, this.#reason);
+    this.element = make("figure", { class: `view${WIDE.has(name) ? " wide" : ""}`, "data-view": name }, caption, this.box, this.#legend);
+    this.#listen(hooks);
+  }
+
+  get canvas() {
+    return this.#canvas;
+  }
+
+  /** Draw a part of a message; resolves when it is on the screen. */
+  async show(part, isFine) {
+    this.#reason.hidden = !part.reason;
+    if (part.reason) {
+      this.#reason.textContent = part.reason;
+      return;
+    }
+    const bitmap = await createImageBitmap(part.blob);
+    if (this.#canvas.width !== bitmap.width || this.#canvas.height !== bitmap.height) {
+      this.#canvas.width = bitmap.width;
+      this.#canvas.height = bitmap.height;
+      this.element.style.setProperty("--aspect", bitmap.width / bitmap.height);
+    }
+    this.#canvas.getContext("2d").drawImage(bitmap, 0, 0);
+    bitmap.close();
+    this.blob = part.blob;
+    this.#state.classList.toggle("fine", isFine);
+    if (part.legend) this.#showLegend(part.legend);
+  }
+
+  set detail(text) {
+    this.#detail.textContent = text;
+  }
+
+  /** Mark a place, as shares of the sides; null: none. */
+  mark(place) {
+    this.#mark.hidden = !place;
+    if (!place) return;
+    const box = this.box.getBoundingClientRect();
+    const canvas = this.#canvas.getBoundingClientRect();
+    this.#mark.style.left = `${canvas.left - box.left + place[0] * canvas.width}px`;
+    this.#mark.style.top = `${canvas.top - box.top + place[1] * canvas.height}px`;
+  }
+
+  #showLegend(legend) {
+    this.#legend.hidden = false;
+    if (legend.kind === "ramp") {
+      const bar = make("div");
+      bar.style.background = `linear-gradient(90deg, ${legend.colors.join(", ")})`;
+      const text = (value) => `${short(value, 3)} ${legend.unit}`;
+      const ramp = make("div", { class: "ramp", title: `${legend.scale} scale` }, text(legend.low), bar, text(legend.high));
+      this.#legend.replaceChildren(ramp);
+    } else if (legend.kind === "list") {
+      const items = legend.items.map((item) => {
+        const swatch = make("i");
+        swatch.style.background = item.color;
+        return make("span", {}, swatch, item.name);
+      });
+      if (legend.more) items.push(make("span", { text: `and ${legend.more} more` }));
+      this.#legend.replaceChildren(...items);
+    } else this.#legend.replaceChildren(make("span", { text: legend.text }));
+  }
+
+  #place(event) {
+    const box = this.#canvas.getBoundingClientRect();
+    const share = (value, low, size) => Math.min(1, Math.max(0, (value - low) / size));
+    return [share(event.clientX, box.left, box.width), share(event.clientY, box.top, box.height)];
+  }
+
+  #listen(hooks) {
+    const canvas = this.#canvas;
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      this.#drag = { x: event.clientX, y: event.clientY, moved: 0 };
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const drag = this.#drag;
+      if (drag) {
+        const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
+        drag.moved += Math.hypot(dx, dy);
+        [drag.x, drag.y] = [event.clientX, event.clientY];
+        const box = canvas.getBoundingClientRect();
+        if (drag.moved > CLICK_PX) hooks.drag?.(this, dx / box.width, dy / box.height, event);
+        return;
+      }
+      const now = performance.now();
+      if (now - this.#probedMs < PROBE_MS) return;
+      this.#probedMs = now;
+      hooks.probe?.(this, ...this.#place(event));
+    });
+    const end = (event) => {
+      if (this.#drag && this.#drag.moved <= CLICK_PX && event.type === "pointerup") hooks.click?.(this, ...this.#place(event));
+      this.#drag = null;
+    };
+    canvas.addEventListener("pointerup", end);
+    canvas.addEventListener("pointercancel", end);
+    canvas.addEventListener("pointerleave", () => hooks.leave?.(this));
+    canvas.addEventListener("wheel", (event) => {
+      if (!hooks.wheel) return;
+      event.preventDefault();
+      hooks.wheel(this, event.deltaY, ...this.#place(event));
+    }, { passive: false });
+  }
+}

@@ -1,0 +1,132 @@
+"""`omnisim live`."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+
+from omnisim.browser.camera_document import CameraDocument
+from omnisim.browser.live import LivePage, run_source
+from omnisim.browser.live import run as run_page
+from omnisim.browser.live_source import LiveSettings
+from omnisim.browser.motion import Place
+from omnisim.cli.console import out, print_note
+from omnisim.cli.inputs import check_calibration_path, check_seconds, read_camera
+from omnisim.cli.live_requests import LiveRequest
+from omnisim.errors import OutputError
+from omnisim.scene import Scene, load_scene
+from omnisim.simulation.vehicle import Vehicle
+
+SCENE, SIZE_PX = "soccer", 400
+RUN_REFUSES = {
+    "--robot": "robot", "--sensor": "sensor", "--optics": "optics", "--camera": "camera",
+    "--preset": "preset", "--size": "size_px", "--at": "at", "--yaw": "yaw_deg",
+    "--record": "record",
+}  # fmt: skip
+ROBOT_REFUSES = {"--sensor": "sensor", "--optics": "optics", "--camera": "camera"}
+
+
+def run(request: LiveRequest) -> None:
+    """Serve the page until Ctrl-C."""
+    time_s = check_seconds("--time", request.time_s)
+    if request.run is not None:
+        _refuse(request, RUN_REFUSES, "a run has its own: expected none with --run")
+        source = run_source(request.run, request.scene, request.camera_name, request.device)
+        _serve(LivePage(source, request.host, request.port), request)
+        return
+    scene = load_scene(request.scene or SCENE, request.up_axis, request.meters_per_unit)
+    for notice in scene.notices:
+        print_note(notice)
+    settings, place = _settings(request, scene), _place(request, scene)
+    if request.record is not None:
+        from omnisim.browser.record import record_film
+
+        count = record_film(request.record, settings, place)
+        out.print(f"{request.record}: {count} pictures", markup=False)
+        return
+    _serve(LivePage(settings, request.host, request.port, place, time_s), request)
+
+
+def _serve(page: LivePage, request: LiveRequest) -> None:
+    def is_open() -> None:
+        out.print(f"Open {page.server.url} in a browser; Ctrl-C ends it.", markup=False)
+        sys.stdout.flush()
+        if request.open:
+            import webbrowser
+
+            webbrowser.open(page.server.url)
+
+    is_done = run_page(page, is_open)
+    out.print("stopped")
+    if not is_done:  # a picture of a large scene is in the way: its thread would hold the exit up
+        sys.stdout.flush()
+        os._exit(0)
+
+
+def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
+    vehicle = None
+    if request.robot is not None:
+        _refuse(request, ROBOT_REFUSES, "a robot has its own: expected none with --robot")
+        vehicle = Vehicle.load(request.robot)
+        document = CameraDocument.of_camera(vehicle.camera(request.camera_name).sensor)
+        words: tuple[str, ...] = ()
+    else:
+        document, words = _document(request)
+    if request.preset is not None:
+        document = document.with_degradation(request.preset)
+        words += ("--preset", request.preset)
+    size_px = request.size_px or SIZE_PX
+    document = dataclasses.replace(document.with_value("size_px", size_px))
+    words += ("--size", str(size_px))
+    scene_words: list[str] = [request.scene or SCENE]
+    if request.up_axis is not None:
+        scene_words += ["--up-axis", request.up_axis]
+    if request.meters_per_unit is not None:
+        scene_words += ["--meters-per-unit", repr(request.meters_per_unit)]
+    return LiveSettings(
+        scene, document, vehicle, request.camera_name, tuple(scene_words), words, request.device
+    )
+
+
+def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...]]:
+    """Document of the camera that the options name, and these options."""
+    given = {
+        option: path
+        for option, path in (
+            ("--sensor", request.sensor), ("--optics", request.optics), ("--camera", request.camera)
+        )
+        if path is not None
+    }  # fmt: skip
+    if len(given) > 1:
+        raise OutputError(f"{', '.join(given)}: expected one of them, got {len(given)}")
+    if request.camera is not None:
+        check_calibration_path(request.camera, None)
+        camera = read_camera(None, request.camera, request.camera_name, request.mirrored)
+        words = ["--camera", str(request.camera)]
+        if request.camera_name is not None:
+            words += ["--camera-name", request.camera_name]
+        if request.mirrored is not None:
+            words += ["--mirrored" if request.mirrored else "--not-mirrored"]
+        return CameraDocument.of_lens(camera.model), tuple(words)
+    _refuse(
+        request, {"--camera-name": "camera_name", "--mirrored": "mirrored"}, "requires --camera"
+    )
+    if request.optics is not None:
+        return CameraDocument.of_optics_file(request.optics), ("--optics", str(request.optics))
+    if request.sensor is not None:
+        return CameraDocument.of_sensor_file(request.sensor), ("--sensor", str(request.sensor))
+    return CameraDocument(), ()
+
+
+def _place(request: LiveRequest, scene: Scene) -> Place | None:
+    if request.at is None and request.yaw_deg is None:
+        return None
+    at = scene.start.position_m if request.at is None else request.at
+    return Place(at, scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg)
+
+
+def _refuse(request: LiveRequest, options: dict[str, str], reason: str) -> None:
+    for option, name in options.items():
+        if getattr(request, name) is not None:
+            raise OutputError(f"{option}: {reason}")

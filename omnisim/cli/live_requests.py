@@ -1,0 +1,125 @@
+"""Parameters of `omnisim live`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnisim.cli.arguments import (
+    CAMERA,
+    AtOption,
+    CameraNameOption,
+    DeviceOption,
+    MirroredOption,
+    PresetOption,
+    SizeOption,
+    TimeOption,
+    UnitOption,
+    UpOption,
+    YawOption,
+)
+from omnisim.cli.completion import complete_robot, complete_scene
+
+PAGE = "Page"  # panel of a help page
+
+
+@dataclass(frozen=True)
+class LiveRequest:
+    """Parameters of `omnisim live`."""
+
+    scene: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SCENE]",
+            autocompletion=complete_scene,
+            help="Scene file, or name of a built-in scene.",
+            show_default="soccer",
+        ),
+    ] = None
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="NAME|FILE",
+            autocompletion=complete_robot,
+            help="Robot to drive, whose camera is shown; without one the camera flies freely.",
+        ),
+    ] = None
+    run: Annotated[
+        Path | None,
+        typer.Option(
+            "--run", metavar="DIR", help="Replay a recorded run instead, with its pictures."
+        ),
+    ] = None
+    sensor: Annotated[
+        Path | None,
+        typer.Option(
+            "--sensor",
+            metavar="FILE",
+            help="Sensor file: .toml.",
+            show_default="the paper's camera",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None
+    optics: Annotated[
+        Path | None,
+        typer.Option(
+            "--optics",
+            metavar="FILE",
+            help="Optics file instead of a sensor file: .toml.",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Calibration file instead of a sensor file.",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None
+    camera_name: CameraNameOption = None
+    mirrored: MirroredOption = None
+    preset: PresetOption = None
+    size_px: SizeOption = None
+    at: AtOption = None
+    yaw_deg: YawOption = None
+    time_s: TimeOption = 0.0
+    host: Annotated[
+        str,
+        typer.Option(
+            "--host",
+            metavar="ADDRESS",
+            help="Address to listen on; any other than this machine's own asks for a token.",
+            rich_help_panel=PAGE,
+        ),
+    ] = "localhost"
+    port: Annotated[
+        int,
+        typer.Option(
+            "--port",
+            metavar="N",
+            min=0,
+            max=65535,
+            help="Port to listen on; 0: a free one.",
+            rich_help_panel=PAGE,
+        ),
+    ] = 8080
+    open: Annotated[
+        bool,
+        typer.Option("--open", help="Open the page in a browser.", rich_help_panel=PAGE),
+    ] = False
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record",
+            metavar="FILE",
+            help="Record a short film of a drive around the start, and serve no page: .mp4 .mkv.",
+            rich_help_panel=PAGE,
+        ),
+    ] = None
+    up_axis: UpOption = None
+    meters_per_unit: UnitOption = None
+    device: DeviceOption = None
