@@ -13,18 +13,12 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from omnisim.browser.camera_document import OPTICS, SENSOR, SIZE, CameraDocument
-from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera, NonCentralCamera
+from omnisim.browser.camera_document import SENSOR, SIZE, CameraDocument
+from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.file_keys import Limit, attribute_docs, limits, summary, table_in
-from omnisim.optics.system_file import (
-    CameraTable as OpticsCamera,
-)
-from omnisim.optics.system_file import (
-    ObstacleTable,
-    OpticsFile,
-    SurfaceTable,
-    shape_schemas,
-)
+from omnisim.optics.surface_tables import SurfaceTable, shape_schemas
+from omnisim.optics.system_file import CameraTable as OpticsCamera
+from omnisim.optics.system_file import ObstacleTable, OpticsFile
 from omnisim.parameters import table_of
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations.degradation_file import EFFECTS
@@ -36,6 +30,7 @@ from omnisim.sensors.sensor_file import (
 )
 
 Json = dict[str, Any]
+OPTICS = f"{SENSOR}.optics"
 _QUALITY = ("quality", "supersampling")  # keys of [camera] that go with any camera
 _UNITS = (
     ("_mps2", "m/s²"), ("_mps", "m/s"), ("_deg", "°"), ("_px", "px"), ("_m", "m"), ("_s", "s"),
@@ -71,8 +66,6 @@ def control_groups(document: CameraDocument, camera: OmniCamera) -> list[Json]:
 
 
 def _effective(camera: OmniCamera) -> CameraDocument:
-    if isinstance(camera.model, NonCentralCamera):
-        return CameraDocument()
     found = CameraDocument.of_camera(camera)
     if isinstance(camera.model, HyperbolicCamera):
         rim_m = float(camera.model.mirror.rim_radius_m)
@@ -96,7 +89,7 @@ def _add_effective(control: Json, effective: CameraDocument) -> None:
 def _groups(document: CameraDocument) -> list[Json]:
     groups: list[Json] = []
     own = "mirror"
-    if document.optics is not None:
+    if "optics" in document.sensor:
         own = "optics"
         groups += _optics_groups(document)
     elif "lens" in document.sensor:
@@ -133,7 +126,7 @@ def _effects(document: CameraDocument) -> Iterator[Json]:
 
 
 def _optics_groups(document: CameraDocument) -> Iterator[Json]:
-    names = ("medium", "looking", "origin_m")
+    names = ("medium", "looking", "origin_m", "color")
     title = _group(
         "Optical system", summary(OpticsFile), _keys(document, OPTICS, OpticsFile, names)
     )

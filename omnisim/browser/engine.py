@@ -6,6 +6,7 @@ import io
 import math
 import threading
 import time
+import traceback
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -15,6 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.browser.camera_document import FILE_NAME
 from omnisim.browser.controls import control_groups
 from omnisim.browser.floor_map import FloorMap, draw_floor_map
 from omnisim.browser.live_source import LiveSource
@@ -104,6 +106,9 @@ class Engine:
                         self._answer(work)
                 except OmnisimError as error:
                     self._fail(work, error)
+                except Exception as error:  # a fault of ours must not end the page
+                    traceback.print_exc()
+                    self._fail(work, OmnisimError(f"{type(error).__name__}: {error}"))
         finally:
             self._source.close()
 
@@ -118,7 +123,7 @@ class Engine:
         self._session.ask()  # who asked has got no picture
 
     def _draw(self, draw: Draw) -> None:
-        self._times_ms = {}
+        self._times_ms, begin_s = {}, time.perf_counter()
         source, shown = self._source, draw.shown
         if isinstance(source, LiveSource) and self._timed(
             "camera", lambda: source.use(shown.document)
@@ -150,7 +155,7 @@ class Engine:
         if draw.is_fine:
             content["command"] = source.command(shown, taken)
         self._publish("frame", pack("frame", content, parts))
-        self._session.drawn(draw)
+        self._session.drawn(draw, time.perf_counter() - begin_s)
         if draw.is_fine and "map" in shown.views:
             self._renew_map(taken)
 
@@ -223,7 +228,7 @@ class Engine:
         content = {
             "groups": control_groups(draw.shown.document, source.camera),
             "profile": profile(model),
-            "files": draw.shown.document.files(),
+            "text": draw.shown.document.text,
             "width_px": model.width_px,
             "height_px": model.height_px,
             "model": model.model_name,
@@ -236,7 +241,7 @@ class Engine:
         draw = Draw(job.shown, True)
         if isinstance(job.message, Save):
             if job.message.what == "toml":
-                files = {name: text.encode() for name, text in job.shown.document.files().items()}
+                files = {FILE_NAME: job.shown.document.text.encode()}
             else:
                 files = source.files(draw)
             name, media_type, data = _bundle(files)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shlex
 import tempfile
@@ -11,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omnisim.browser.camera_document import OPTICS_NAME, SENSOR_NAME, CameraDocument
+from omnisim.browser.camera_document import FILE_NAME, CameraDocument
 from omnisim.browser.motion import Place
 from omnisim.browser.session import Draw, Shown
 from omnisim.browser.taken import Taken
+from omnisim.cameras import NonCentralCamera
 from omnisim.errors import OmnisimError
 from omnisim.frame import Frame
 from omnisim.ground_truth import CHANNELS
@@ -41,7 +43,7 @@ class LiveSettings:
         vehicle: robot that carries the camera; None: free flight.
         camera_name: of the robot's cameras; None: the first.
         scene_words: scene and its options, as a command line has them.
-        camera_words: options of the camera as it is at the start.
+        camera_words: options of the camera as it is at the start; None: its file says all.
         device: number of the GPU.
     """
 
@@ -50,7 +52,7 @@ class LiveSettings:
     vehicle: Vehicle | None = None
     camera_name: str | None = None
     scene_words: tuple[str, ...] = ()
-    camera_words: tuple[str, ...] = ()
+    camera_words: tuple[str, ...] | None = ()
     device: int | None = None
 
 
@@ -93,7 +95,7 @@ class LiveSource:
         before, self._camera = self._camera, camera
         kept, self._renderers = self._renderers, {}
         try:
-            self._renderer(SCALES[self._scale])  # or the GPU refuses it
+            self._renderer(self._coarse_scale)  # or the GPU refuses it
         except OmnisimError:
             self._camera, self._renderers = before, kept
             raise
@@ -106,7 +108,7 @@ class LiveSource:
         """Render a state."""
         self.use(draw.shown.document)
         begin_s = time.monotonic()
-        scale = None if draw.is_fine else SCALES[self._scale]
+        scale = None if draw.is_fine else self._coarse_scale
         renderer = self._renderer(scale)
         frame = self._render(renderer, draw, channels)
         if scale is not None:
@@ -134,15 +136,13 @@ class LiveSource:
         """
         document, words = shown.document, ["omnisim", "render", *self._settings.scene_words]
         lines = []
-        if document == self._settings.document and self._settings.vehicle is None:
-            words += self._settings.camera_words
+        given = self._settings.camera_words
+        is_first = document == self._settings.document and self._settings.vehicle is None
+        if is_first and given is not None:
+            words += given
         else:
-            for name, text in document.files().items():
-                lines.append(f"cat > {name} <<'END'\n{text.rstrip()}\nEND\n")
-            words += ["--sensor", SENSOR_NAME]
-            if document.optics is not None and set(document.sensor) == {"optics"}:
-                words[-2:] = ["--optics", OPTICS_NAME]
-                lines = lines[1:]
+            lines.append(f"cat > {FILE_NAME} <<'END'\n{document.text.rstrip()}\nEND\n")
+            words += ["--sensor", FILE_NAME]
             if document.size_px is not None:
                 words += ["--size", str(document.size_px)]
         at = shown.place if self._settings.vehicle is None else taken.viewpoint
@@ -183,14 +183,27 @@ class LiveSource:
             camera = self._camera
             if scale is not None:
                 camera = camera.with_quality(COARSE)
+                if self._is_slow:
+                    camera = dataclasses.replace(camera, supersampling=1)
                 shorter_px = min(camera.model.width_px, camera.model.height_px)
                 if scale < 1.0:
                     camera = camera.resized(max(1, round(shorter_px * scale)))
             self._renderers[scale] = Renderer(self.stage, camera, hidden=self._hidden)
         return self._renderers[scale]
 
+    @property
+    def _is_slow(self) -> bool:
+        """True for cameras whose every sample has a ray to be found: few samples are coarse."""
+        return isinstance(self._camera.model, NonCentralCamera)
+
+    @property
+    def _coarse_scale(self) -> float:
+        return SCALES[-1] if self._is_slow else SCALES[self._scale]
+
     def _adapt(self, seconds: float) -> None:
         """Smaller coarse pictures where two in a row were slow, larger ones where all are quick."""
+        if self._is_slow:  # another size would cost more than it saves
+            return
         self._slow = self._slow + 1 if seconds > SLOW_S else 0
         if self._slow >= 2 and self._scale + 1 < len(SCALES):
             self._scale, self._slow = self._scale + 1, 0

@@ -17,7 +17,7 @@ from omnisim.browser.motion import Pilot, Place, Wish
 from omnisim.browser.presets import with_preset
 from omnisim.errors import OutputError, SceneError
 
-REST_S = 0.12  # after the last change until the fine picture
+REST_S, LONGEST_REST_S = 0.12, 1.5  # after the last change until the fine picture
 HELD_S = 1.0  # after which keys count as let go: the page repeats them
 SAME_EDIT_S = 1.5  # changes of one key within this time are undone together
 UNDO_STEPS = 200
@@ -93,6 +93,7 @@ class Session:
         self._jobs: deque[Job] = deque()
         self._probe: Job | None = None
         self._coarse = self._fine = -1  # states drawn
+        self._rest_s = REST_S
         self._changed_s = self._advanced_s = self._driven_s = time.monotonic()
         self._is_asked = self._is_stopping = False
 
@@ -182,9 +183,11 @@ class Session:
                 self._condition.wait(wait_s)
             return None
 
-    def drawn(self, draw: Draw) -> None:
-        """A picture is done."""
+    def drawn(self, draw: Draw, seconds: float = 0.0) -> None:
+        """A picture is done, in a time: the longer the fine ones take, the later they begin."""
         with self._condition:
+            if draw.is_fine:
+                self._rest_s = min(max(REST_S, 0.3 * seconds), LONGEST_REST_S)
             self._coarse = max(self._coarse, draw.shown.change)
             if draw.is_fine:
                 self._fine = draw.shown.change
@@ -214,7 +217,7 @@ class Session:
             self._advanced_s = now_s
         wait_s: float | None = None
         if not is_moving and self._is_asked and self._fine < self._shown.change:
-            wait_s = self._changed_s + REST_S - now_s
+            wait_s = self._changed_s + self._rest_s - now_s
             if wait_s <= 0.0:
                 self._is_asked = False
                 return Draw(self._shown, True), None

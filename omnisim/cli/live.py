@@ -70,15 +70,15 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         _refuse(request, ROBOT_REFUSES, "a robot has its own: expected none with --robot")
         vehicle = Vehicle.load(request.robot)
         document = CameraDocument.of_camera(vehicle.camera(request.camera_name).sensor)
-        words: tuple[str, ...] = ()
+        words: tuple[str, ...] | None = None
     else:
         document, words = _document(request)
     if request.preset is not None:
         document = document.with_degradation(request.preset)
-        words += ("--preset", request.preset)
+        words = None if words is None else (*words, "--preset", request.preset)
     size_px = request.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
-    words += ("--size", str(size_px))
+    words = None if words is None else (*words, "--size", str(size_px))
     scene_words: list[str] = [request.scene or SCENE]
     if request.up_axis is not None:
         scene_words += ["--up-axis", request.up_axis]
@@ -89,8 +89,8 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     )
 
 
-def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...]]:
-    """Document of the camera that the options name, and these options."""
+def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...] | None]:
+    """Document of the camera that the options name, and these options; None: its file says all."""
     given = {
         option: path
         for option, path in (
@@ -108,12 +108,12 @@ def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...]]:
             words += ["--camera-name", request.camera_name]
         if request.mirrored is not None:
             words += ["--mirrored" if request.mirrored else "--not-mirrored"]
-        return CameraDocument.of_lens(camera.model), tuple(words)
+        return CameraDocument.of_camera(camera), tuple(words)
     _refuse(
         request, {"--camera-name": "camera_name", "--mirrored": "mirrored"}, "requires --camera"
     )
     if request.optics is not None:
-        return CameraDocument.of_optics_file(request.optics), ("--optics", str(request.optics))
+        return CameraDocument.of_optics_file(request.optics), None
     if request.sensor is not None:
         return CameraDocument.of_sensor_file(request.sensor), ("--sensor", str(request.sensor))
     return CameraDocument(), ()
