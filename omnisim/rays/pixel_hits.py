@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import NonCentralCamera, pixels_of_points
 from omnisim.ground_truth.hits import Hits
+from omnisim.rays.cast_hits import (
+    CastHits,
+    SeenPoints,
+    cast_hits,
+    cast_occlusion,
+    moved_points,
+    starts_of_rays,
+)
 from omnisim.rays.depth_limits import DepthLimits
-from omnisim.rays.embree import NO_TRIANGLE
 from omnisim.rays.pixel_rays import PixelRays
 from omnisim.rays.ray_scene import ObjectState, RayScene
 
-# A hit nearer than the point by more than this share occludes it, as in occlusion.frag.
-_NEARER = 1e-3
 _POINTS_PER_BATCH = 1 << 14
 
 T = TypeVar("T", bound=np.generic)
-
-
-class _BandHits(NamedTuple):
-    """Hits (n,) of a band's rays, as in `Hits`, and the triangles of the geometry."""
-
-    hits: Hits
-    triangles: NDArray[np.int32]
 
 
 class PixelHits:
@@ -65,7 +62,7 @@ class PixelHits:
         Normals and albedos have no rows where they are not asked for.
         """
 
-        def of_band(number: int) -> _BandHits:
+        def of_band(number: int) -> CastHits:
             return self._cast_band(number, world_from_rig, objects, normals, albedos)
 
         bands = self._scene.in_threads(of_band, self._bands)
@@ -112,32 +109,18 @@ class PixelHits:
         objects: ObjectState,
         normals: bool,
         albedos: bool,
-    ) -> _BandHits:
-        scene, band, poses = self._scene, self._pixels.band(number), objects.world_from_objects
-        geometry, shading = scene.caster.geometry, scene.shading
-        world_from_optical = world_from_rig[:3, :3] @ self._pixels.camera.rig_from_optical
-        rays = band.aim(self._limits, self._pixels.camera.rig_from_optical, world_from_rig)
-        footprints = band.world_footprints(world_from_optical)
-        first = scene.first_hits(rays, objects, footprints=footprints)
-        hit = np.flatnonzero(first.triangles != NO_TRIANGLE)
-        some = rays.take(hit)
-        exact = scene.caster.exact(some, first.take(hit), poses)
-        points = np.empty((len(first.triangles), 4), dtype=np.float32)
-        points[:, :3], points[:, 3] = rays.directions, np.inf
-        from_viewpoint_m = some.origins_m - world_from_rig[:3, 3]
-        points[hit, :3] = from_viewpoint_m + exact.ranges_m[:, None] * some.directions
-        points[hit, 3] = exact.ranges_m
-        draws_plus_one, triangles = np.zeros((2, len(points)), dtype=np.uint32)
-        surfaces = shading.surfaces(exact)
-        draws_plus_one[hit] = surfaces + 1
-        triangles[hit] = exact.triangles - geometry.first_of_surface[surfaces]
-        found = [np.zeros((len(points), 3), dtype=np.float32) for _ in range(2)]
-        if normals:
-            found[0][hit] = shading.normals(exact, poses)
-        if albedos:
-            colors = shading.base_colors(some, exact, poses, footprints[hit])
-            found[1][hit] = colors[:, :3]
-        return _BandHits(Hits(points, draws_plus_one, triangles, *found), first.triangles)
+    ) -> CastHits:
+        band, camera = self._pixels.band(number), self._pixels.camera
+        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+        return cast_hits(
+            self._scene,
+            band.aim(self._limits, camera.rig_from_optical, world_from_rig),
+            band.world_footprints(world_from_optical),
+            world_from_rig[:3, 3],
+            objects,
+            normals,
+            albedos,
+        )
 
     def _occluded(
         self,
@@ -146,40 +129,14 @@ class PixelHits:
         objects: ObjectState,
         other_from_current: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        points_m, draws_plus_one = self._points_m[batch].copy(), self._draws_plus_one[batch]
-        ends_m = np.full(len(points_m), np.inf)
-        hit = np.flatnonzero(draws_plus_one)
-        moves = other_from_current[draws_plus_one[hit] - 1]
-        points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
-        starts_m = self._starts_m(points_m, draws_plus_one > 0, world_from_rig)
-        points_m[hit] -= starts_m[hit]
-        lengths_m = np.linalg.norm(points_m, axis=1)
-        ends_m[hit] = (1.0 - _NEARER) * lengths_m[hit]
-        rig = np.einsum("nj,ji->ni", points_m / lengths_m[:, None], world_from_rig[:3, :3])
-        rays = self._limits.aim(rig, world_from_rig)
-        rays = rays._replace(
-            origins_m=rays.origins_m + starts_m, far_m=np.minimum(rays.far_m, ends_m)
+        seen = SeenPoints(
+            self._points_m[batch], self._draws_plus_one[batch], self._triangles[batch]
         )
-        found = self._scene.first_hits(rays, objects, self._triangles[batch])
-        is_hit: NDArray[np.bool_] = found.triangles != NO_TRIANGLE
-        return is_hit
-
-    def _starts_m(
-        self,
-        points_m: NDArray[np.float64],
-        is_finite: NDArray[np.bool_],
-        world_from_rig: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """Origins (n, 3), viewpoint frame, of the rays that see points (n, 3) from another pose."""
-        camera = self._pixels.camera
-        if not isinstance(camera, NonCentralCamera):
-            return np.zeros((1, 3)).repeat(len(points_m), axis=0)
-        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
-        optical_m = np.einsum("nj,ji->ni", points_m, world_from_optical)
-        rays = camera.ray_from_pixel(pixels_of_points(camera, optical_m, is_finite).positions_px)
-        assert rays.origins_m is not None
-        starts_m: NDArray[np.float64] = np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)
-        return starts_m
+        moved = seen._replace(points_m=moved_points(seen, other_from_current))
+        starts_m = starts_of_rays(
+            self._pixels.camera, moved.points_m, moved.surfaces_plus_one > 0, world_from_rig
+        )
+        return cast_occlusion(self._scene, self._limits, moved, starts_m, world_from_rig, objects)
 
     def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
         """Picture (height, width, …) of values (n, …) of the pixels that have a ray."""

@@ -313,7 +313,7 @@ class CubeHits(HitSource):
 
     def occluded(self) -> NDArray[np.bool_]:
         """Mask (height, width) of the points that something nearer hides there."""
-        return self._occlusion_pass.read()
+        return self._occlusion_pass.read() > 0
 
     @cached_property
     def _occlusion_pass(self) -> OcclusionPass:

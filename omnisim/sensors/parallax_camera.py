@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
-from omnisim.extras import missing_packages, require_extra
+from omnisim.extras import missing_packages
 from omnisim.gpu.capture.chromatic_pass import ChromaticPass
 from omnisim.gpu.capture.depth_pyramid import DepthPyramid
 from omnisim.gpu.capture.parallax_pass import ParallaxPass
@@ -27,13 +27,13 @@ from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest, Sc
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
-from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.parallax_plan import parallax_tiles
 from omnisim.sensors.sample_rays import sample_rays
 
 if TYPE_CHECKING:
     from omnisim.rays.ray_scene import RayScene
+    from omnisim.sensors.parallax_hits import ParallaxHits
 
 _RAYS_PER_BATCH = 1 << 12
 
@@ -50,7 +50,7 @@ class ParallaxCamera(CameraBackend):
 
     The virtual cameras stand at the point nearest to all rays; each sample looks up range until it
     has met its own surface. Samples in doubt are cast as rays, where those are installed, or keep
-    what they found last; the picture's metadata counts them. Ground truth is that of rays.
+    what they found last; the picture's metadata counts them.
 
     Raises:
         GraphicsError: several samples a texel, or past the GPU's limits.
@@ -63,7 +63,7 @@ class ParallaxCamera(CameraBackend):
             raise GraphicsError(
                 f"virtual_cameras.samples: expected 1 for an optical system, got {sensor.samples}"
             )
-        self._sensor, context = sensor, drawn.buffers.context
+        self._sensor, self._drawn, context = sensor, drawn, drawn.buffers.context
         self._rays: RayScene | None = None
         colors = _rays_by_color(sensor)
         directions, origins_m = colors[len(colors) // 2].centres()
@@ -72,14 +72,15 @@ class ParallaxCamera(CameraBackend):
         colors = [rays.seen_from(viewpoint_m) for rays in colors]
         self._viewpoint_m = viewpoint_m
         plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
+        self._cameras = VirtualCameras(
+            sensor.near_m, sensor.far_m, 1, setup.unlit, world.scene.background, setup.hidden
+        )
         is_ideal = sensor.degradation.is_ideal
         self._cube = CubePass(
             drawn.buffers,
             drawn.programs,
             plan,
-            VirtualCameras(
-                sensor.near_m, sensor.far_m, 1, setup.unlit, world.scene.background, setup.hidden
-            ),
+            self._cameras,
         )
         longest_m = max(rays.longest_m for rays in colors)
         pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
@@ -99,12 +100,15 @@ class ParallaxCamera(CameraBackend):
             "f2" if is_ideal else "f4",
         )
         self._degraded = None if is_ideal else self._degraded_camera()
-        self._hit_source: HitSource | None = None
+        self._hit_source: ParallaxHits | None = None
 
     def refresh(self) -> None:
         """Draw what the buffers have now."""
         self._cube.refresh()
-        self._rays = self._hit_source = None
+        self._rays = None
+        if self._hit_source is not None:
+            self._hit_source.refresh()
+        self._refresh_ground_truth()
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return the metadata of its degradation and undecided samples."""
@@ -117,20 +121,25 @@ class ParallaxCamera(CameraBackend):
         undecided = {"samples": self._pipeline.undecided_samples, "cast": self._casts}
         return picture, {**found, "undecided": undecided}
 
-    def hit_source(self, albedo: bool) -> HitSource:
-        """Source of its ground truth: rays.
-
-        Raises:
-            OmnisimError: they are not installed.
-        """
-        require_extra("rays", "ground truth of an optical system")
-        from omnisim.rays.depth_limits import DepthLimits
-        from omnisim.sensors.ray_backend import RayHitSource
-
-        if self._hit_source is None:
-            limits = DepthLimits(self._sensor.near_m, self._sensor.far_m)
-            self._hit_source = RayHitSource(self._ray_scene(), self.setup, limits)
+    def hit_source(self, albedo: bool) -> ParallaxHits:
+        """Source of its ground truth, able to give albedo if it is asked for."""
+        if self._hit_source is None or (albedo and not self._hit_source.has_albedo):
+            self._hit_source = self.make_hits(albedo, self._casts)
+            self._drawn.buffers.context.gc()
         return self._hit_source
+
+    def make_hits(self, albedo: bool, casts: bool) -> ParallaxHits:
+        """Source of ground truth, with undecided pixels cast as rays or not."""
+        from omnisim.sensors.parallax_hits import ParallaxHits  # of frames with ground truth
+
+        return ParallaxHits(
+            self._drawn.buffers,
+            self._sensor,
+            self._cameras,
+            self._viewpoint_m,
+            albedo,
+            self._ray_scene if casts else None,
+        )
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
         """Refuse them: the virtual cameras are parts of faces.

@@ -16,7 +16,8 @@ from omnisim.gpu.atlas.tile_plan import TilePlan, plan_densities
 from omnisim.gpu.capture.parallax_rays import ParallaxRays
 from omnisim.sensors.tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
 
-_MAX_ANISOTROPY = 2.0  # of a pixel: one stretched by more is drawn as if it were by this
+# Of pixels: those stretched by more are drawn as if they were by this.
+PICTURE_ANISOTROPY = 2.0
 _MOST = 90.0  # % of the pixels, whose mip levels there are
 _GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its centre
 _MAX_RAYS = 40_000  # whose points, near and far, are counted
@@ -31,7 +32,10 @@ class _SeenRays(NamedTuple):
 
 
 def parallax_tiles(
-    colors: Sequence[ParallaxRays], texels_per_pixel: float, near_m: float
+    colors: Sequence[ParallaxRays],
+    texels_per_pixel: float,
+    near_m: float,
+    max_anisotropy: float = PICTURE_ANISOTROPY,
 ) -> TilePlan:
     """Plan the tiles that show all points of rays, in the rig frame, to the viewpoint at 0.
 
@@ -39,12 +43,13 @@ def parallax_tiles(
         colors: rays of the samples, of each colour that has its own.
         texels_per_pixel: to a side of a pixel.
         near_m: nothing is nearer.
+        max_anisotropy: of pixels, beyond which they are drawn as if they were less stretched.
 
     Raises:
         GraphicsError: the picture shows too little.
     """
     supersampling = colors[0].supersampling
-    seen = [_seen_rays(rays, near_m, _MAX_RAYS // len(colors)) for rays in colors]
+    seen = [_seen_rays(rays, near_m, max_anisotropy, _MAX_RAYS // len(colors)) for rays in colors]
     points = [part for one in seen for part in one.points]
     densities = _densities(*(np.concatenate(parts) for parts in zip(*points, strict=True)))
     bias = ONE_SAMPLE_BIAS if supersampling == 1 else SUPERSAMPLED_BIAS
@@ -58,7 +63,9 @@ def parallax_tiles(
     return plan(level) if level else first
 
 
-def _seen_rays(rays: ParallaxRays, near_m: float, max_rays: int) -> _SeenRays:
+def _seen_rays(
+    rays: ParallaxRays, near_m: float, max_anisotropy: float, max_rays: int
+) -> _SeenRays:
     directions, origins_m = rays.directions, rays.origins_m
     valid = np.asarray(directions.any(axis=-1))
     whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
@@ -68,7 +75,7 @@ def _seen_rays(rays: ParallaxRays, near_m: float, max_rays: int) -> _SeenRays:
     steps = np.stack((directions[:-1, 1:][whole] - here, directions[1:, :-1][whole] - here), -1)
     # of the samples, as mip levels are of these
     along, across = (values / rays.supersampling for values in _singular_values(steps))
-    densest = 1.0 / np.maximum(across, along / _MAX_ANISOTROPY)
+    densest = 1.0 / np.maximum(across, along / max_anisotropy)
     found = [(here, densest)]
     some = slice(None, None, max(1, len(here) // max_rays))
     near, densest = here[some], densest[some]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
 from omnisim.gpu.capture.parallax_rays import MARGIN_PX, ParallaxRays
 
-# Pixels around one that must have a ray for its samples' to be interpolated: near a rim rays bend
-# fast. No more than the margin.
+# Pixels around one that must have a ray for its samples' to be interpolated untested: near a rim
+# rays bend fast. No more than the margin.
 _SMOOTH_PX = 2
-_MISS_PX = 0.02  # by which interpolated rays of a mesh may miss
+_MISS_PX = 0.02  # by which interpolated rays may miss
 
 
 def sample_rays(
@@ -22,8 +22,8 @@ def sample_rays(
 ) -> ParallaxRays:
     """Rays of the samples of a camera's pixels, in the rig frame.
 
-    Those of the pixels' centres are traced; near the edges of what is seen, those of all samples.
-    So are those of a mesh, and kept in the pixels in which they bend.
+    Those of the pixels' centres are traced; near the edges of what is seen those of all samples,
+    and of a mesh everywhere, which are kept where they bend.
 
     Args:
         camera: with pixels.
@@ -34,9 +34,9 @@ def sample_rays(
     trace = _tracer(camera, polygons)
     around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
     directions, origins_m, valid = trace(around)
-    smooth, near = _all_around(valid), ~_all_around(~valid)
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
-    smooth, near = smooth[inner], near[inner]
+    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, _SMOOTH_PX)[inner]
+    beside = _all_around(valid, 1)[inner]  # of pixels that may be interpolated there at all
     found = ParallaxRays(
         supersampling,
         directions,
@@ -48,12 +48,10 @@ def sample_rays(
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
     own = trace(rim[:, None, ::-1] + offsets)
-    bent = ~smooth[tuple(rim.T)]
-    if polygons is not None:
-        bent |= _bent(found, rim, own[0])
+    bent = ~beside[tuple(rim.T)] | ~own[2].all(axis=1) | _bent(found, rim, own[0])
+    found.smooth[tuple(rim.T)] = ~bent
     kept = bent & own[2].any(axis=1)
     rim = rim[kept]
-    found.smooth[tuple(rim.T)] = False
     found.rim_numbers[tuple(rim.T)] = np.arange(len(rim))
     return replace(
         found, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
@@ -109,16 +107,16 @@ def _tracer(
     return trace
 
 
-def _all_around(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels around which, within `_SMOOTH_PX`, all are valid; past the edges all are."""
+def _all_around(valid: NDArray[np.bool_], distance_px: int) -> NDArray[np.bool_]:
+    """Pixels around which, within a distance, all are valid; past the edges all are."""
     for axis in (0, 1):
         padded = np.pad(
             valid,
-            [(_SMOOTH_PX,) * 2 if axis == own else (0, 0) for own in (0, 1)],
+            [(distance_px,) * 2 if axis == own else (0, 0) for own in (0, 1)],
             constant_values=True,
         )
         size = valid.shape[axis]
         valid = np.logical_and.reduce(
-            [padded.take(range(step, step + size), axis) for step in range(2 * _SMOOTH_PX + 1)]
+            [padded.take(range(step, step + size), axis) for step in range(2 * distance_px + 1)]
         )
     return valid

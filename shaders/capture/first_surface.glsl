@@ -1,4 +1,5 @@
-// FirstSurface first_surface(vec3 ray, vec3 origin): the end of a ray from beside the viewpoint.
+// FirstSurface first_surface(vec3 ray, vec3 origin, float start): the end of a ray from beside the
+//     viewpoint, no nearer than a nearness to start at; u_nearest is that of the nearest of all.
 // Place place_of(vec3 direction, vec3 origin): texel of the atlas that shows a direction.
 // float nearness_at(Place place): of what that texel shows.
 // All in the rig frame, the viewpoint at 0; rays and origins are not long against what they meet.
@@ -63,8 +64,8 @@ float nearness_at(Place place) {
     return inverse_z_at(place.texel) * place.depth;
 }
 
-FirstSurface first_surface(vec3 ray, vec3 origin) {
-    float w = u_nearest, before = w;
+FirstSurface first_surface(vec3 ray, vec3 origin, float start) {
+    float w = start, before = w;
     bool leapt = false;    // by more texels than one
     bool careful = false;  // near the edge of a tile, beyond which blocks tell nothing
     vec2 tile = vec2(-1.0);
@@ -85,23 +86,18 @@ FirstSurface first_surface(vec3 ray, vec3 origin) {
         vec2 bounds = texelFetch(u_blocks, ivec2(place.texel) / BLOCK, 0).rg * place.depth;
         // depths are those of faces: along a ray they differ a little over a block
         bounds *= 1.0 + vec2(BLOCK, GROUP) / place.cell.z;
-        if (!careful && bounds.y < w) {
-            w = max(bounds.y, w - float(GROUP) / place.texels);
-            leapt = true;
-        } else if (!careful && bounds.x < w) {
-            w = max(bounds.x, w - float(BLOCK) / place.texels);
-            leapt = true;
-        } else {
-            float seen = nearness_at(place);
-            float texels = (w - seen) * place.texels;
-            if (texels < -STEP_TEXELS) break;
-            if (texels < SAME_TEXELS) {
-                found = FirstSurface(seen, true);
-                break;
-            }
-            w = max(seen, w - STEP_TEXELS / place.texels);
-            leapt = false;
+        float seen = nearness_at(place);
+        float texels = (w - seen) * place.texels;
+        if (texels < SAME_TEXELS) {
+            found = FirstSurface(seen, texels > -STEP_TEXELS);
+            break;
         }
+        // as far as any of the three lets it go
+        vec3 steps = vec3(STEP_TEXELS, BLOCK, GROUP) / place.texels;
+        vec3 ends = max(vec3(seen, bounds), w - steps);
+        float leap = min(ends.y, ends.z);
+        leapt = !careful && leap < ends.x;
+        w = leapt ? leap : ends.x;
     }
 #ifdef GUESS
     // from infinity on, as if what hides the ray were thin

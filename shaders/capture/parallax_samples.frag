@@ -27,7 +27,7 @@ void main() {
     int number = int(at / 64u);
     ivec2 pixel = ivec2(number % u_width_px, number / u_width_px);
     Ray ray = ray_of(pixel, int(at % 64u));
-    FirstSurface found = first_surface(ray.direction, ray.origin);
+    FirstSurface found = first_surface(ray.direction, ray.origin, u_nearest);
     Place place = place_of(ray.direction + found.nearness * ray.origin, ray.origin);
     bool known = found.known && is_unmixed(place, found.nearness);
     out_color = vec4(color_at(place.texel, level_at(pixel, place)), known ? 1.0 : 0.0);

@@ -1,5 +1,6 @@
 // Hit of each pixel's ray: point, range, primitive; with NORMALS the interpolated normal, with
-// ALBEDO the base colour.
+// ALBEDO the base colour. With PARALLAX rays have origins of their own, and the triangles are those
+// that the viewpoint sees where the ray ends, by depth (first_surface.glsl).
 #version 430 core
 
 uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
@@ -8,6 +9,7 @@ uniform mat3 u_viewpoint_from_optical;
 // Viewpoint frame; and range. Infinite: nothing is hit, and the point is a direction.
 layout(location = 0) out vec4 out_point;
 layout(location = 1) out uvec2 out_primitive;  // 1 + draw item, and triangle in it; 0: nothing
+// With PARALLAX also UNKNOWN: the viewpoint does not see where the ray ends.
 #ifdef NORMALS
 #include "scene/vertex_words.glsl"
 layout(location = 2) out vec4 out_normal;  // viewpoint frame, unit
@@ -15,7 +17,17 @@ layout(location = 2) out vec4 out_normal;  // viewpoint frame, unit
 #else
 #define ALBEDO_LOCATION 2
 #endif
+#ifdef PARALLAX
+#define GUESS
+#include "capture/first_surface.glsl"
+uniform sampler2D u_origins;  // of the rays, from the viewpoint, optical frame
+uniform mat3 u_rig_from_optical;
+const uint UNKNOWN = 0x80000000u;  // of the draw item's bits
+const int ROUNDS = 3;
+const float IN_FRONT = 1.005;  // inverse depths this much larger are not of the same plane
+#else
 #include "ground_truth/texel.glsl"
+#endif
 #include "ground_truth/intersect.glsl"
 #ifdef ALBEDO
 #include "ground_truth/nearest_texel.glsl"
@@ -42,6 +54,54 @@ vec3 normal_of(Hit hit) {
 }
 #endif
 
+#ifdef PARALLAX
+struct Ending {
+    Hit hit;
+    vec3 texel;
+    bool known;
+};
+
+// Tells whether a texel around shows something in front of the plane that is hit: it may reach as far
+// as the ray, too thin to show there.
+bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
+    vec3 normal = u_face_from_rig[place.face] * u_rig_from_optical *
+        (transpose(u_viewpoint_from_optical) * hit.normal);
+    float scale = hit.primitive.x == 0u ? 0.0 :
+        1.0 / dot(hit.normal, ray_origin + hit.range * ray);
+    bool found = false;
+    for (uint at = 0u; at < TEXELS; ++at) {
+        vec2 texel = floor(place.texel) + 0.5 + vec2(texel_offset(at));
+        vec2 tangent = (texel - place.cell.xy) / place.cell.zw;
+        float of_plane = max(scale * dot(normal, vec3(tangent, 1.0)), 0.0);
+        found = found || inverse_z_at(texel) > IN_FRONT * of_plane;
+    }
+    return found;
+}
+
+// The depth of texels tells the end but for a texel, triangles tell it exactly. A ray that passes
+// just beside what a texel shows goes on.
+Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
+    Ending ending;
+    ending.known = false;
+    float start = u_nearest;
+    float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));  // planes are those of its origin
+    bool goes_on = true;
+    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+        FirstSurface found = first_surface(rig, rig_origin, start);
+        Place place = place_of(rig + found.nearness * rig_origin, rig_origin);
+        ending.texel = vec3(place.texel, depth);
+        ending.hit = intersect(ending.texel, ray);
+        float nearness = ending.hit.primitive.x == 0u ? 0.0 : 1.0 / ending.hit.range;
+        bool is_there = (found.nearness - nearness) * place.texels < STEP_TEXELS;
+        ending.known = found.known && is_there && !ending.hit.beside &&
+            !is_beside_nearer(ending.hit, place, ray);
+        goes_on = found.known && !is_there;
+        start = found.nearness - STEP_TEXELS / place.texels;
+    }
+    return ending;
+}
+#endif
+
 void main() {
     vec4 optical = texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0);
     vec3 ray = u_viewpoint_from_optical * optical.xyz;
@@ -54,11 +114,25 @@ void main() {
     out_albedo = vec4(0.0);
 #endif
     if (optical.w < 0.5) return;
+#ifdef PARALLAX
+    vec3 optical_origin = texelFetch(u_origins, ivec2(gl_FragCoord.xy), 0).xyz;
+    vec3 rig = u_rig_from_optical * optical.xyz, rig_origin = u_rig_from_optical * optical_origin;
+    ray_origin = u_viewpoint_from_optical * optical_origin;
+    Ending ending = follow(rig, rig_origin, ray);
+    vec3 texel = ending.texel;
+    Hit hit = ending.hit;
+    uint unknown = ending.known ? 0u : UNKNOWN;
+    vec3 start = ray_origin;
+#else
     vec3 texel = texel_of_ray(u_rig_from_optical * optical.xyz);
     Hit hit = intersect(texel, ray);
+    const uint unknown = 0u;
+    const vec3 start = vec3(0.0);
+#endif
+    out_primitive.x = unknown;
     if (hit.primitive.x == 0u) return;
-    out_point = vec4(hit.range * ray, hit.range);
-    out_primitive = hit.primitive;
+    out_point = vec4(start + hit.range * ray, hit.range);
+    out_primitive = uvec2(hit.primitive.x | unknown, hit.primitive.y);
 #ifdef NORMALS
     out_normal = vec4(normal_of(hit), 1.0);
 #endif

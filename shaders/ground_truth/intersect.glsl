@@ -24,6 +24,7 @@ uniform vec2 u_depth_limits_m;  // near and far plane of the faces
 struct Hit {
     uvec2 primitive;   // 1 + draw item, and triangle in it; 0: nothing is hit
     uint triangle_id;  // where a texel shows it, else 0
+    bool beside;       // the ray just misses it, and hits nothing
     float range;       // infinite: nothing is hit
     vec3 weights;      // of the corners, not normalised
     vec3 normal;       // of the plane, towards the viewpoint, not of unit length
@@ -37,6 +38,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     hit.primitive = miss.primitive = uvec2(0u);
     hit.triangle_id = miss.triangle_id = 0u;
     hit.range = max_range;
+    hit.beside = miss.beside = false;
     bool hits = false;
     float least_rad = 1.0;
     uint ids[TEXELS] = ids_around(own_texel);
@@ -90,14 +92,14 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
             bool is_nearer = crossing.range < hit.range;
             bool ends = any_hit && crossing.range < max_range && primitive != ignored;
             if (is_nearer || ends) {
-                hit = Hit(primitive, triangle_id, crossing.range, crossing.weights, t.normal);
+                hit = Hit(primitive, triangle_id, false, crossing.range, crossing.weights, t.normal);
                 if (ends) return hit;
             }
         } else if (crossing.outside_rad < least_rad) {
             least_rad = crossing.outside_rad;
             vec3 weights = weights_beside(t, crossing.edge, ray);
             float range = length(weights.x * t.a + weights.y * t.b + weights.z * t.c);
-            miss = Hit(primitive, triangle_id, range, weights, t.normal);
+            miss = Hit(primitive, triangle_id, true, range, weights, t.normal);
         }
     }
     bool shows_nothing = false;

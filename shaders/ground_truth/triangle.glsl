@@ -5,6 +5,10 @@
 
 #include "ground_truth/tables.glsl"
 
+#ifdef PARALLAX
+vec3 ray_origin = vec3(0.0);  // from the viewpoint; all is seen from there then
+#endif
+
 struct Triangle {
     vec3 a, b, c;       // corners
     vec3 normal;        // of its plane, towards the viewpoint, not of unit length
@@ -27,6 +31,11 @@ Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index) {
     t.a = transformed(viewpoint_from_mesh, vec4(uintBitsToFloat(corners[0].xyz), 1.0));
     t.b = transformed(viewpoint_from_mesh, vec4(uintBitsToFloat(corners[1].xyz), 1.0));
     t.c = transformed(viewpoint_from_mesh, vec4(uintBitsToFloat(corners[2].xyz), 1.0));
+#ifdef PARALLAX
+    t.a -= ray_origin;
+    t.b -= ray_origin;
+    t.c -= ray_origin;
+#endif
     t.normal = cross(t.b - t.a, t.c - t.a);
     t.is_clockwise = dot(t.normal, t.a) > 0.0;
     t.normal *= t.is_clockwise ? -1.0 : 1.0;

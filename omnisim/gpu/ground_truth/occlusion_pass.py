@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.capture.pixel_map import RAYS_UNIT
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers, flush
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
@@ -30,9 +29,10 @@ class OcclusionPass:
 
     def __init__(self, hits: RayHitPass):
         self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
-        program = build_program(context, "capture/picture.vert", "ground_truth/occlusion.frag")
-        hits.tables.bind_program(program, np.eye(3))
-        uniform(program, "u_rays").value = RAYS_UNIT
+        program = build_program(
+            context, "capture/picture.vert", "ground_truth/occlusion.frag", hits.defines
+        )
+        hits.prepare(program, np.eye(3))
         uniform(program, "u_points").value = _POINTS_UNIT
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
         self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
@@ -67,15 +67,15 @@ class OcclusionPass:
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._target.use()
         self._hits.tables.update(transforms, next_from_current)
-        self._hits.pixels.rays.use(RAYS_UNIT)
+        self._hits.bind()
         self._hits.points.use(_POINTS_UNIT)
         self._hits.primitives.use(_PRIMITIVES_UNIT)
         self._vertex_array.render()
         flush()
 
-    def read(self) -> NDArray[np.bool_]:
-        """Read which pixels' (height, width) points are occluded."""
+    def read(self) -> NDArray[np.uint8]:
+        """Read the occlusion (height, width) of the points, as occlusion.frag has it."""
         width, height = self._hits.pixels.size_px
-        occluded = np.empty((height, width), dtype=np.bool_)
-        self._target.read_into(occluded.view(np.uint8), components=1, dtype="u1")
+        occluded = np.empty((height, width), dtype=np.uint8)
+        self._target.read_into(occluded, components=1, dtype="u1")
         return occluded

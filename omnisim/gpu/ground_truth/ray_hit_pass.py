@@ -44,10 +44,13 @@ class RayHitPass:
         points: texture of points and ranges, see `Hits`.
         primitives: texture of 1 + draw item, and triangle in it.
         tables: of the draw items.
+        defines: of its programs.
 
     Raises:
         GraphicsError: a picture or a scene that does not fit on the GPU.
     """
+
+    defines: tuple[str, ...] = ()
 
     def __init__(self, visibility: VisibilityPass, pixels: PixelMap):
         self.visibility, self.pixels = visibility, pixels
@@ -91,7 +94,7 @@ class RayHitPass:
         variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
         variant.target.use()
         self.tables.update(transforms, transforms.normal_from_mesh)
-        self._rays.use(RAYS_UNIT)
+        self.bind()
         if albedos and visibility.albedo_atlas is not None:
             visibility.albedo_atlas.use(_ALBEDO_UNIT)
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
@@ -99,16 +102,28 @@ class RayHitPass:
         variant.vertex_array.render()
         return self._read(variant.target, normals, albedos)
 
+    def bind(self) -> None:
+        """Bind the rays."""
+        self._rays.use(RAYS_UNIT)
+
+    def prepare(self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]) -> None:
+        """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
+        self.tables.bind_program(program, rig_from_optical)
+        uniform(program, "u_rays").value = RAYS_UNIT
+
     def _variant(self, normals: bool, albedos: bool) -> _Variant:
         context, size = self.pixels.context, self.pixels.size_px
         program = build_program(
             context,
             "capture/picture.vert",
             "ground_truth/hits.frag",
-            (*(("NORMALS",) if normals else ()), *(("ALBEDO",) if albedos else ())),
+            (
+                *self.defines,
+                *(("NORMALS",) if normals else ()),
+                *(("ALBEDO",) if albedos else ()),
+            ),
         )
-        self.tables.bind_program(program, self.pixels.camera.rig_from_optical)
-        uniform(program, "u_rays").value = RAYS_UNIT
+        self.prepare(program, self.pixels.camera.rig_from_optical)
         attachments: list[moderngl.Texture | moderngl.Renderbuffer]
         attachments = [self.points, self.primitives]
         with gpu_allocation(self._what, "make the picture smaller"):

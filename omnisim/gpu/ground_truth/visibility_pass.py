@@ -111,6 +111,12 @@ class VisibilityPass:
             self._cameras.both_sides,
         )
 
+    def read_depth(self) -> NDArray[np.float32]:
+        """Depth (height, width) of the atlas as last drawn."""
+        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
+        self._targets[False].read_into(depth, components=1, attachment=-1, dtype="f4")
+        return depth
+
     def render(
         self,
         world_from_rig: NDArray[np.float64],
