@@ -102,7 +102,7 @@ class Surface:
         found: CameraParameters = {
             "name": self.name,
             **self.shape.parameters(),
-            "pose": self.system_from_surface.tolist(),
+            **pose_parameters(self.system_from_surface),
         }
         if math.isfinite(self.rim_radius_m):
             found |= {"rim_radius_m": self.rim_radius_m, "rim_center_m": list(self.rim_center_m)}
@@ -167,6 +167,13 @@ class Surface:
         lengths = np.linalg.norm(gradients, axis=1, keepdims=True)
         unit = np.divide(gradients, lengths, out=np.zeros_like(gradients), where=lengths > 0.0)
         return self.directions_to_system(unit)
+
+
+def pose_parameters(pose: NDArray[np.float64]) -> CameraParameters:
+    """Key and value of a pose (4, 4) in an optics file: its position, where it is not turned."""
+    if np.array_equal(pose[:3, :3], np.eye(3)):
+        return {"position_m": pose[:3, 3].tolist()}
+    return {"pose": pose.tolist()}
 
 
 @dataclass(frozen=True)

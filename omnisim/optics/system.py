@@ -39,7 +39,7 @@ from omnisim.frames import (
 from omnisim.optics.inverse import Inverse, Targets
 from omnisim.optics.media import WAVELENGTHS_UM, Medium, medium_parameter, refractive_index
 from omnisim.optics.shapes.shape import Floats
-from omnisim.optics.surface import Rod, Surface
+from omnisim.optics.surface import Rod, Surface, pose_parameters
 from omnisim.optics.tracing import Fate, Paths, TracedRays, trace
 from omnisim.poses import check_pose, pose_from_rotation
 from omnisim.short_repr import counted, short_repr
@@ -254,7 +254,10 @@ class OpticalSystem:
             found["color"] = self.color
         if self.chromatic:
             found["chromatic"] = True
-        found["camera"] = {**self.camera.parameters(), "pose": self.system_from_camera.tolist()}
+        found["camera"] = {
+            **self.camera.parameters(),
+            **pose_parameters(self.system_from_camera),
+        }
         found["surfaces"] = [surface.parameters() for surface in self.surfaces]
         if self.obstacles:
             found["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
