@@ -78,6 +78,12 @@ CHECKS = (
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),
+    Check(
+        "optics-calibration",
+        "Any optics: calibrations from chessboards",
+        "optics_calibration.check",
+        oracles=("cv2.omnidir",),
+    ),
 )
 
 

@@ -46,20 +46,22 @@ def calibrate(
     board_points: NDArray[np.float64],
     pictures_px: list[NDArray[np.float64]],
     size_px: tuple[int, int],
+    distorted: bool = False,
 ) -> OmnidirCalibration:
-    """Calibrate from corners of one plane board in several pictures; distortion is taken as zero.
+    """Calibrate from corners of one plane board in several pictures.
 
     Args:
         board_points: (n, 3) corners in the board's frame.
         pictures_px: (n, 2) the same corners in each picture.
         size_px: width and height of the pictures.
+        distorted: estimate radial and tangential distortion, too; else they are zero.
     """
     import cv2
 
     objects = [board_points[:, None].astype(np.float64) for _ in pictures_px]
     images = [pixels[:, None].astype(np.float64) for pixels in pictures_px]
     flags = cv2.omnidir.CALIB_FIX_SKEW
-    for name in ("K1", "K2", "P1", "P2"):
+    for name in () if distorted else ("K1", "K2", "P1", "P2"):
         flags |= getattr(cv2.omnidir, f"CALIB_FIX_{name}")
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
     # its stub knows no calibration without a first guess of K, ξ and D
