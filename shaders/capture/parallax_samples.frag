@@ -12,12 +12,13 @@ layout(location = 0) out vec4 out_color;
 #include "capture/parallax_rays.glsl"
 #include "capture/parallax_color.glsl"
 
-// All four texels that a colour is mixed of show what the ray meets, or something whose parallax is
-// less than a texel from it: beside an edge, what is behind or before it would shine through.
-bool is_unmixed(Place place, float nearness) {
-    vec2 first = floor(place.texel - 0.5) + 0.5;
-    vec4 found = vec4(inverse_z_at(first), inverse_z_at(first + vec2(1.0, 0.0)),
-                      inverse_z_at(first + vec2(0.0, 1.0)), inverse_z_at(first + vec2(1.0)));
+// Texels that a colour is mixed of show what the ray meets, or something whose parallax is less than
+// a texel from it: beside an edge, what is behind or before it would shine through.
+bool is_unmixed(Place place, float nearness, float level) {
+    float reach = level > 0.0 ? exp2(ceil(level)) : 0.5;
+    vec2 first = place.texel - reach, last = place.texel + reach;
+    vec4 found = vec4(inverse_z_at(first), inverse_z_at(vec2(last.x, first.y)),
+                      inverse_z_at(vec2(first.x, last.y)), inverse_z_at(last));
     vec4 texels = abs(found * place.depth - nearness) * place.texels;
     return max(max(texels.x, texels.y), max(texels.z, texels.w)) < SAME_TEXELS;
 }
@@ -29,6 +30,7 @@ void main() {
     Ray ray = ray_of(pixel, int(at % 64u));
     FirstSurface found = first_surface(ray.direction, ray.origin, u_nearest);
     Place place = place_of(ray.direction + found.nearness * ray.origin, ray.origin);
-    bool known = found.known && is_unmixed(place, found.nearness);
-    out_color = vec4(color_at(place.texel, level_at(pixel, place)), known ? 1.0 : 0.0);
+    float level = level_at(pixel, place);
+    bool known = found.known && is_unmixed(place, found.nearness, level);
+    out_color = vec4(color_at(place.texel, level), known ? 1.0 : 0.0);
 }

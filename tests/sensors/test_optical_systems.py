@@ -206,7 +206,7 @@ def test_nothing_shines_through_beside_edges(embree):
             linear = renderer.render(NOW, linear=True).linear[..., 1]
         middles.append(centroids(linear.astype(np.float64), pixels))
     assert len(pixels) > 10
-    assert np.linalg.norm(middles[0] - middles[1], axis=1).max() < 0.12
+    assert np.linalg.norm(middles[0] - middles[1], axis=1).max() < 0.08
 
 
 def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
