@@ -24,8 +24,9 @@ from omnisim.optics.surface_tables import (
 from omnisim.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.parameters import Number, Table, described, parse_table
 from omnisim.poses import POSE_TOLERANCE, is_rotation
-from omnisim.toml_file import read_toml
+from omnisim.toml_file import read_tables
 
+_OF_SENSORS = ("mounting", "polygons")  # keys of [optics] in a sensor file
 _Direction = tuple[Number, Number, Number]
 _Looking = Annotated[
     Literal["up", "ahead", "down"] | tuple[_Direction, _Direction, _Direction],
@@ -102,7 +103,7 @@ class OpticsFile(Table):
     """A whole optics file."""
 
     medium: MediumKey = "air"
-    """Medium around the camera; a number is a refractive index."""
+    """Medium around the camera; a number is a refractive index, three are those of R, G and B."""
     looking: _Looking | None = None
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
     left out: up into a mirror, else as the camera itself."""
@@ -132,12 +133,20 @@ class OpticsFile(Table):
 
 
 def read_optics_file(path: str | Path) -> OpticalSystem:
-    """Read an optical system.
+    """Read an optical system, from an optics file or from a sensor file with `[optics]`.
 
     Raises:
         SensorFileError: naming file, key, value and what was expected.
     """
-    return _make_system(read_toml(Path(path), OpticsFile, SensorFileError), str(path))
+    table = read_tables(Path(path), SensorFileError)
+    in_sensor = table.get("optics")
+    if "surfaces" in table or not isinstance(in_sensor, dict):
+        return parse_optics(table, str(path))
+    if isinstance(in_sensor.get("file"), str):
+        file = Path(path).parent / in_sensor["file"]
+        return parse_optics(read_tables(file, SensorFileError), str(file))
+    own = {key: value for key, value in in_sensor.items() if key not in _OF_SENSORS}
+    return parse_optics(own, str(path), "optics")
 
 
 def parse_optics(table: Mapping[str, Any], source: str = "optics", at: str = "") -> OpticalSystem:

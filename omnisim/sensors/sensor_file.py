@@ -39,7 +39,7 @@ from omnisim.sensors.quality import (
     QualityName,
     quality_named,
 )
-from omnisim.toml_file import read_toml
+from omnisim.toml_file import read_tables
 
 Polygons = int | Literal["auto"] | None  # None: exact
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
@@ -254,7 +254,8 @@ class OpticsTable(Table):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     file: str | None = None
-    """Optics file, relative to this file."""
+    """Optics file, relative to this file; left out: its keys are in this table, as
+    [optics.camera] and [[optics.surfaces]]."""
     polygons: PolygonCount = "exact"
     """Polygons of the mesh of the first mirror that the camera sees; "auto": as few as keep the
     largest error in the picture below 0.1 px; "exact": no mesh."""
@@ -339,12 +340,18 @@ class SensorSettings:
 
 
 def read_sensor_file(path: Path) -> SensorSettings:
-    """Read and check a sensor file.
+    """Read and check a sensor file; or an optics file, whose system has default settings.
 
     Raises:
         SensorFileError: naming file, key, value and what was expected.
     """
-    return _settings(read_toml(path, SensorFile, SensorFileError), str(path))
+    table = read_tables(path, SensorFileError)
+    if "surfaces" not in table or "optics" in table:
+        return parse_sensor(table, str(path))
+    from omnisim.optics.system_file import parse_optics  # few have one
+
+    system = parse_optics(table, str(path))
+    return replace(_settings(SensorFile(), str(path)), model=system, polygons=None)
 
 
 def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:

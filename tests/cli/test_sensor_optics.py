@@ -8,6 +8,7 @@ import pytest
 
 import omnisim as package
 from omnisim import OmniCamera
+from omnisim.optics import read_optics_file
 from omnisim.sensors.picture_file import read_picture
 from omnisim.trajectories import Trajectory, write_trajectory
 
@@ -65,3 +66,31 @@ def test_trajectories(omnisim, tmp_path, options):
     (tmp_path / "run" / "camera" / "000000.png").unlink()
     assert omnisim(*command)[0] == 0
     assert (tmp_path / "run" / "camera" / "000000.png").read_bytes() == first
+
+
+def test_either_file_is_the_system(omnisim, tmp_path):
+    """Sensor files where optics files go, and optics files where sensor files do."""
+    shutil.copy(EXAMPLES / "equi-angular.toml", tmp_path)
+    shutil.copy(EXAMPLES / "equi-angular.csv", tmp_path)
+    (tmp_path / "a.toml").write_text('[optics]\nfile = "equi-angular.toml"\npolygons = "auto"\n')
+    (tmp_path / "b.toml").write_text(IN_PLACE)
+    system = read_optics_file(tmp_path / "equi-angular.toml")
+    for read in (
+        read_optics_file(tmp_path / "a.toml"),
+        OmniCamera.of(tmp_path / "equi-angular.toml").model,
+        OmniCamera.from_file(tmp_path / "a.toml").model,
+    ):
+        assert read.parameters() == system.parameters()
+    in_place = OmniCamera.from_file(tmp_path / "b.toml").model
+    assert read_optics_file(tmp_path / "b.toml").parameters() == in_place.parameters()
+    assert OmniCamera.of(tmp_path / "equi-angular.toml").polygons is None
+    status, out, _ = omnisim("optics", "check", "b.toml")
+    assert (status, "36 × 36 px, 1 mirror" in out) == (0, True)
+
+
+def test_a_sensor_file_that_names_itself_is_no_optics_file(omnisim, tmp_path):
+    (tmp_path / "a.toml").write_text('[optics]\nfile = "a.toml"\n')
+    for command in (("sensor", "--check", "a.toml"), ("optics", "check", "a.toml")):
+        status, _, err = omnisim(*command)
+        assert status == 1
+        assert "a.toml: camera: missing" in err
