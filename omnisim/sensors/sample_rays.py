@@ -35,7 +35,7 @@ def sample_rays(
     around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
     directions, origins_m, valid = trace(around)
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
-    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, _SMOOTH_PX)[inner]
+    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
     beside = _all_around(valid, 1)[inner]  # of pixels that may be interpolated there at all
     found = ParallaxRays(
         supersampling,
