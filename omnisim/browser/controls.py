@@ -177,7 +177,7 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
         control["help"] = about and f"Typically {about}."
         control["soft"] = _soft(control, None, None)
         controls.append(control)
-    return _group(title, documented.split("\n\n")[0], controls)
+    return _group(title, documented.split("\n\n")[0].replace("`", ""), controls)
 
 
 def _kind_of_value(value: Any) -> _Kind | None:

@@ -248,8 +248,8 @@ class Session:
         pilot, shown = self._pilot, self._shown
         match message:
             case messages.Drive():
-                if not pilot.is_moving:
-                    self._advanced_s = time.monotonic()
+                # a key that is pressed and let go while a picture is drawn counts, too
+                self._advance(time.monotonic(), pilot.is_moving)
                 self._driven_s = time.monotonic()
                 pilot.wish = Wish(**dict(message))
             case messages.Go():

@@ -26,12 +26,14 @@ PANORAMA_PX, LOWEST_RAD = 720, math.radians(-45.0)
 PERSPECTIVE_PX = (480, 360)
 BIRDSEYE_PX, EXTENT_PER_HEIGHT = 360, 4.0
 LEAST_HEIGHT_M = 0.02
-_KEPT = 8  # remap tables
+_KEPT = 12  # remap tables, coarse and fine
 
 
 class _Key(NamedTuple):
-    """Camera, place on the vehicle and view that a remap table is of."""
+    """Camera, its rotation on the vehicle and view that a remap table is of."""
 
+    model: int
+    rotation: bytes
     name: str
     view: tuple[float, ...]
     is_fine: bool
@@ -41,11 +43,9 @@ class ViewMaker:
     """Makes views of pictures; keeps their remap tables while the camera stays."""
 
     def __init__(self) -> None:
-        self._model: CentralCamera | None = None
-        self._rotation = np.eye(3)
-        self._tables: dict[_Key, Unwarping] = {}
-        self._highest_rad = 0.0
-        self._highest_of: CentralCamera | None = None
+        # with the camera itself, or another may have its identity later
+        self._tables: dict[_Key, tuple[CentralCamera, Unwarping]] = {}
+        self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
 
     def view(self, name: str, taken: Taken, gaze: Gaze, height_m: float) -> View:
         """Camera of a view.
@@ -60,7 +60,7 @@ class ViewMaker:
             OpticsError: a camera that sees no horizon has no panorama.
         """
         if name == "panorama":
-            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest(taken))
+            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest_rad(taken))
         if name == "perspective":
             fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
             return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
@@ -76,33 +76,34 @@ class ViewMaker:
             OpticsError: the camera sees nothing of it, or its rays do not meet in one point.
         """
         rotation = taken.base_from_optical[:3, :3]
-        if self._model is not taken.model or not np.array_equal(rotation, self._rotation):
-            self._tables.clear()
-            self._model, self._rotation = taken.model, rotation
         numbers: tuple[float, ...] = ()
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
-        elif name == "panorama":
-            numbers = (self._highest(taken),)
-        key = _Key(name, numbers, is_fine)  # of a map: its extent grows with the height
+        # of a map: its extent grows with the height, and its picture stays
+        key = _Key(id(taken.model), rotation.tobytes(), name, numbers, is_fine)
         if key not in self._tables:
             view = self.view(name, taken, gaze, height_m)
             if len(self._tables) >= _KEPT:
                 del self._tables[next(iter(self._tables))]
-            self._tables[key] = Unwarping(
+            table = Unwarping(
                 taken.model,
                 view.camera,
                 rotation.T @ view.base_from_view,
                 samples=None if is_fine else 1,
             )
-        picture: NDArray[np.uint8] = self._tables[key](taken.rgb)
+            self._tables[key] = (taken.model, table)
+        picture: NDArray[np.uint8] = self._tables[key][1](taken.rgb)
         return picture
 
-    def _highest(self, taken: Taken) -> float:
-        if self._highest_of is not taken.model:
-            found = highest_elevation_deg(taken.model, taken.base_from_optical[:3, :3])
-            self._highest_rad, self._highest_of = math.radians(max(found, 5.0)), taken.model
-        return self._highest_rad
+    def _highest_rad(self, taken: Taken) -> float:
+        rotation = taken.base_from_optical[:3, :3]
+        key = _Key(id(taken.model), rotation.tobytes(), "panorama", (), False)
+        if key not in self._highest:
+            if len(self._highest) >= _KEPT:
+                self._highest.clear()
+            found = math.radians(max(highest_elevation_deg(taken.model, rotation), 5.0))
+            self._highest[key] = (taken.model, found)
+        return self._highest[key][1]
 
 
 def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:

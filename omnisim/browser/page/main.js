@@ -14,7 +14,7 @@ const SMALL_FIRST = []; // on a phone
 const SHORTCUTS = ["panorama", "perspective", "birdseye", "map", "range"];
 const TURN_DEG = 180; // of a drag across a picture
 const views = new Map();
-const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, playing: 0 };
+const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, playing: 0 };
 const rates = [];
 
 const stream = new Stream({
@@ -101,6 +101,8 @@ async function showFrame(frame) {
   document.body.dataset.change = frame.change;
   document.body.dataset.fine = frame.is_fine;
   if (frame.is_fine && state.playing) advance();
+  if (frame.change !== state.probedChange) hideMarks();
+  if (frame.is_fine && state.pointed && frame.change !== state.probedChange) probe(...state.pointed);
 }
 
 function showPlace({ viewpoint, blocked_by: blocked }) {
@@ -207,9 +209,16 @@ function toggle(name) {
   showViews();
 }
 
+function hideMarks() {
+  for (const view of views.values()) view.mark(null);
+  state.map?.update({ point: null });
+}
+
 function probe(view, u, v) {
+  state.pointed = [view, u, v];
   if (state.isProbing) return;
   state.isProbing = true;
+  state.probedChange = state.frame.change;
   setTimeout(() => (state.isProbing = false), 400); // an answer may not come while it moves
   send("probe", { view: view.name in state.about.channels ? "camera" : view.name, u, v, follow: views.has("perspective") && state.drives });
 }
@@ -219,8 +228,8 @@ const pictureHooks = {
   click: probe, // of a finger, which does not hover
   close: toggle,
   leave: () => {
-    for (const view of views.values()) view.mark(null);
-    state.map?.update({ point: null });
+    state.pointed = null;
+    hideMarks();
   },
   drag: (view, du, dv) => {
     if (!state.drives || state.about.steps !== null) return;

@@ -48,6 +48,8 @@ export class View {
     this.#reason.hidden = !part.reason;
     if (part.reason) {
       this.#reason.textContent = part.reason;
+      this.#canvas.getContext("2d").clearRect(0, 0, this.#canvas.width, this.#canvas.height);
+      this.#legend.hidden = true;
       return;
     }
     const bitmap = await createImageBitmap(part.blob);
