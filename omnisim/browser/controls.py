@@ -183,6 +183,8 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
 def _kind_of_value(value: Any) -> _Kind | None:
     if isinstance(value, bool):
         return _Kind("boolean")
+    if isinstance(value, str):
+        return _Kind("text")
     if isinstance(value, int | float):
         return _Kind("integer" if isinstance(value, int) else "number")
     if isinstance(value, list | tuple) and 0 < len(value) <= _NUMBERS:

@@ -37,7 +37,7 @@ COARSE_JPEG, VIEW_JPEG = 85, 90  # qualities
 PROBED = ("range", "position", "semantic", "instance")  # channels that a probe reads
 SEEN_BINS = 120  # of the outline of what the camera sees, on the map
 MAP_INSIDE = 0.02  # share of the map: nearer to its edge than this it is drawn anew
-Publish = Callable[[str, bytes], None]  # kind, message
+Publish = Callable[[str, bytes, int], None]  # kind, message, and the state that it shows
 AnySource = LiveSource | RunSource
 T = TypeVar("T")
 
@@ -117,7 +117,7 @@ class Engine:
         if isinstance(work, Job):
             work.reply(message)
             return
-        self._publish("error", message)
+        self._publish("error", message, 0)
         self._session.reject(work.shown.document)
         self._session.drawn(work)
         self._session.ask()  # who asked has got no picture
@@ -154,7 +154,7 @@ class Engine:
         }
         if draw.is_fine:
             content["command"] = source.command(shown, taken)
-        self._publish("frame", pack("frame", content, parts))
+        self._publish("frame", pack("frame", content, parts), shown.change)
         self._session.drawn(draw, time.perf_counter() - begin_s)
         if draw.is_fine and "map" in shown.views:
             self._renew_map(taken)
@@ -219,7 +219,7 @@ class Engine:
             "low_m": found.low_m.tolist(), "high_m": found.high_m.tolist(),
             "ground_m": found.ground_m,
         }  # fmt: skip
-        self._publish("map", pack("map", about, [_jpeg("map", found.rgb, VIEW_JPEG)]))
+        self._publish("map", pack("map", about, [_jpeg("map", found.rgb, VIEW_JPEG)]), 0)
 
     def _publish_camera(self, draw: Draw) -> None:
         source = self._source
@@ -234,7 +234,7 @@ class Engine:
             "model": model.model_name,
             "mesh": source.camera.mesh_summary,
         }
-        self._publish("camera", pack("camera", content))
+        self._publish("camera", pack("camera", content), 0)
 
     def _answer(self, job: Job) -> None:
         source = self._source

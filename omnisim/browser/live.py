@@ -69,8 +69,8 @@ class LivePage:
         self.server = LiveServer(self.session, about, host, port, token)
         self._about = about
 
-    def _publish(self, kind: str, data: bytes) -> None:
-        self.server.publish(kind, data)
+    def _publish(self, kind: str, data: bytes, change: int) -> None:
+        self.server.publish(kind, data, change)
 
     def open(self) -> None:
         """Bring the scene to the GPU.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -48,11 +49,16 @@ def probe(
         direction = direction_in(source, message.u, message.v)
     except OpticsError as reason:
         return {"view": message.view, "reason": str(reason), "marks": {}}
+    own = (message.u, message.v) if source is cameras["camera"] else None
+    if own is None and is_central:
+        own = place_in(cameras["camera"], direction)
     marks: dict[str, tuple[float, float]] = {}
+    if own is not None:
+        marks["camera"] = own = _center(taken, *own)
+        with suppress(OpticsError):  # the pixel's centre may be beyond the rim
+            direction = direction_in(cameras["camera"], *own)
     for name, camera in cameras.items():
-        if camera is source:
-            marks[name] = (message.u, message.v)
-        elif is_central and (place := place_in(camera, direction)) is not None:
+        if name != "camera" and (place := place_in(camera, direction)) is not None:
             marks[name] = place
     world = taken.world_from_base[:3, :3] @ direction
     found: Json = {
@@ -65,6 +71,13 @@ def probe(
     if "camera" in marks:
         found |= _channels_at(taken, *marks["camera"])
     return found
+
+
+def _center(taken: Taken, u: float, v: float) -> tuple[float, float]:
+    """Shares of the sides at the centre of the pixel there, whose ray the channels are of."""
+    height, width = taken.rgb.shape[:2]
+    column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
+    return (column + 0.5) / width, (row + 0.5) / height
 
 
 def _channels_at(taken: Taken, u: float, v: float) -> Json:

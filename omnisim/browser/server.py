@@ -87,6 +87,7 @@ class LiveServer:
         self._driven_s = 0.0
         self._kept: dict[str, bytes] = {}
         self._frames = 0
+        self._change = -1  # state in the last frame
         self._loop: asyncio.AbstractEventLoop | None = None
         self._server: Server | None = None
 
@@ -131,12 +132,12 @@ class LiveServer:
             self._server.close()
             await asyncio.wait([asyncio.ensure_future(self._server.wait_closed())], timeout=0.5)
 
-    def publish(self, kind: str, data: bytes) -> None:
-        """Send a message to all pages, from any thread."""
+    def publish(self, kind: str, data: bytes, change: int = 0) -> None:
+        """Send a message to all pages, from any thread; `change`: the state that a frame shows."""
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._spread, kind, data)
+            self._loop.call_soon_threadsafe(self._spread, kind, data, change)
 
-    def _spread(self, kind: str, data: bytes) -> None:
+    def _spread(self, kind: str, data: bytes, change: int) -> None:
         if kind in KEPT:
             self._kept[kind] = data
         if kind != "frame":
@@ -144,6 +145,7 @@ class LiveServer:
                 self._send(page, data)
             return
         self._frames += 1
+        self._change = change
         for page in self._pages:
             if page.is_ready:
                 self._send_frame(page)
@@ -250,7 +252,7 @@ class LiveServer:
             self._loop.call_soon_threadsafe(self._send, page, data)
 
     def _ask(self, page: _Page) -> None:
-        if page.has_seen < self._frames:
+        if page.has_seen < self._frames and self._change == self._session.shown.change:
             self._send_frame(page)
         else:
             page.is_ready = True

@@ -86,6 +86,7 @@ function showCamera(camera) {
 async function showFrame(frame) {
   state.frame = frame;
   const shown = frame.parts.map((part) => views.get(part.name)?.show(part, frame.is_fine));
+  if (state.about.steps !== null) state.map?.clearTrail(); // the path that was driven is drawn
   state.map?.update({ place: frame.viewpoint, ...(frame.seen_m ? { seen_m: frame.seen_m } : {}) });
   await Promise.allSettled(shown);
   send("ask");

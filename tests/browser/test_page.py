@@ -1,0 +1,250 @@
+"""Page in a real browser: no outside request, no error, and pictures that are the renderer's."""
+
+import importlib.util
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FINE = "body[data-fine='true']"
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    executable = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if executable is None:
+        pytest.skip(f"there is no browser: none of {', '.join(BROWSERS)}")
+    if importlib.util.find_spec("playwright") is None:
+        pytest.skip("playwright, which drives the browser, is not installed")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory):
+    """Address of `omnisim live` in a process of its own."""
+    process, url = start(tmp_path_factory.mktemp("live"), "rings", "--size", "128")
+    yield url
+    process.send_signal(signal.SIGINT)
+    assert process.wait(10) == 0
+
+
+def start(folder, *words):
+    errors = (folder / "errors.txt").open("w")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "omnisim", "live", *words, "--port", "0"],
+        stdout=subprocess.PIPE, stderr=errors, text=True, cwd=folder,
+        env=os.environ | {"COLUMNS": "200"},
+    )  # fmt: skip
+    line = process.stdout.readline()
+    assert line.startswith("Open http://localhost:"), (folder / "errors.txt").read_text()
+    return process, line.split()[1]
+
+
+@pytest.fixture
+def page(browser, live):
+    """A new page of the server, that has seen no error and no outside request in the end."""
+    context = browser.new_context(
+        viewport={"width": 1440, "height": 900}, permissions=["clipboard-read", "clipboard-write"]
+    )
+    page, faults = context.new_page(), []
+    page.on("console", lambda one: faults.append(one.text) if one.type == "error" else None)
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("request", lambda one: faults.append(one.url) if _is_outside(one.url, live) else None)
+    page.goto(live)
+    page.wait_for_selector(FINE)
+    wait_until(lambda: page.evaluate("omnisim.state.drives"), "it drives")
+    yield page
+    assert faults == []
+    context.close()
+
+
+def _is_outside(url, own):
+    return not url.startswith((own, "blob:", "data:", own.replace("http", "ws")))
+
+
+def wait_until(is_true, what, timeout_s=30.0):
+    deadline_s = time.monotonic() + timeout_s
+    while not is_true():
+        assert time.monotonic() < deadline_s, f"never: {what}"
+        time.sleep(0.02)
+
+
+def change(page):
+    return int(page.get_attribute("body", "data-change"))
+
+
+def rest(page, after):
+    """Wait for a fine picture of a state after another."""
+    wait_until(
+        lambda: change(page) > after and page.get_attribute("body", "data-fine") == "true",
+        f"a fine picture after {after}",
+    )
+    time.sleep(0.3)
+    wait_until(lambda: page.get_attribute("body", "data-fine") == "true", "at rest")
+
+
+def shown_png(page):
+    """Bytes of the camera's picture that is shown."""
+    script = "async () => [...new Uint8Array(await omnisim.views.get('camera').blob.arrayBuffer())]"
+    return bytes(page.evaluate(script))
+
+
+def rendered_png(page, folder):
+    """Bytes of the picture by the command line that the page copies."""
+    page.click("#copy-command")
+    command = page.evaluate("navigator.clipboard.readText()")
+    subprocess.run(
+        ["bash", "-ec", command.replace("omnisim render", f"{shlex.quote(sys.executable)} -m omnisim render")],
+        cwd=folder, check=True, capture_output=True,
+    )  # fmt: skip
+    return (folder / "picture.png").read_bytes()
+
+
+def test_keys_move_the_camera_and_the_picture_is_the_renderers(page, tmp_path):
+    before, place = change(page), page.inner_text("#place")
+    page.keyboard.down("w")
+    page.keyboard.down("ArrowLeft")
+    page.wait_for_timeout(400)
+    page.keyboard.up("w")
+    page.keyboard.up("ArrowLeft")
+    rest(page, before)
+    assert page.inner_text("#place") != place
+    assert shown_png(page) == rendered_png(page, tmp_path)
+
+
+def test_a_slider_changes_the_mirror_and_undo_takes_it_back(page, tmp_path):
+    first, before = shown_png(page), change(page)
+    slider = page.locator("[data-path='sensor.mirror.k'] input[type=range]")
+    slider.focus()
+    for _ in range(5):
+        page.keyboard.press("PageUp")
+    rest(page, before)
+    changed = shown_png(page)
+    assert changed != first
+    assert changed == rendered_png(page, tmp_path)
+    k = float(page.input_value("[data-path='sensor.mirror.k'] input[type=number]"))
+    assert k > 11.546
+    with page.expect_download() as saved:
+        page.click("#save-toml")
+    assert "k = " in saved.value.path().read_text()
+    before = change(page)
+    page.keyboard.press("Control+z")
+    rest(page, before)
+    assert shown_png(page) == first
+
+
+def test_a_preset_of_the_gallery_is_one_click_away(page, tmp_path):
+    first, before = shown_png(page), change(page)
+    page.click("summary:has-text('Mirrors and lenses')")
+    page.click(".lenses button[data-name=eucm]")
+    rest(page, before)
+    assert shown_png(page) == rendered_png(page, tmp_path)
+    assert page.locator("[data-path='sensor.lens.alpha']").is_visible()
+    before = change(page)
+    page.click("#reset")
+    rest(page, before)
+    assert shown_png(page) == first
+
+
+def test_a_fault_is_shown_and_the_picture_stays(page):
+    first, before = shown_png(page), change(page)
+    page.fill("[data-path='sensor.mirror.k'] input[type=number]", "1")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#fault:not([hidden])")
+    assert page.inner_text("#fault") == "mirror.k: expected a number ≥ 2, got 1"
+    rest(page, before)
+    assert shown_png(page) == first
+
+
+def test_views_are_switched_and_a_point_is_marked_in_all(page):
+    for name in ("perspective", "birdseye", "semantic"):
+        if page.get_attribute(f"#chips [data-view={name}]", "aria-pressed") == "false":
+            page.click(f"#chips [data-view={name}]")
+    page.wait_for_selector(".view[data-view=semantic] .legend span")
+    canvas = page.locator(".view[data-view=camera] canvas")
+    box = canvas.bounding_box()
+    canvas.hover(position={"x": 0.5 * box["width"], "y": 0.7 * box["height"]})
+    page.wait_for_selector(".view[data-view=panorama] .mark:not([hidden])", state="attached")
+    wait_until(lambda: " m · " in page.inner_text("#probe"), "the range")
+    for name in ("camera", "semantic", "birdseye"):
+        assert page.is_visible(f".view[data-view={name}] .mark"), name
+
+
+def test_a_second_page_watches(page, browser, live):
+    other = browser.new_page()
+    other.goto(live)
+    other.wait_for_selector(FINE)
+    assert other.inner_text("#roles") == "watching"
+    before = change(page)
+    page.keyboard.down("s")
+    page.wait_for_timeout(200)
+    page.keyboard.up("s")
+    rest(page, before)
+    wait_until(lambda: other.inner_text("#place") == page.inner_text("#place"), "the same place")
+    wait_until(lambda: shown_png(other) == shown_png(page), "the same picture")
+    other.close()
+
+
+def test_a_click_on_the_map_goes_there(page):
+    page.wait_for_selector(".view[data-view=map] canvas")
+    wait_until(lambda: page.evaluate("Boolean(omnisim.state.mapMessage)"), "the map")
+    place, before = page.inner_text("#place"), change(page)
+    box = page.locator(".view[data-view=map] canvas").bounding_box()
+    page.mouse.click(box["x"] + 0.4 * box["width"], box["y"] + 0.6 * box["height"])
+    rest(page, before)
+    assert page.inner_text("#place") != place
+
+
+def test_all_is_reached_by_the_keyboard(page):
+    reached = set()
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate(
+            "document.activeElement.id || document.activeElement.getAttribute('aria-label')"
+            " || document.activeElement.textContent.slice(0, 30)"
+        ))  # fmt: skip
+    assert {"theme", "help", "save-toml", "copy-command", "save-picture"} <= reached
+    page.keyboard.press("?")
+    assert page.is_visible("#help-dialog")
+    page.keyboard.press("Escape")
+
+
+@pytest.mark.parametrize("width", [390, 800, 1440])
+def test_nothing_is_wider_than_the_window(page, width):
+    page.set_viewport_size({"width": width, "height": 844})
+    page.wait_for_timeout(200)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_a_robot_is_driven_by_keys(browser, tmp_path):
+    process, url = start(tmp_path, "soccer", "--robot", "p2at", "--size", "96")
+    try:
+        page = browser.new_page()
+        page.goto(url)
+        page.wait_for_selector(FINE)
+        place, before = page.inner_text("#place"), change(page)
+        page.keyboard.down("ArrowUp")
+        page.wait_for_timeout(1500)
+        page.keyboard.up("ArrowUp")
+        rest(page, before)
+        assert page.inner_text("#place") != place
+        assert json.loads(page.evaluate("JSON.stringify(omnisim.state.about.outline_m)"))
+    finally:
+        begin_s = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+        assert time.monotonic() - begin_s < 5.0  # at once, but for the picture at hand
