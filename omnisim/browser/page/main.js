@@ -14,7 +14,7 @@ const SMALL_FIRST = []; // on a phone
 const SHORTCUTS = ["panorama", "perspective", "birdseye", "map", "range"];
 const TURN_DEG = 180; // of a drag across a picture
 const views = new Map();
-const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, playing: 0 };
+const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, probedPoints: "", playing: 0 };
 const rates = [];
 
 const stream = new Stream({
@@ -102,7 +102,7 @@ async function showFrame(frame) {
   document.body.dataset.change = frame.change;
   document.body.dataset.fine = frame.is_fine;
   if (frame.is_fine && state.playing) advance();
-  if (frame.change !== state.probedChange) hideMarks();
+  if (pointsOf(frame) !== state.probedPoints) hideMarks();
   if (frame.is_fine && state.pointed && frame.change !== state.probedChange) probe(...state.pointed);
 }
 
@@ -210,6 +210,11 @@ function toggle(name) {
   showViews();
 }
 
+/** What the points of a picture depend on: place, time and camera, but not the other views. */
+function pointsOf({ viewpoint, time_s: time, step }) {
+  return JSON.stringify([viewpoint, time, step, state.camera.text]);
+}
+
 function hideMarks() {
   for (const view of views.values()) view.mark(null);
   state.map?.update({ point: null });
@@ -220,6 +225,7 @@ function probe(view, u, v) {
   if (state.isProbing) return;
   state.isProbing = true;
   state.probedChange = state.frame.change;
+  state.probedPoints = pointsOf(state.frame);
   setTimeout(() => (state.isProbing = false), 400); // an answer may not come while it moves
   send("probe", { view: view.name in state.about.channels ? "camera" : view.name, u, v, follow: views.has("perspective") && state.drives });
 }
