@@ -28,7 +28,7 @@ help:
 	@echo "make bench        measure performance, also of other renderers: out/benchmarks"
 	@echo "make docs         build the documentation: out/docs"
 	@echo "make readme       validate, and update measures and figures in the documentation"
-	@echo "make gallery      render a scene through every camera model: omnisim/cameras/gallery"
+	@echo "make gallery      render a scene through all cameras and optics: their galleries"
 	@echo "make sheets       render every channel and degradation: omnisim/sensors/sheets"
 	@echo "make clean        remove the environment and all outputs"
 
@@ -68,6 +68,7 @@ readme: validate
 
 gallery: setup
 	$(BIN)/python .ci/make_gallery.py
+	$(BIN)/python .ci/make_optics_gallery.py
 
 sheets: setup
 	@mkdir -p omnisim/sensors/sheets

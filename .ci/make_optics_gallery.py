@@ -1,0 +1,206 @@
+"""Gallery of the optical systems of examples/optics: make gallery.
+
+The page takes its text from the files' comments and from what is measured of the systems.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from omnisim import OmniCamera, Renderer  # noqa: E402
+from omnisim.bilinear import corner_and_weights, interpolate  # noqa: E402
+from omnisim.mirrors.mesh_error import MeshError  # noqa: E402
+from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS  # noqa: E402
+from omnisim.optics import OpticalSystem, measure_centrality, read_optics_file  # noqa: E402
+from omnisim.optics.mesh_error import SystemMeshErrors  # noqa: E402
+from omnisim.optics.mesh_rays import has_mesh  # noqa: E402
+from omnisim.optics.tracing import Fate  # noqa: E402
+from omnisim.plots.optics_plot import optics_figure  # noqa: E402
+from omnisim.scene import load_scene  # noqa: E402
+from omnisim.sensors.auto_mesh import auto_polygons  # noqa: E402
+
+FOLDER = ROOT / "examples" / "optics"
+PICTURES = FOLDER / "gallery"
+SCENE = "courtyard"
+VIEWPOINT_M = (0.6, -0.5, 1.2)
+HEIGHTS_M = {"equi-ground": 0.6}  # that the mirror is designed for
+YAW_DEG = 40.0
+LONGER_SIDE_PX = 440
+SUPERSAMPLING = 4
+LARGEST_BYTES = 50_000
+PLOT_COLORS = 64
+OUTSIDE = (24, 24, 28)  # where a camera sees nothing
+ORDER = (
+    "tilted-mirror", "sphere", "cone", "security-mirror", "equi-angular", "equi-ground", "folded",
+    "flat-port", "dome-port",
+)  # fmt: skip
+STRIP = "cone"  # also shown unrolled
+STRIP_RADII = (0.12, 0.99)  # shares of the mirror's radius in the picture
+MESHED, MESHED_PX, LABEL_PX = "sphere", 190, 20  # also shown by meshes
+
+
+def system_of(name: str) -> OpticalSystem:
+    """System of an example, in the size of its picture here."""
+    system = read_optics_file(FOLDER / f"{name}.toml")
+    return system.scaled(LONGER_SIDE_PX / max(system.width_px, system.height_px))
+
+
+def title_of(name: str) -> str:
+    """First comment of a file: sentences."""
+    lines = (FOLDER / f"{name}.toml").read_text(encoding="utf-8").splitlines()
+    comments = [line[2:] for line in lines[: lines.index("[camera]")] if line.startswith("# ")]
+    return " ".join(line for line in comments if not line.startswith("The profile:"))
+
+
+def page(errors: dict[str, list[MeshError]], chosen: dict[str, int | None]) -> str:
+    """README of the examples."""
+    parts = [
+        "# Optical systems\n\n"
+        f"The scene `{SCENE}` through every example, from one viewpoint: `omnisim render {SCENE} "
+        "--optics FILE`. Where no ray leaves the system the picture is dark: beside the mirror, "
+        "beyond a rim, and where it shows the camera's body or a post. Below it: `omnisim optics "
+        "plot FILE`. Made by `make gallery`, by the ray back end.\n"
+    ]
+    for name in ORDER:
+        parts.append(
+            f"## {name}\n\n{title_of(name)} `examples/optics/{name}.toml`\n\n![{name}](gallery/"
+            f"{name}.jpg)\n\n![rays, caustic and resolution of {name}](gallery/{name}-plot.png)\n\n"
+            f"{_measured(name)}\n"
+        )
+        if name == STRIP:
+            parts.append(f"Unrolled about its middle:\n\n![strip](gallery/{name}-strip.jpg)\n")
+    parts.append(_mesh_section(errors, chosen))
+    return "\n".join(parts)
+
+
+def _measured(name: str) -> str:
+    system = read_optics_file(FOLDER / f"{name}.toml")
+    fates = system.all_rays().fates
+    seen, shadowed = (100.0 * float(np.mean(fates == fate)) for fate in (Fate.SEEN, Fate.SHADOWED))
+    found = measure_centrality(system, (0.3,))
+    dark = f", and {shadowed:.2g} % a shadow" if shadowed > 0.005 else ""
+    return (
+        f"{seen:.0f} % of the pixels see the scene{dark}. Rays miss their best common point by up "
+        f"to {1e3 * found.misses_m.max():.3g} mm; a model with that viewpoint is off by "
+        f"{found.errors[0].median_px:.2g} px for points at 0.3 m."
+    )
+
+
+def _mesh_section(errors: dict[str, list[MeshError]], chosen: dict[str, int | None]) -> str:
+    counts = " | ".join(f"{polygons}" for polygons in PAPER_POLYGON_COUNTS)
+    rows = [
+        f"| {name} | "
+        + " | ".join(f"{one.mean_px:.2g}, {one.max_px:.2g}" for one in found)
+        + f" | {chosen[name]} |"
+        for name, found in errors.items()
+    ]
+    return (
+        "## Polygons\n\n"
+        "The paper's mesh for any mirror, `omnisim render --optics FILE -n POLYGONS`: directions "
+        "against the exact rays, mean and largest error in pixels of the example's own picture, "
+        "and the polygons that `-n auto` takes, which keep the largest below 0.1 px. Four times "
+        "the polygons leave a quarter of the mean error. `omnisim mirror --optics FILE -n "
+        "POLYGONS` prints the same.\n\n"
+        f"![{MESHED} by meshes](gallery/mesh.jpg)\n\n"
+        f"| | {counts} | auto |\n|{' --- |' * (len(PAPER_POLYGON_COUNTS) + 2)}\n"
+        + "\n".join(rows)
+        + "\n"
+    )
+
+
+def mesh_errors() -> tuple[dict[str, list[MeshError]], dict[str, int | None]]:
+    """Errors of the paper's meshes and polygons of "auto", by example that has a mirror."""
+    systems = {name: read_optics_file(FOLDER / f"{name}.toml") for name in ORDER}
+    found = {name: SystemMeshErrors(system) for name, system in systems.items() if has_mesh(system)}
+    errors = {
+        name: [each.of(polygons) for polygons in PAPER_POLYGON_COUNTS]
+        for name, each in found.items()
+    }
+    return errors, {name: auto_polygons(systems[name]) for name in errors}
+
+
+def picture_of(name: str, polygons: int | None = None) -> Image.Image:
+    """Picture of the scene by an example."""
+    sensor = OmniCamera(system_of(name), polygons=polygons, supersampling=SUPERSAMPLING)
+    x, y, z = VIEWPOINT_M
+    with Renderer(load_scene(SCENE), sensor, backend="rays") as renderer:
+        frame = renderer.render(sensor.base_pose((x, y, HEIGHTS_M.get(name, z)), YAW_DEG))
+    pixels = np.where(frame.valid[..., None], frame.rgb, np.array(OUTSIDE, dtype=np.uint8))
+    return Image.fromarray(pixels)
+
+
+def strip_of(picture: Image.Image, radius_px: float) -> Image.Image:
+    """Picture unrolled about its middle: a column an azimuth, clockwise, the rim on top."""
+    radii = radius_px * np.arange(STRIP_RADII[1], STRIP_RADII[0], -1.0 / radius_px)
+    columns = round(2.0 * np.pi * radii.mean())
+    azimuths = np.arange(columns) * (2.0 * np.pi / columns)
+    middle = 0.5 * (np.array(picture.size) - 1.0)
+    rays = np.stack((np.cos(azimuths), -np.sin(azimuths)), axis=-1)  # clockwise from above
+    pixels = np.asarray(picture)
+    at = middle + radii[:, None, None] * rays
+    corner, weights, _ = corner_and_weights(at, pixels.shape[:2])
+    channels = [interpolate(pixels[..., channel], corner, weights) for channel in range(3)]
+    return Image.fromarray(np.stack(channels, axis=-1).round().astype(np.uint8))
+
+
+def _save_picture(picture: Image.Image, name: str) -> None:
+    """Save the best JPEG that fits."""
+    for quality in range(92, 20, -4):
+        data = io.BytesIO()
+        picture.save(data, "JPEG", quality=quality, optimize=True)
+        if data.tell() <= LARGEST_BYTES:
+            break
+    (PICTURES / f"{name}.jpg").write_bytes(data.getvalue())
+
+
+def _save_plot(figure: Figure, name: str) -> None:
+    data = io.BytesIO()
+    figure.savefig(data, format="png")
+    few = Image.open(data).convert("RGB").quantize(PLOT_COLORS, dither=Image.Dither.NONE)
+    few.save(PICTURES / f"{name}-plot.png", optimize=True)
+
+
+def _meshes() -> Image.Image:
+    pictures = {
+        f"{polygons} polygons" if polygons else "exact": picture_of(MESHED, polygons)
+        for polygons in (*PAPER_POLYGON_COUNTS[:4], None)
+    }
+    sheet = Image.new("RGB", (MESHED_PX * len(pictures), MESHED_PX + LABEL_PX), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    for number, (label, picture) in enumerate(pictures.items()):
+        small = picture.resize((MESHED_PX - 4, MESHED_PX - 4), Image.Resampling.LANCZOS)
+        sheet.paste(small, (number * MESHED_PX + 2, LABEL_PX))
+        middle = (number * MESHED_PX + MESHED_PX // 2, LABEL_PX // 2)
+        draw.text(middle, label, "black", font, anchor="mm")
+    return sheet
+
+
+def main() -> None:
+    """Render all pictures and write the page; with --page only that."""
+    PICTURES.mkdir(exist_ok=True)
+    errors, chosen = mesh_errors()
+    (FOLDER / "README.md").write_text(page(errors, chosen), encoding="utf-8")
+    if sys.argv[1:] == ["--page"]:
+        return
+    for name in ORDER:
+        picture, system = picture_of(name), read_optics_file(FOLDER / f"{name}.toml")
+        _save_picture(picture, name)
+        _save_plot(optics_figure(f"{name}.toml", system), name)
+        if name == STRIP:
+            exact = system_of(name).all_rays().valid[picture.height // 2]
+            _save_picture(strip_of(picture, 0.5 * float(exact.sum())), f"{name}-strip")
+        print(f"{name}: {picture.width} × {picture.height} px")
+    _save_picture(_meshes(), "mesh")
+
+
+if __name__ == "__main__":
+    main()
