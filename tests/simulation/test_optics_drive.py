@@ -6,9 +6,10 @@ import shutil
 
 import numpy as np
 import pytest
+import trimesh
 
 from omnisim import OmniCamera
-from omnisim.errors import RunError
+from omnisim.errors import RobotFileError, RunError
 from omnisim.image_files import read_image
 from omnisim.optics import CentralView
 from omnisim.perception.panorama import Panorama
@@ -161,3 +162,22 @@ def test_differences_of_long_lists_are_named_by_number():
     assert first_difference({"a": values}, {"a": values[:-1]}) == "a.99 was 99.0, is None"
     assert first_difference({"a": [1, 2]}, {"a": [1]}) == "a was [1, 2], is [1]"
     assert first_difference({"a": [{"b": 1}]}, {"a": [{"b": 2}]}) == "a.0.b was 1, is 2"
+
+
+def test_a_pinhole_in_its_housing_sees_by_the_mirror_above(tmp_path):
+    """A body that has the pinhole in it, but not the mirror, hides nothing."""
+    (tmp_path / "robot.toml").write_text(
+        'name = "ball"\nbody = "box.glb"\n[[sensors]]\nname = "ball"\ntype = "omnicamera"\n'
+        'file = "sphere.toml"\nposition_m = [0.0, 0.0, 0.5]\n'
+    )
+    sphere = next(path for path in EXAMPLES if path.stem == "sphere")
+    shutil.copy(sphere, tmp_path)
+    housing = trimesh.creation.box((0.2, 0.2, 0.2))
+    housing.apply_translation((0.0, 0.5, 0.0))  # y is up in glTF
+    housing.export(tmp_path / "box.glb")
+    found = Vehicle.load(tmp_path / "robot.toml").cameras[0].origin_m
+    np.testing.assert_allclose(found, (0.0, 0.0, 0.5 + 0.1557), atol=1e-3)
+    near = sphere.read_text().replace("0.15]", "0.08]")
+    (tmp_path / "sphere.toml").write_text(near)
+    with pytest.raises(RobotFileError, match=r"its effective viewpoint .* is inside of the body's"):
+        Vehicle.load(tmp_path / "robot.toml")

@@ -47,6 +47,7 @@ from omnisim.trajectories import Trajectory
 PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
 CAMERA_POSES = "poses.tum"  # of a rig's camera
+VIEWPOINT_GRID = 33  # rays to a side of the picture whose nearest point is sought
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,8 +74,20 @@ class MountedCamera(MountedSensor):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Effective viewpoint (3,), base."""
-        return self.sensor.base_from_rig[:3, 3]
+        """Effective viewpoint (3,), base; of an optical system the point nearest to its rays."""
+        model, base_from_optical = self.sensor.model, self.sensor.base_from_optical
+        if not isinstance(model, NonCentralCamera):
+            return base_from_optical[:3, 3]
+        from omnisim.optics.centrality import common_point  # few cameras need it
+
+        sizes = model.width_px, model.height_px
+        u, v = (np.linspace(0.0, size - 1.0, min(size, VIEWPOINT_GRID)) for size in sizes)
+        rays = model.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+        if rays.origins_m is None or not rays.valid.any():
+            return base_from_optical[:3, 3]
+        nearest_m = common_point(rays.origins_m[rays.valid], rays.directions[rays.valid])
+        found: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
+        return found + base_from_optical[:3, 3]
 
     @property
     def near_m(self) -> float:
