@@ -17,6 +17,7 @@ uniform sampler2D u_blocks;  // largest inverse depth within BLOCK texels, and w
 uniform sampler2D u_cells;   // of each face: texel = xy + tangent * zw; 0: no tile has it
 uniform vec2 u_inverse_z_from_depth;  // factor and offset; 0 is what is cleared
 uniform float u_nearest;     // largest nearness of all
+uniform float u_near_m;      // of a cube about a ray's origin, as the virtual cameras' planes are
 uniform mat3 u_face_from_rig[6];
 
 const int CELLS = 64;  // of a face, to a side
@@ -69,6 +70,7 @@ FirstSurface first_surface(vec3 ray, vec3 origin, float start) {
     bool leapt = false;    // by more texels than one
     bool careful = false;  // near the edge of a tile, beyond which blocks tell nothing
     vec2 tile = vec2(-1.0);
+    float limit = max(max(abs(ray.x), abs(ray.y)), abs(ray.z)) / u_near_m;
     FirstSurface found = FirstSurface(0.0, false);
     for (int i = 0; i < MAX_LOOK_UPS; ++i) {
         Place place = place_of(ray + w * origin, origin);
@@ -89,7 +91,8 @@ FirstSurface first_surface(vec3 ray, vec3 origin, float start) {
         float seen = nearness_at(place);
         float texels = (w - seen) * place.texels;
         if (texels < SAME_TEXELS) {
-            found = FirstSurface(seen, texels > -STEP_TEXELS);
+            // a surface before the ray's near plane is not there for it
+            found = FirstSurface(seen, texels > -STEP_TEXELS && seen <= limit);
             break;
         }
         // as far as any of the three lets it go

@@ -21,6 +21,7 @@ from omnisim.scene.model import Material
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.motion import moved_px
 from omnisim.sensors.sample_rays import sample_rays
+from omnisim.sensors.stage import Stage
 from omnisim.validation.markers import centroids
 from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
@@ -28,7 +29,7 @@ from omnisim.validation.psnr import psnr_of_levels_db
 from tests.optics.examples import SYSTEMS
 from tests.optics.samples import all_samples
 from tests.scenes import room, room_color, room_hit, scene_of
-from tests.vehicles import box
+from tests.vehicles import box, p2at_body
 
 NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
 BEFORE = NOW @ pose((-0.1, 0.02, 0.0), 0.0, 0.0, -3.0)
@@ -242,6 +243,40 @@ def test_ground_truth_is_that_of_rays(embree, name):
     for channel in CHANNELS:
         values = cube.channels[channel], rays.channels[channel]
         assert _off(*values, TOLERANCES.get(channel, 2e-6))[ray].mean() <= 1e-3, channel
+
+
+OWN_CAMERA = {"glass_tube", "mirror_cap", "mirror", "mast", "camera_body"}
+
+
+@pytest.mark.parametrize("casts", [True, False])
+def test_the_robot_itself_is_right(embree, monkeypatch, casts):
+    """A sphere of 100 mm, 8 cm from the scanner and a hand's breadth above the deck."""
+    if not casts:
+        monkeypatch.setattr("omnisim.sensors.parallax_camera.missing_packages", lambda extra: ["a"])
+    sensor = OmniCamera(
+        SYSTEMS["tilted camera"].scaled(0.5), base_from_rig=pose((-0.1, 0.0, 0.05)), near_m=0.02
+    )
+    base, frames = pose((0.3, -0.2, -1.2), 1.0, -2.0, 40.0), []
+    for backend in ("cube", "rays"):
+        with (
+            Stage(scene_of([room()]), p2at_body(), backend=backend) as stage,
+            Renderer(stage, sensor, hidden=OWN_CAMERA) as renderer,
+            renderer._current() as camera,
+        ):
+            frames.append(renderer.render(base, also=("range", "instance")))
+            if backend == "cube":
+                decided = ~camera.hit_source(False).undecided
+    cube, rays = frames
+    ray, body = rays.has_ray, rays.channels["instance"] > 1
+    assert body[ray].mean() > 0.3
+    assert rays.channels["range"][body].min() < 0.08
+    assert decided[ray].mean() > 0.8
+    for channel in ("range", "instance"):
+        off = _off(cube.channels[channel], rays.channels[channel])
+        assert off[ray & decided].mean() <= 1e-3, channel
+        assert off[ray].mean() <= (1e-3 if casts else 0.02), channel
+    if casts:
+        assert psnr_of_levels_db(*(one.rgb[rays.valid] for one in frames)) > 36.0
 
 
 @pytest.mark.parametrize("name", ["tilted camera", "cone"])

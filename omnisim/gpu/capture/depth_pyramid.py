@@ -59,6 +59,7 @@ class DepthPyramid:
             ("u_blocks", _BLOCKS),
             ("u_cells", _CELL_TILES),
             ("u_inverse_z_from_depth", self._inverse_z_from_depth),
+            ("u_near_m", self._near_m),
         ):
             found = find_uniform(program, name)
             if found is not None:
