@@ -79,10 +79,11 @@ CHECKS = (
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),
     Check(
-        "optics-calibration",
-        "Any optics: calibrations from chessboards",
-        "optics_calibration.check",
-        oracles=("cv2.omnidir",),
+        "optics-path-tracer",
+        "Any optics: real mirrors and windows, traced by another renderer",
+        "optics_pictures.check",
+        oracles=("mitsuba",),
+        is_quick=False,
     ),
 )
 

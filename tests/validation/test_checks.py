@@ -69,6 +69,14 @@ def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
 
 
 @pytest.mark.slow
+def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
+    """A tenth of a degree is a fraction of a pixel."""
+    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.1)[:3, :3]
+    monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
+    assert any("markers" in name for name in _missed("optics-path-tracer", fixture))
+
+
+@pytest.mark.slow
 def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
     """They are turned by a quarter of a degree, a third of a pixel."""
     from omnisim.rays.depth_limits import DepthLimits
