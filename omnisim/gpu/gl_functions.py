@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 
 _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _RENDERBUFFER, _DEPTH_COMPONENT32F = 0x8D41, 0x8CAC
-_TEXTURE_2D, _RGBA, _UNSIGNED_BYTE = 0x0DE1, 0x1908, 0x1401
+_TEXTURE_2D, _TEXTURE_2D_ARRAY, _RGBA = 0x0DE1, 0x8C1A, 0x1908
+_UNSIGNED_BYTE, _UNSIGNED_INT, _TRIANGLES = 0x1401, 0x1405, 4
+_DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
+_ENUM, _INT = ctypes.c_uint, ctypes.c_int
+
+COMMAND_BYTES = 20  # of an indirect draw
 
 
 @cache
@@ -47,11 +52,69 @@ def allocate_float_depth(renderbuffer: int, size: tuple[int, int], samples: int)
     allocate(_RENDERBUFFER, samples, _DEPTH_COMPONENT32F, *size)
 
 
-def upload_mip_level(level: int, internal_format: int, size: tuple[int, int], rgba: bytes) -> None:
-    """Allocate and fill a mip level of the 2D texture that is bound, of 8-bit RGBA."""
+def allocate_texture_array(internal_format: int, levels: int, size: tuple[int, int, int]) -> None:
+    """Give the texture array that is bound its storage: width, height and layers."""
+    allocate = gl_function("glTexStorage3D", _ENUM, _INT, _ENUM, _INT, _INT, _INT)
+    allocate(_TEXTURE_2D_ARRAY, levels, internal_format, *size)
+
+
+def upload_layer(level: int, layer: int, size: tuple[int, int], rgba: bytes) -> None:
+    """Fill a mip level of one layer of the texture array that is bound, 8-bit RGBA."""
     upload = gl_function(
-        "glTexImage2D",
-        ctypes.c_uint, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int,
-        ctypes.c_uint, ctypes.c_uint, ctypes.c_char_p,
+        "glTexSubImage3D",
+        _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_char_p,
     )  # fmt: skip
-    upload(_TEXTURE_2D, level, internal_format, *size, 0, _RGBA, _UNSIGNED_BYTE, rgba)
+    upload(_TEXTURE_2D_ARRAY, level, 0, 0, layer, *size, 1, _RGBA, _UNSIGNED_BYTE, rgba)
+
+
+def view_layer(array: int, internal_format: int, levels: int, layer: int) -> int:
+    """Make a 2D texture of one layer of a texture array, without a copy; return its name."""
+    name = ctypes.c_uint()
+    gl_function("glGenTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(name))
+    view = gl_function(
+        "glTextureView", _ENUM, _ENUM, _ENUM, _ENUM, _ENUM, _ENUM, _ENUM, _ENUM
+    )  # fmt: skip
+    view(name.value, _TEXTURE_2D, array, internal_format, 0, levels, layer, 1)
+    return name.value
+
+
+def delete_texture(name: int) -> None:
+    """Delete a texture that is not moderngl's."""
+    names = ctypes.c_uint(name)
+    gl_function("glDeleteTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(names))
+
+
+class IndirectDraws:
+    """Multi-draws of indexed triangles, by commands and their number in buffers on the GPU.
+
+    Moderngl's need the number on the CPU, and its calls take longer than the drawing itself where
+    that is quick: each function is looked up once.
+    """
+
+    def __init__(self) -> None:
+        self.use_program = gl_function("glUseProgram", _ENUM)
+        self.bind_vertex_array = gl_function("glBindVertexArray", _ENUM)
+        self._bind_buffer = gl_function("glBindBuffer", _ENUM, _ENUM)
+        self._draw = gl_function(
+            "glMultiDrawElementsIndirectCountARB",
+            _ENUM, _ENUM, ctypes.c_void_p, ctypes.c_void_p, _INT, _INT,
+        )  # fmt: skip
+
+    def bind(self, commands: int, counts: int) -> None:
+        """Bind the buffers of the next draws."""
+        self._bind_buffer(_DRAW_INDIRECT_BUFFER, commands)
+        self._bind_buffer(_PARAMETER_BUFFER, counts)
+
+    def draw(self, first_command: int, count_index: int, max_commands: int) -> None:
+        """Draw as many commands as the count says; the vertex array and the program are bound."""
+        self._draw(
+            _TRIANGLES, _UNSIGNED_INT,
+            COMMAND_BYTES * first_command, 4 * count_index, max_commands, COMMAND_BYTES,
+        )  # fmt: skip
+
+
+def bind_storage_buffers(buffers: Sequence[int]) -> None:
+    """Bind buffers to storage bindings 0, 1, …"""
+    bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)
+    names = (ctypes.c_uint * len(buffers))(*buffers)
+    bind(_SHADER_STORAGE_BUFFER, 0, len(buffers), ctypes.addressof(names))

@@ -1,21 +1,51 @@
-// Vertex of the scene, for one tile; with HOLES or ALBEDO also its colour. Uniforms as in scene/surface.vert.
+// Vertex of the scene, see scene/vertex.glsl; with COLORED also its colour.
 #version 430 core
+#ifdef CLUSTERED
+#extension GL_ARB_shader_draw_parameters : require
+#endif
 
-uniform mat4 u_clip_from_mesh;
+#include "scene/vertex.glsl"
 
-in vec3 in_position;
-
-#if defined(HOLES) || defined(ALBEDO)
+#ifdef TEXTURED
 in vec2 in_texture_coordinate;
-in vec4 in_color;
 out vec2 v_texture_coordinate;
+#endif
+#ifdef COLORED
+in vec4 in_color;
 out vec4 v_color;
 #endif
 
+flat out uint v_first_plus_one;  // 1 + ID of the call's first triangle
+#ifdef CLUSTERED
+#if defined(TEXTURED) || defined(ALPHA_MASK)
+in vec2 in_material;
+flat out vec2 v_material;
+#endif
+layout(std430, binding = 7) readonly buffer Commands { uint commands[]; };
+uniform uint u_first_command;  // of the multi-draw
+const uint COMMAND_WORDS = 5u, FIRST_INDEX_WORD = 2u;
+#else
+uniform vec4 u_base_color;
+#endif
+uniform uint u_first_plus_one;
+
 void main() {
-    gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
-#if defined(HOLES) || defined(ALBEDO)
+    gl_Position = clip_position();
+    v_first_plus_one = u_first_plus_one;
+#ifdef CLUSTERED
+    uint command = u_first_command + uint(gl_DrawIDARB);
+    v_first_plus_one += commands[COMMAND_WORDS * command + FIRST_INDEX_WORD] / 3u;
+#endif
+#ifdef TEXTURED
     v_texture_coordinate = in_texture_coordinate;
+#endif
+#if defined(CLUSTERED) && (defined(TEXTURED) || defined(ALPHA_MASK))
+    v_material = in_material;
+#endif
+#ifdef COLORED
     v_color = in_color;
+#ifndef CLUSTERED
+    v_color *= u_base_color;
+#endif
 #endif
 }

@@ -4,8 +4,9 @@
 // none is flipped. POSITION: the position counts, for punctual lights or for missing normals.
 #version 430 core
 
+#include "scene/material.glsl"
+
 #ifdef TEXTURED
-uniform sampler2D u_texture;
 in vec2 v_texture_coordinate;
 #endif
 #ifdef BAKED
@@ -13,10 +14,6 @@ flat
 #endif
 in vec4 v_color;  // base colour, and light where that is known
 layout(location = 0) out vec4 out_color;
-
-#ifdef ALPHA_MASK
-uniform float u_alpha_cutoff;
-#endif
 
 #ifdef LIT
 in vec3 v_normal;
@@ -29,14 +26,14 @@ in vec3 v_position;
 void main() {
     vec4 color = v_color;
 #ifdef TEXTURED
-    color *= texture(u_texture, v_texture_coordinate);
+    color *= texture_color(v_texture_coordinate);
 #endif
 #if defined(LIT) && !defined(NORMALS_AGREE)
     // before any discard: derivatives need the whole 2 x 2 block
     vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));
 #endif
 #ifdef ALPHA_MASK
-    if (color.a < u_alpha_cutoff) discard;
+    if (color.a < ALPHA_CUTOFF) discard;
 #endif
 #ifdef LIT
     vec3 normal = v_normal;

@@ -1,15 +1,12 @@
-// Vertex of the scene, for one tile.
-// u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
+// Vertex of the scene, see scene/vertex.glsl.
 // u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, metres
 // u_normal_from_mesh  cofactors of the above: normals under any scale
 // With BAKED in_light is the light on a white surface, linear RGB.
 #version 430 core
 
-uniform mat4 u_clip_from_mesh;
-uniform vec4 u_base_color;
+#include "scene/vertex.glsl"
 
-in vec3 in_position;
-in vec4 in_color;
+in vec4 in_color;  // of clusters, times the base colour
 #ifdef BAKED
 flat
 #endif
@@ -23,8 +20,6 @@ out vec2 v_texture_coordinate;
 in vec3 in_light;
 #endif
 #ifdef LIT
-uniform mat4 u_viewpoint_from_mesh;
-uniform mat3 u_normal_from_mesh;
 in vec3 in_normal;
 out vec3 v_normal;
 #ifdef POSITION
@@ -32,19 +27,49 @@ out vec3 v_position;
 #endif
 #endif
 
+#ifdef CLUSTERED
+#if defined(TEXTURED) || defined(ALPHA_MASK)
+in vec2 in_material;
+flat out vec2 v_material;  // layer of the texture array, and cutoff of alpha
+#endif
+#ifdef LIT
+in mat3x4 in_viewpoint_from_object;  // its rows are columns here; rigid
+#endif
+#else
+uniform vec4 u_base_color;
+#ifdef LIT
+uniform mat4 u_viewpoint_from_mesh;
+uniform mat3 u_normal_from_mesh;
+#endif
+#endif
+
 void main() {
-    gl_Position = u_clip_from_mesh * vec4(in_position, 1.0);
+    gl_Position = clip_position();
 #ifdef TEXTURED
     v_texture_coordinate = in_texture_coordinate;
 #endif
+#ifdef CLUSTERED
+    v_color = in_color;
+#if defined(TEXTURED) || defined(ALPHA_MASK)
+    v_material = in_material;
+#endif
+#else
     v_color = u_base_color * in_color;
+#endif
 #ifdef BAKED
     v_color.rgb *= in_light;
 #endif
 #ifdef LIT
+#ifdef CLUSTERED
+#ifdef POSITION
+    v_position = vec4(in_position, 1.0) * in_viewpoint_from_object;
+#endif
+    v_normal = vec4(in_normal, 0.0) * in_viewpoint_from_object;
+#else
 #ifdef POSITION
     v_position = (u_viewpoint_from_mesh * vec4(in_position, 1.0)).xyz;
 #endif
     v_normal = u_normal_from_mesh * in_normal;
+#endif
 #endif
 }

@@ -54,6 +54,13 @@ class TileViews:
         return list(map(TileView, self._tiles, clips, planes))
 
 
+def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> NDArray[np.float64]:
+    """Matrices (tiles, 4, 4) of a plan's tiles, from the axes of the rig at the viewpoint."""
+    clips = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
+    clips[..., :3] = clips[..., :3] @ FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
+    return clips
+
+
 def _projection(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
     """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
 

@@ -12,10 +12,10 @@ from omnisim.gpu.culling.spatial_clustering import spatial_clusters
 # Triangles of a cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
 # has to be tested.
 MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
-# Likewise, children of a cluster group: none is tested where the group is culled. Groups are put
-# into groups until there are so few of them, but not forever.
+# Likewise, children of a cluster group: none is tested where the group is culled. Those that are
+# visible are the bits of a word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0
-MAX_ROOTS, MAX_LEVELS = 500, 3
+WIDTHS = 17  # classes of the widths of clusters
 
 
 class Clusters(NamedTuple):
@@ -42,22 +42,18 @@ class Clusters(NamedTuple):
 
 
 class ClusterGroups(NamedTuple):
-    """Nodes of a bounding volume hierarchy, of consecutive children, whatever their materials.
+    """Groups of consecutive clusters.
 
     Attributes:
-        first: (n,) first child: a cluster, or a smaller group.
+        first: (n,) first cluster.
         children: (n,) how many.
-        triangles: (n,) of all of them.
         aabb_min, aabb_max: (n, 3) corners of their bounding boxes.
-        widths: (n,) the largest of their clusters.
     """
 
     first: NDArray[np.int64]
     children: NDArray[np.int64]
-    triangles: NDArray[np.int64]
     aabb_min: NDArray[np.float32]
     aabb_max: NDArray[np.float32]
-    widths: NDArray[np.float32]
 
 
 class ClusterHierarchy(NamedTuple):
@@ -66,64 +62,48 @@ class ClusterHierarchy(NamedTuple):
     Attributes:
         order: (n,) of the triangles, by cluster.
         clusters: by group.
-        cluster_groups: of clusters, then of groups of clusters, ...; each ordered by the next.
+        groups: of clusters.
     """
 
     order: NDArray[np.intp]
     clusters: Clusters
-    cluster_groups: tuple[ClusterGroups, ...]
+    groups: ClusterGroups
 
 
-def build_clusters(corners: NDArray[np.float32], batches: NDArray[np.integer]) -> ClusterHierarchy:
-    """Cluster triangles of one material batch each, and group the clusters.
+def build_clusters(
+    corners: NDArray[np.float32], keys: NDArray[np.integer], group_keys: NDArray[np.integer]
+) -> ClusterHierarchy:
+    """Cluster triangles, and group the clusters.
 
     Args:
         corners: (n, 3, 3), a triangle's three in a row.
-        batches: (n,) from 0.
+        keys: (n,) from 0, equal within a cluster.
+        group_keys: (n,) from 0, equal within a group and wherever `keys` are; groups are in their
+            order.
     """
     order, first = spatial_clusters(
-        _bounds(corners), batches, MIN_TRIANGLES, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
+        _bounds(corners), keys, MIN_TRIANGLES, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
     )
     clusters = bound_clusters(corners[order], first)
-    counts = [clusters.triangles]
-    numbers = np.arange(len(first))  # of the clusters, as they follow each other in the end
     bounds = np.concatenate((-clusters.aabb_min.T, clusters.aabb_max.T))
-    # wide clusters are drawn first, and their groups are visited before others
-    keys = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, 16)
-    for _ in range(MAX_LEVELS):
-        total = len(first)
-        children, first = spatial_clusters(
-            bounds, keys, MIN_CHILDREN, MAX_CHILDREN, GROUP_SPLIT_FACTOR
-        )
-        bounds = np.maximum.reduceat(bounds[:, children], first, axis=1)
-        keys = np.zeros(len(first), dtype=np.int64)
-        # the levels below follow
-        for level in reversed(range(len(counts))):
-            count = counts[level]
-            counts[level] = count[children]
-            if level == 0:
-                numbers = numbers[children]
-            children = ranges(_firsts(count)[children], count[children])
-        order = order[children]
-        counts.append(np.diff(first, append=total))
-        if len(first) <= MAX_ROOTS:
-            break
-    clusters = Clusters(
-        _firsts(counts[0]), counts[0], clusters.aabb_min[numbers], clusters.aabb_max[numbers],
-        clusters.cone_axes[numbers], clusters.cone_sines[numbers], clusters.widths[numbers],
+    # clusters of about the same width are drawn in the same pass
+    widths = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, WIDTHS - 1)
+    children, first_child = spatial_clusters(
+        bounds, group_keys[order[first]] * WIDTHS + widths,
+        MIN_CHILDREN, MAX_CHILDREN, GROUP_SPLIT_FACTOR,
     )  # fmt: skip
-    groups: list[ClusterGroups] = []
-    for children in counts[1:]:
-        below, first = (groups[-1] if groups else clusters), _firsts(children)
-        groups.append(
-            ClusterGroups(
-                first, children, np.add.reduceat(below.triangles, first),
-                np.minimum.reduceat(below.aabb_min, first),
-                np.maximum.reduceat(below.aabb_max, first),
-                np.maximum.reduceat(below.widths, first),
-            )
-        )  # fmt: skip
-    return ClusterHierarchy(order, clusters, tuple(groups))
+    order = order[ranges(first[children], clusters.triangles[children])]
+    counts = clusters.triangles[children]
+    clusters = Clusters(
+        _firsts(counts), counts, clusters.aabb_min[children], clusters.aabb_max[children],
+        clusters.cone_axes[children], clusters.cone_sines[children], clusters.widths[children],
+    )  # fmt: skip
+    groups = ClusterGroups(
+        first_child, np.diff(first_child, append=len(children)),
+        np.minimum.reduceat(clusters.aabb_min, first_child),
+        np.maximum.reduceat(clusters.aabb_max, first_child),
+    )  # fmt: skip
+    return ClusterHierarchy(order, clusters, groups)
 
 
 def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:

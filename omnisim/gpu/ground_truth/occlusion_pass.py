@@ -63,7 +63,7 @@ class OcclusionPass:
         transforms = visibility.buffers.instance_transforms(
             world_from_rig[:3, 3], world_from_objects
         )
-        visibility.render(world_from_rig, transforms)
+        visibility.render(world_from_rig, world_from_objects)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._target.use()
         self._hits.tables.update(transforms, next_from_current)

@@ -86,7 +86,7 @@ class RayHitPass:
         """
         visibility, buffers = self.visibility, self.visibility.buffers
         transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        visibility.render(world_from_rig, transforms, albedos)
+        visibility.render(world_from_rig, world_from_objects, albedos)
         if (normals, albedos) not in self._variants:
             self._variants[normals, albedos] = self._variant(normals, albedos)
         variant = self._variants[normals, albedos]

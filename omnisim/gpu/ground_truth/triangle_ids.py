@@ -1,8 +1,8 @@
-"""Triangle IDs of a frame (visibility buffer), and a table of the triangles that they stand for.
+"""Triangle IDs (visibility buffer), and a table of the triangles that they stand for.
 
-A fragment knows only how many triangles of its draw call came before, and a call joins clusters of
-many instances. So the calls of a frame count their triangles one after the other, the atlas holds
-these IDs, and a table has the draw item and the triangle of each.
+A fragment knows only how many triangles of its draw call came before. So all triangles are counted
+one after the other, those of items that are drawn one by one and then those of clusters; the atlas
+holds these IDs, and a table has the draw item and the triangle of each.
 Source: Burns & Hunt, "The visibility buffer", 2013.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.static_geometry import StaticGeometry
+from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
 from omnisim.gpu.scene.triangle_table import ROW_BITS
 
 _ROW = 1 << ROW_BITS
@@ -24,7 +24,7 @@ _ENTRY = np.dtype([("item_plus_one", "<u4"), ("triangle", "<u4")])
 
 
 class TriangleIds:
-    """Table of a frame's triangle IDs: first of items drawn one by one, then of clusters.
+    """Table of triangle IDs: first of items drawn one by one, then of clusters.
 
     Args:
         buffers: the scene and its dynamic objects.
@@ -32,68 +32,34 @@ class TriangleIds:
 
     Attributes:
         first_of_item: ID of the first triangle of each item that is drawn one by one.
+        first_of_clusters: ID of the first triangle of the clusters.
         texture: two integers an ID: 1 + number of the draw item, and number of its triangle.
     """
 
     def __init__(self, buffers: SceneBuffers, one_by_one: NDArray[np.intp]):
         self._context, self._buffers = buffers.context, buffers
-        self._geometry: StaticGeometry | None = None
-        self._of_geometry = np.empty(0, dtype=_ENTRY)
         self.refresh(one_by_one)
 
     def refresh(self, one_by_one: NDArray[np.intp]) -> None:
         """Give IDs to what the buffers have now, of which these items are drawn one by one."""
-        buffers = self._buffers
+        draw_items, geometry = self._buffers.draw_items, self._buffers.clustered_geometry
         items = one_by_one.tolist()
-        counts = np.array([buffers.draw_items[item].triangles for item in items], dtype=np.int64)
+        counts = np.array([draw_items[item].triangles for item in items], dtype=np.int64)
         self.first_of_item = dict(zip(items, (np.cumsum(counts) - counts).tolist(), strict=True))
-        self._fixed = _entries(buffers.draw_items, items)
-        self._fixed_rows = -(-len(self._fixed) // _ROW)
-        if self._geometry is not buffers.static_geometry:
-            self._geometry = buffers.static_geometry
-            self._of_geometry = self._fixed[:0]
-            if self._geometry is not None:
-                self._of_geometry = static_triangle_entries(self._geometry, buffers.draw_items)
-        self._appended: list[NDArray[np.void]] = []
-        self.texture = self._allocate(max(1, self._fixed_rows))
-
-    def begin(self) -> None:
-        """Begin a frame."""
-        self._appended = []
-
-    def append_clusters(self, clusters: NDArray[np.intp]) -> int:
-        """Give the next IDs to the triangles of clusters (n,), and return the first."""
-        if self._geometry is None:
-            raise ValueError("no static geometry, no clusters")
-        return self.append(self._of_geometry[self._geometry.triangles_of(clusters)])
-
-    def append(self, entries: NDArray[np.void]) -> int:
-        """Give the next IDs to triangles (n,), see `static_triangle_entries`; return the first."""
-        first = _ROW * self._fixed_rows + sum(map(len, self._appended))
-        self._appended.append(entries)
-        count = sum(map(len, self._appended))
-        rows = -(-count // _ROW)
-        if self._fixed_rows + rows > self.texture.height:
-            self.texture = self._allocate(self._fixed_rows + 2 * rows)
-        padded = np.empty(rows * _ROW, dtype=_ENTRY)
-        np.concatenate(self._appended, out=padded[:count])
-        self.texture.write(padded, viewport=(0, self._fixed_rows, _ROW, rows))
-        return first
-
-    def _allocate(self, rows: int) -> moderngl.Texture:
-        texture = self._context.texture((_ROW, rows), 2, dtype="u4")
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        if len(self._fixed):
-            padded = np.zeros(self._fixed_rows * _ROW, dtype=_ENTRY)
-            padded[: len(self._fixed)] = self._fixed
-            texture.write(padded, viewport=(0, 0, _ROW, self._fixed_rows))
-        return texture
+        entries = _entries(draw_items, items)
+        self.first_of_clusters = len(entries)
+        if geometry is not None:
+            entries = np.concatenate((entries, cluster_triangle_entries(geometry, draw_items)))
+        padded = np.zeros(max(1, -(-len(entries) // _ROW)) * _ROW, dtype=_ENTRY)
+        padded[: len(entries)] = entries
+        self.texture = self._context.texture((_ROW, len(padded) // _ROW), 2, padded, dtype="u4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
 
-def static_triangle_entries(
-    geometry: StaticGeometry, draw_items: Sequence[DrawItem]
+def cluster_triangle_entries(
+    geometry: ClusteredGeometry, draw_items: Sequence[DrawItem]
 ) -> NDArray[np.void]:
-    """Table entries (n,) of the static geometry's triangles, in its order."""
+    """Table entries (n,) of the clusters' triangles, in their order."""
     entries = _entries(draw_items, np.flatnonzero(geometry.contains).tolist())
     ordered: NDArray[np.void] = entries[geometry.hierarchy.order]
     return ordered

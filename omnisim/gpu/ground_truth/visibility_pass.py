@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +13,12 @@ from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds
 from omnisim.gpu.ground_truth.visibility_program import VisibilityProgram, VisibilityVariant
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.scene.draw_item import InstanceTransforms
-from omnisim.gpu.scene.light_baking import Shading
+from omnisim.gpu.scene.cluster_drawer import BucketProgram
+from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
-from omnisim.scene.model import Material
 
 
 class VisibilityPass:
@@ -78,9 +79,11 @@ class VisibilityPass:
         self._draw_by_ids()
 
     def _draw_by_ids(self) -> None:
-        one_by_one = self._one_by_one()
-        self._tiles = TileRenderer(self.buffers, self.plan, self._cameras, one_by_one)
-        self._drawers = {colored: self._make_drawer(colored) for colored in self._targets}
+        items = self._one_by_one()
+        self._drawn = {
+            colored: (self._make_drawer(colored, items), self._make_tiles(colored, items))
+            for colored in self._targets
+        }
 
     def _one_by_one(self) -> NDArray[np.intp]:
         """Draw items that are not drawn by clusters."""
@@ -91,23 +94,14 @@ class VisibilityPass:
         shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
         return np.flatnonzero(shown)
 
-    def _make_drawer(self, colored: bool) -> SceneDrawer[VisibilityProgram]:
+    def _make_drawer(self, colored: bool, items: NDArray[np.intp]) -> SceneDrawer[VisibilityProgram]:
         """Drawer of IDs, with base colours or without."""
-        buffers, ids = self.buffers, self.triangle_ids
-
-        def find_program(material: Material, shading: Shading) -> VisibilityProgram:
-            variant = VisibilityVariant(material.hit_cutoff > 0.0, colored)
-            if variant not in self._compiled:
-                self._compiled[variant] = VisibilityProgram(buffers.context, variant)
-            return self._compiled[variant]
-
-        indices = buffers.triangles.indices
         return SceneDrawer(
-            buffers,
-            indices,
-            find_program,
-            ids.first_of_item,
-            ids.append_clusters,
+            self.buffers,
+            self.buffers.triangles.indices,
+            items,
+            lambda material: self._program(VisibilityVariant(material.hit_cutoff > 0.0, colored)),
+            self.triangle_ids.first_of_item,
             self._cameras.both_sides,
         )
 
@@ -117,19 +111,34 @@ class VisibilityPass:
         self._targets[False].read_into(depth, components=1, attachment=-1, dtype="f4")
         return depth
 
+    def _make_tiles(self, colored: bool, items: NDArray[np.intp]) -> TileRenderer:
+        """Renderer of the clusters' IDs, with base colours or without."""
+        first_plus_one = self.triangle_ids.first_of_clusters + 1
+
+        def find_program(bucket: Bucket) -> BucketProgram:
+            variant = VisibilityVariant(bucket.cutoff, colored, bucket.array is not None, True)
+            found = self._program(variant)
+            found.first_plus_one.value = first_plus_one
+            return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
+
+        return TileRenderer(self.buffers, self.plan, self._cameras, items, find_program)
+
+    def _program(self, variant: VisibilityVariant) -> VisibilityProgram:
+        if variant not in self._compiled:
+            self._compiled[variant] = VisibilityProgram(self.buffers.context, variant)
+        return self._compiled[variant]
+
     def render(
         self,
         world_from_rig: NDArray[np.float64],
-        transforms: InstanceTransforms,
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
         albedo: bool = False,
     ) -> None:
-        """Draw all tiles from a pose (4, 4), by the transforms of the draw items from there."""
-        tiles, target, drawer = self._tiles, self._targets[albedo], self._drawers[albedo]
+        """Draw all tiles from a pose (4, 4), dynamic objects at theirs."""
+        target, (drawer, tiles) = self._targets[albedo], self._drawn[albedo]
         tiles.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
-        self.triangle_ids.begin()
-        views = tiles.views.at(world_from_rig)
-        tiles.draw(target, views, world_from_rig[:3, 3], transforms, drawer)
+        tiles.draw(target, world_from_rig, world_from_objects, drawer)
         tiles.end(target)
-        for program in drawer.programs:
+        for program in self._compiled.values():
             program.end()

@@ -8,21 +8,39 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, uniform
 from omnisim.scene.model import Material
 
 
 class VisibilityVariant(NamedTuple):
-    """Compiled version of the shader."""
+    """Compiled version of the shader.
+
+    Attributes:
+        holes: rays pass where alpha is below a cutoff.
+        albedo: base colours are drawn, too.
+        textured: there may be a texture.
+        clustered: of clusters, not of single items.
+    """
 
     holes: bool
     albedo: bool
+    textured: bool = True
+    clustered: bool = False
 
     @property
     def defines(self) -> tuple[str, ...]:
         """Defines of the shaders."""
-        return tuple(name.upper() for name, value in self._asdict().items() if value)
+        colored = self.holes or self.albedo
+        defined = {
+            "ALPHA_MASK": self.holes,
+            "ALBEDO": self.albedo,
+            "COLORED": colored,
+            "TEXTURED": self.textured and colored,
+            "CLUSTERED": self.clustered,
+        }
+        return tuple(name for name, is_defined in defined.items() if is_defined)
 
 
 class VisibilityProgram:
@@ -30,19 +48,22 @@ class VisibilityProgram:
 
     Attributes:
         program: as compiled.
+        first_plus_one: uniform, 1 + ID of the first triangle.
+        first_command: uniform of clusters, number of the first command.
     """
 
     def __init__(self, context: moderngl.Context, variant: VisibilityVariant):
         folder = "ground_truth/visibility"
         program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
         self.program = program
-        self._clip_from_mesh = uniform(program, "u_clip_from_mesh")
-        self._first_plus_one = uniform(program, "u_first_plus_one")
+        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
+        self.first_plus_one = uniform(program, "u_first_plus_one")
+        self.first_command = find_uniform(program, "u_first_command")
         self._base_color = find_uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
         self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
-        if self._base_color is not None:
-            program["u_texture"] = 0
+        if "TEXTURED" in variant.defines:
+            program["u_textures" if variant.clustered else "u_texture"] = 0
             # Holes are those of the picture, and are filtered as there. Plain colours need no blend
             # between two levels, which costs a quarter of the pass.
             minify = moderngl.LINEAR_MIPMAP_NEAREST
@@ -53,6 +74,12 @@ class VisibilityProgram:
                     *repeats, filter=(minify, moderngl.LINEAR)
                 )
 
+    def sampler(self, array: TextureArray | None) -> moderngl.Sampler | None:
+        """Sampler of a bucket's textures."""
+        if array is None or not self._samplers:
+            return None
+        return self._samplers[array.array.repeat_x, array.array.repeat_y]
+
     def set_matrices(
         self,
         clip_from_mesh: NDArray[np.float32],
@@ -60,12 +87,14 @@ class VisibilityProgram:
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
         """Set the matrix (4, 4), columns first, of the next draw calls; IDs need no others."""
-        self._clip_from_mesh.write(clip_from_mesh)
+        if self._clip_from_mesh is not None:
+            self._clip_from_mesh.write(clip_from_mesh)
 
     def bind_material(self, material: Material, texture: moderngl.Texture) -> None:
         """Bind the material of the next draw call."""
         if self._base_color is not None:
             self._base_color.value = material.base_color
+        if self._samplers:
             texture.use(0)
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
         if self._alpha_cutoff is not None:
@@ -73,7 +102,7 @@ class VisibilityProgram:
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; the first triangle has this ID."""
-        self._first_plus_one.value = first_id + 1
+        self.first_plus_one.value = first_id + 1
         array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
     def end(self) -> None:

@@ -13,11 +13,13 @@ from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
+from omnisim.gpu.scene.cluster_drawer import BucketProgram
+from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
-from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of
+from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of, variant_of_bucket
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
 
 
@@ -79,19 +81,26 @@ class CubePass:
     def refresh(self) -> None:
         """Draw what the buffers have now."""
         buffers, cameras, programs = self._buffers, self._cameras, self._programs
+        shown = buffers.shown_one_by_one(cameras.hidden)
         self._drawer = SceneDrawer(
             buffers,
             buffers.indices,
-            lambda material, shading: programs[variant_of(material, cameras.unlit, shading)],
+            np.flatnonzero(shown),
+            lambda material: programs[variant_of(material, cameras.unlit)],
             id_of_item={},
-            assign_ids=lambda clusters: 0,
         )
-        shown = buffers.shown_one_by_one(cameras.hidden)
+        self._programs_used = set(self._drawer.programs)
+
+        def find_program(bucket: Bucket) -> BucketProgram:
+            program = programs[variant_of_bucket(bucket, cameras.unlit)]
+            self._programs_used.add(program)
+            return BucketProgram(program.program)
+
         blended = np.array([item.is_blended for item in buffers.draw_items], dtype=np.bool_)
         self._blended = np.flatnonzero(shown & blended)
-        # OpenGL reads no depth of several samples, and one may show what another occludes
+        opaque = np.flatnonzero(shown & ~blended)
         self.tiles = TileRenderer(
-            buffers, self.plan, cameras, np.flatnonzero(shown & ~blended), self._samples
+            buffers, self.plan, cameras, opaque, find_program, self._samples
         )
 
     def render(
@@ -129,21 +138,12 @@ class CubePass:
     ) -> None:
         context, target, tiles = self._context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
-        transforms = self._buffers.instance_transforms(viewpoint_m, world_from_objects)
-        for program in self._drawer.programs:
+        for program in self._programs_used:
             program.set_viewpoint(viewpoint_m)
-        views = tiles.views.at(world_from_rig)
-        blended = self._back_to_front(views, transforms)
         tiles.begin(target, (*self._background, 1.0))
-        tiles.draw(target, views, viewpoint_m, transforms, self._drawer)
-        if blended.size:
-            context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
-                moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
-            )  # fmt: skip
-            target.depth_mask = False
-            context.enable(moderngl.BLEND)
-            for view in views:
-                tiles.draw_items(target, view, transforms, blended, self._drawer)
+        tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+        if self._blended.size:
+            self._draw_blended(world_from_rig, world_from_objects)
         tiles.end(target)
         if self._is_multisampled:
             context.copy_framebuffer(self._resolved, target)
@@ -171,12 +171,29 @@ class CubePass:
         self._resolved.read_into(pixels, region, components=3, dtype="f4")
         return pixels
 
+    def _draw_blended(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the blended items."""
+        context, target, tiles = self._context, self._target, self.tiles
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = tiles.views.at(world_from_rig)
+        blended = self._back_to_front(views, transforms)
+        self._drawer.begin(transforms)
+        context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
+            moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
+        )  # fmt: skip
+        target.depth_mask = False
+        context.enable(moderngl.BLEND)
+        for view in views:
+            tiles.draw_items(target, view, transforms, blended, self._drawer)
+
     def _back_to_front(
         self, views: Sequence[TileView], transforms: InstanceTransforms
     ) -> NDArray[np.intp]:
         """Sort blended items that are seen, and their triangles, back to front."""
-        if not self._blended.size:
-            return self._blended
         seen = [self.tiles.cull_items(view, transforms, self._blended) for view in views]
         blended = self._blended[np.any(seen, axis=0)]
         distances = np.linalg.norm(transforms.centres_m[blended], axis=1)

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.scene.textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 
 
@@ -23,7 +24,7 @@ class DrawItem:
         first, count: its indices in the index buffer.
         base: first vertex of its mesh in the vertex buffer.
         material: of the mesh.
-        texture: bound for it; white where the material has none.
+        texture_layer: of the material on the mesh.
         object_from_mesh: (4, 4) float64, into the world or the dynamic object's frame.
         normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
         flips_winding: its triangles are wound the other way round in the world.
@@ -37,7 +38,7 @@ class DrawItem:
     count: int
     base: int
     material: Material
-    texture: moderngl.Texture
+    texture_layer: MaterialTexture
     object_from_mesh: NDArray[np.float64]
     normal_from_mesh: NDArray[np.float64]
     flips_winding: bool
@@ -48,6 +49,11 @@ class DrawItem:
     def triangles(self) -> int:
         """Number of triangles."""
         return self.count // 3
+
+    @property
+    def texture(self) -> moderngl.Texture:
+        """Texture alone; white where the material has none."""
+        return self.texture_layer.texture
 
     @property
     def is_blended(self) -> bool:

@@ -27,14 +27,18 @@ class Shading(Enum):
 
 
 def shadings(
-    vertices: NDArray[np.void], triangles: NDArray[np.uint32], lighting: Lighting
+    vertices: NDArray[np.void],
+    triangles: NDArray[np.uint32],
+    lighting: Lighting,
+    static: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
     """Classify triangles by shading, and find their normals.
 
     Args:
-        vertices: (n,) of `VERTEX`, in the world's axes.
+        vertices: (n,) of `CLUSTER_VERTEX`, static ones in the world's axes.
         triangles: (m, 3).
         lighting: of the scene.
+        static: (m,), light on others changes with their pose.
 
     Returns:
         Values (m,) of `Shading`, and the normals (m, 3), unit, of those whose light can be baked.
@@ -62,7 +66,7 @@ def shadings(
     if (colors != 1.0).any():
         own = colors[triangles]
         baked &= (own == own[:, :1]).all(axis=(1, 2))
-    values[baked] = Shading.BAKED.value
+    values[baked & static] = Shading.BAKED.value
     return values, normals
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
-from omnisim.gpu.scene.static_geometry import StaticGeometry, build_static_geometry
+from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene
@@ -59,8 +59,17 @@ class SceneBuffers:
     def _build(self, scene: Scene) -> None:
         """Upload everything."""
         self._lighting = scene.lighting
+        if "_textures" in self.__dict__:
+            self._textures.keep(())
         parts = (scene, *self._dynamic_objects)
-        self._textures = MaterialTextures(self.context)
+        self._textures = MaterialTextures(
+            self.context,
+            [
+                (part.materials[part.meshes[one.mesh].material], part.meshes[one.mesh])
+                for part in parts
+                for one in part.instances
+            ],
+        )
         self._store = GeometryStore(self.context, parts)
         items = [
             item
@@ -78,7 +87,7 @@ class SceneBuffers:
         items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
         self._set_items(items)
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
-        for name in ("triangles", "static_geometry"):
+        for name in ("triangles", "clustered_geometry"):
             self.__dict__.pop(name, None)
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
@@ -132,9 +141,9 @@ class SceneBuffers:
         self._free = set(numbers[len(new) :])
         self._is_drawn = np.append(drawn, np.ones(len(items) - len(drawn), dtype=np.bool_))
         self._is_drawn[numbers[: len(new)]] = True
-        if self.static_geometry is not None:
-            self.static_geometry.show(self._is_drawn)
-        self._textures.keep({item.texture for item in items})
+        if self.clustered_geometry is not None:
+            self.clustered_geometry.show(self._is_drawn)
+        self._textures.keep([item.texture_layer for item in items])
         table = self.__dict__.get("triangles")
         if table is not None and not table.append(self._store.ranges, self.indices):
             del self.triangles
@@ -183,8 +192,8 @@ class SceneBuffers:
     def _static_mask(self) -> NDArray[np.bool_]:
         """Mask (n,) of the items with a place in the static geometry."""
         mask = np.zeros(len(self.draw_items), dtype=np.bool_)
-        if self.static_geometry is not None:
-            mask[: len(self.static_geometry.contains)] = self.static_geometry.contains
+        if self.clustered_geometry is not None:
+            mask[: len(self.clustered_geometry.contains)] = self.clustered_geometry.contains
         return mask
 
     @cached_property
@@ -193,11 +202,13 @@ class SceneBuffers:
         return TriangleTable(self.context, self._store.ranges, self.indices)
 
     @cached_property
-    def static_geometry(self) -> StaticGeometry | None:
-        """Clusters of the static instances; None where there are none."""
+    def clustered_geometry(self) -> ClusteredGeometry | None:
+        """Clusters of opaque and masked instances; None where there are none."""
         if not self._uses_clusters:
             return None
-        return build_static_geometry(self.context, self.draw_items, self._lighting)
+        return build_clustered_geometry(
+            self.context, self.draw_items, self._lighting, len(self._dynamic_objects)
+        )
 
     def check_readable(self, purpose: str) -> None:
         """Refuse a scene whose triangles shaders cannot read.
@@ -282,7 +293,7 @@ def make_draw_items(
                 count=mesh.triangles.size,
                 base=offsets[number][1],
                 material=material,
-                texture=textures.find(material, mesh),
+                texture_layer=textures.find(material, mesh),
                 object_from_mesh=object_from_mesh,
                 normal_from_mesh=cofactors[number],
                 flips_winding=bool(flips_winding[number]),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError
+from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.shader_files import build_program
@@ -27,6 +28,7 @@ class SurfaceVariant(NamedTuple):
     alpha_mode: AlphaMode
     textured: bool
     shading: Shading = Shading.UNKNOWN
+    clustered: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -54,6 +56,8 @@ class SurfaceVariant(NamedTuple):
             defines.append("TEXTURED")
         if self.alpha_mode is not AlphaMode.OPAQUE:
             defines.append(f"ALPHA_{self.alpha_mode.name}")
+        if self.clustered:
+            defines.append("CLUSTERED")
         return tuple(defines)
 
 
@@ -74,6 +78,14 @@ def variant_of(
     return SurfaceVariant(True, material.alpha_mode, textured, known)
 
 
+def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
+    """Variant that draws the clusters of a bucket; `unlit`: plain base colours."""
+    textured = bucket.array is not None
+    if unlit or bucket.unlit:
+        return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True)
+    return SurfaceVariant(True, bucket.alpha_mode, textured, bucket.shading, clustered=True)
+
+
 class SurfaceProgram:
     """One compiled variant with its uniforms.
 
@@ -90,8 +102,9 @@ class SurfaceProgram:
         files = "scene/surface.vert", "scene/surface.frag"
         self.program = program = build_program(context, *files, variant.defines(lighting))
         self._is_textured = variant.textured
-        self._clip_from_mesh = uniform(program, "u_clip_from_mesh")
-        self._base_color = uniform(program, "u_base_color")
+        # those of single items
+        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
+        self._base_color = find_uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
         # ambient light alone needs neither, and the compiler leaves them out
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
@@ -99,7 +112,7 @@ class SurfaceProgram:
         self._light_positions = find_uniform(program, "u_punctual_position")
         self._light_positions_m = np.array([one.position_m for one in _by_kind(lighting)[1]])
         if variant.textured:
-            program["u_texture"] = 0
+            program["u_textures" if variant.clustered else "u_texture"] = 0
         if variant.computes_light:
             _write_lights(program, lighting)
 
@@ -116,7 +129,8 @@ class SurfaceProgram:
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), columns first, of the next draw call."""
-        self._clip_from_mesh.write(clip_from_mesh)
+        if self._clip_from_mesh is not None:
+            self._clip_from_mesh.write(clip_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)
         if self._normal_from_mesh is not None:
@@ -124,7 +138,8 @@ class SurfaceProgram:
 
     def bind_material(self, material: Material, texture: moderngl.Texture) -> None:
         """Bind the material of the next draw call."""
-        self._base_color.write(struct.pack("4f", *material.base_color))
+        if self._base_color is not None:
+            self._base_color.write(struct.pack("4f", *material.base_color))
         if self._alpha_cutoff is not None:
             self._alpha_cutoff.value = material.alpha_cutoff
         if self._is_textured:

@@ -1,76 +1,125 @@
-"""Textures of materials on the GPU, each uploaded once, with mip levels."""
+"""Textures of materials on the GPU, each uploaded once, with mip levels.
+
+Textures of one size and wrapping are layers of one array: a draw call shows many materials.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.gl_functions import upload_mip_level
+from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.mipmaps import mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 
-SRGB8_ALPHA8 = 0x8C43
+_Key = tuple[int, float | None]  # identity of a texture, and the cutoff of its mip levels
+
+
+class MaterialTexture(NamedTuple):
+    """Texture of a material: a layer of an array.
+
+    Attributes:
+        array: shared with others of its size; None: the material has no texture.
+        layer: in the array.
+        texture: the layer alone; white where the material has no texture.
+    """
+
+    array: TextureArray | None
+    layer: int
+    texture: moderngl.Texture
 
 
 class MaterialTextures:
-    """Textures of the materials that were asked for."""
+    """Textures of the materials that were asked for.
 
-    def __init__(self, context: moderngl.Context):
+    Args:
+        context: where.
+        used: materials and the meshes that they are on, to share arrays.
+
+    Raises:
+        GraphicsError: one is larger than the GPU allows.
+    """
+
+    def __init__(self, context: moderngl.Context, used: Iterable[tuple[Material, Mesh]] = ()):
         self._context = context
-        # by id; the texture is kept so that its id is not used again
-        self._textures: dict[tuple[int, float | None], tuple[Texture, moderngl.Texture]] = {}
-        self._white = self._upload(np.full((1, 1, 4), 255, dtype=np.uint8), None, "")
+        self._layers: dict[_Key, MaterialTexture] = {}
+        self._sources: dict[_Key, Texture] = {}  # kept, so that no other gets the same identity
+        white = TextureArray(context, [[np.full((1, 1, 4), 255, dtype=np.uint8)]], (True, True))
+        self._white = MaterialTexture(None, 0, white.layers[0])
+        self._upload(used)
 
-    def find(self, material: Material, mesh: Mesh) -> moderngl.Texture:
-        """Texture of a material on a mesh; white where either has none.
+    def find(self, material: Material, mesh: Mesh) -> MaterialTexture:
+        """Texture of a material on a mesh.
 
         Raises:
             GraphicsError: it is larger than the GPU allows.
         """
-        texture = material.texture
-        if texture is None or mesh.texture_coordinates is None:
+        key = _key(material, mesh)
+        if key is None:
             return self._white
-        cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
-        key = (id(texture), cutoff)
-        if key not in self._textures:
-            uploaded = self._upload(texture.pixels, cutoff, f" of {material.name!r}")
-            uploaded.repeat_x = texture.wrap_u is not Wrap.CLAMP_TO_EDGE
-            uploaded.repeat_y = texture.wrap_v is not Wrap.CLAMP_TO_EDGE
-            self._textures[key] = texture, uploaded
-        return self._textures[key][1]
+        if key not in self._layers:
+            self._upload([(material, mesh)])
+        return self._layers[key]
 
-    def keep(self, used: Collection[moderngl.Texture]) -> None:
-        """Forget all textures but the used ones."""
-        self._textures = {key: pair for key, pair in self._textures.items() if pair[1] in used}
+    def keep(self, used: Collection[MaterialTexture]) -> None:
+        """Forget all textures but the used ones; an array goes with the last of its layers."""
+        arrays = {id(one.array) for one in used}
+        for one in {id(one.array): one.array for one in self._layers.values()}.values():
+            if one is not None and id(one) not in arrays:
+                one.release_layers()
+        self._layers = {key: one for key, one in self._layers.items() if id(one.array) in arrays}
+        self._sources = {key: self._sources[key] for key in self._layers}
 
-    def _upload(
-        self, pixels: NDArray[np.uint8], cutoff: float | None, used_by: str
-    ) -> moderngl.Texture:
-        height, width = pixels.shape[:2]
+    def _upload(self, used: Iterable[tuple[Material, Mesh]]) -> None:
+        """Upload new textures, those of one size and wrapping as one array."""
+        classes: dict[tuple[object, ...], dict[_Key, Material]] = {}
+        for material, mesh in used:
+            key, texture = _key(material, mesh), material.texture
+            if key is not None and texture is not None and key not in self._layers:
+                self._check_size(material, texture)
+                of_class = (texture.pixels.shape, *_repeats(texture))
+                classes.setdefault(of_class, {}).setdefault(key, material)
+        limit = int(self._context.info["GL_MAX_ARRAY_TEXTURE_LAYERS"])
+        for materials in classes.values():
+            keys = list(materials)
+            for first in range(0, len(keys), limit):
+                self._upload_array({key: materials[key] for key in keys[first : first + limit]})
+
+    def _upload_array(self, materials: dict[_Key, Material]) -> None:
+        textures = {key: one.texture for key, one in materials.items() if one.texture is not None}
+        levels = [_levels(texture.pixels, cutoff) for (_, cutoff), texture in textures.items()]
+        array = TextureArray(self._context, levels, _repeats(next(iter(textures.values()))))
+        self._sources |= textures
+        for layer, key in enumerate(textures):
+            self._layers[key] = MaterialTexture(array, layer, array.layers[layer])
+
+    def _check_size(self, material: Material, texture: Texture) -> None:
+        height, width = texture.pixels.shape[:2]
         limit = int(self._context.info["GL_MAX_TEXTURE_SIZE"])
         if max(height, width) > limit:
             raise GraphicsError(
-                f"a texture{used_by} has {width} × {height} texels: this GPU takes at most {limit}"
+                f"a texture of {material.name!r} has {width} × {height} texels: this GPU takes at "
+                f"most {limit}"
             )
-        texture = self._context.texture(
-            (width, height), 4, np.ascontiguousarray(pixels), internal_format=SRGB8_ALPHA8
-        )
-        levels = mipmaps(pixels) if cutoff is None else masked_mipmaps(pixels, cutoff)
-        upload_levels(texture, levels)
-        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        return texture
 
 
-def upload_levels(texture: moderngl.Texture, levels: list[NDArray[np.uint8]]) -> None:
-    """Give a texture of format `SRGB8_ALPHA8` its levels 1, 2, … down to one texel.
+def _key(material: Material, mesh: Mesh) -> _Key | None:
+    if material.texture is None or mesh.texture_coordinates is None:
+        return None
+    cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
+    return id(material.texture), cutoff
 
-    moderngl allocates levels only by letting the driver make them.
-    """
-    texture.use()
-    for number, level in enumerate(levels, start=1):
-        upload_mip_level(number, SRGB8_ALPHA8, (level.shape[1], level.shape[0]), level.tobytes())
+
+def _repeats(texture: Texture) -> tuple[bool, bool]:
+    return texture.wrap_u is not Wrap.CLAMP_TO_EDGE, texture.wrap_v is not Wrap.CLAMP_TO_EDGE
+
+
+def _levels(pixels: NDArray[np.uint8], cutoff: float | None) -> list[NDArray[np.uint8]]:
+    """All mip levels of a texture."""
+    return [pixels, *(mipmaps(pixels) if cutoff is None else masked_mipmaps(pixels, cutoff))]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import moderngl
 import numpy as np
@@ -12,12 +11,14 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews
-from omnisim.gpu.gl_functions import flush
+from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.culling.views import Views
+from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
+from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import P, SceneDrawer
-from omnisim.gpu.scene.static_drawer import StaticDrawer
 from omnisim.gpu.uniforms import columns_first
 from omnisim.world import ObjectPart
 
@@ -55,11 +56,12 @@ class TileRenderer:
         plan: the tiles.
         cameras: their depth range and sides count.
         items: (n,) draw items to draw one by one, front to back.
+        find_program: of a bucket of clusters.
         samples: of a texel.
 
     Attributes:
         views: of the tiles.
-        static: draws the static geometry; None where there is none.
+        culler: of the clusters; None where there are none.
     """
 
     def __init__(
@@ -68,13 +70,36 @@ class TileRenderer:
         plan: TilePlan,
         cameras: VirtualCameras,
         items: NDArray[np.intp],
+        find_program: Callable[[Bucket], BucketProgram],
         samples: int = 1,
     ):
         self._context, self._buffers, self._items = buffers.context, buffers, items
         self.views = TileViews(plan, cameras.near_m, cameras.far_m)
-        geometry = buffers.static_geometry
-        self.static = (
-            None if geometry is None else StaticDrawer(geometry, plan, samples, cameras.both_sides)
+        self.culler: ClusterCuller | None = None
+        geometry = buffers.clustered_geometry
+        if geometry is None:
+            return
+        context, depths_m = buffers.context, (cameras.near_m, cameras.far_m)
+        self._cluster_views = Views(context, plan, depths_m, geometry.anchor_m, geometry.objects)
+        self.culler = ClusterCuller(
+            context,
+            geometry.buffers,
+            self._cluster_views,
+            (plan.width_px, plan.height_px),
+            depths_m,
+            samples,
+            cameras.both_sides,
+        )
+        # hidden static items have no triangles
+        shown = buffers.shown(cameras.hidden)
+        shown |= np.array([item.object_index is None for item in buffers.draw_items])
+        self.culler.show(geometry.shown_clusters(shown))
+        self._clusters = ClusterDrawer(
+            context,
+            geometry,
+            self.culler,
+            [find_program(bucket) for bucket in geometry.buckets],
+            cameras.both_sides,
         )
 
     def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
@@ -93,37 +118,29 @@ class TileRenderer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        views: Sequence[TileView],
-        viewpoint_m: NDArray[np.float64],
-        transforms: InstanceTransforms,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the items and the static geometry, tile by tile and pass by pass.
+        """Draw the clusters of all tiles, and then the items.
 
         Args:
             target: cleared by `begin`.
-            views: of the tiles.
-            viewpoint_m: (3,), world.
-            transforms: of the items.
-            drawer: draws one item, or clusters.
+            world_from_rig: (4, 4).
+            world_from_objects: (4, 4) each, of the dynamic objects.
+            drawer: draws one item.
         """
+        if self.culler is not None:
+            self._cluster_views.write(world_from_rig, world_from_objects)
+            self.culler.run()
+            self._clusters.draw()
+        if not self._items.size:
+            return
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         drawer.begin(transforms)
         order = self._buffers.front_to_back(self._items, transforms)
-        if self.static is None:
-            for view in views:
-                self.draw_items(target, view, transforms, order, drawer)
-            return
-        read_depth = partial(_read_depth, target)
-        passes = self.static.passes(views, viewpoint_m, drawer.load_clusters, read_depth)
-        for pass_index, tiles in enumerate(passes):
-            for view, tile in zip(views, tiles, strict=True):
-                self.draw_items(target, view, transforms, order, drawer)
-                drawer.draw_clusters(tile)
-                if pass_index == 0:
-                    # tile by tile: a software renderer keeps the commands of all tiles in memory
-                    # otherwise, and is slower by up to a seventh
-                    flush()
-            order = order[:0]
+        for view in self.views.at(world_from_rig):
+            self.draw_items(target, view, transforms, order, drawer)
 
     def draw_items(
         self,
@@ -161,10 +178,3 @@ class TileRenderer:
 
 def _draw_everywhere(target: moderngl.Framebuffer) -> None:
     target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
-
-
-def _read_depth(target: moderngl.Framebuffer) -> NDArray[np.float32]:
-    """Depth (height, width) of all that was drawn."""
-    depth = np.empty(target.size[::-1], dtype=np.float32)
-    target.read_into(depth, components=1, attachment=-1, dtype="f4")
-    return depth

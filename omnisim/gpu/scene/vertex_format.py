@@ -16,13 +16,28 @@ VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
         ("in_color", "<f2", 4),
     ]
 )
+CLUSTER_VERTEX = np.dtype(  # of clusters: with its material, whatever draw call it is in
+    [
+        ("in_position", "<f4", 3),
+        ("in_normal", "<f4", 3),
+        ("in_texture_coordinate", "<f4", 2),
+        ("in_color", "<f4", 4),  # times the base colour
+        ("in_material", "<f4", 2),  # layer of the texture array, and cutoff of alpha
+    ]
+)
+INSTANCE = np.dtype(  # of an object in a view, as in shaders/culling/views.glsl
+    [
+        ("in_clip_from_object", "<f4", (4, 4)),
+        ("in_placement", "<f4", 4),
+        ("in_viewpoint_from_object", "<f4", (3, 4)),
+    ]
+)
 # Attribute of baked triangles, stored in the place of another one.
 _LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
-_FORMATS = {3: "3f4", 2: "2f4", 4: "4f2"}
 
 
 def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
-    """Write the vertices of a mesh into as many of `VERTEX`."""
+    """Write the vertices of a mesh into as many of `VERTEX` or `CLUSTER_VERTEX`."""
     vertices["in_position"] = mesh.positions
     vertices["in_color"] = 1.0
     if mesh.normals is not None:
@@ -40,15 +55,41 @@ def vertex_array(
     indices: moderngl.Buffer,
 ) -> moderngl.VertexArray:
     """Vertex array that feeds a program; attributes it does not use are skipped."""
+    content = [(vertices, *_layout(program, VERTEX))]
+    return context.vertex_array(program, content, indices, index_element_size=4)
+
+
+def cluster_vertex_array(
+    context: moderngl.Context,
+    program: moderngl.Program,
+    vertices: moderngl.Buffer,
+    indices: moderngl.Buffer,
+    instances: moderngl.Buffer,
+) -> moderngl.VertexArray:
+    """Vertex array of `CLUSTER_VERTEX`, whose base instance is an entry of `INSTANCE`."""
+    layout, *names = _layout(program, INSTANCE)
+    content = [
+        (vertices, *_layout(program, CLUSTER_VERTEX)),
+        (instances, f"{layout} /i", *names),
+    ]
+    return context.vertex_array(program, content, indices, index_element_size=4)
+
+
+def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
+    """Format of a buffer, and the names of the attributes that a program uses."""
     layout, names = [], []
-    for name in VERTEX.names or ():
-        size, attribute = VERTEX[name].shape[0], name
-        if name == _IN_PLACE_OF and _LIGHT in program:
-            attribute = _LIGHT
+    for name in vertex.names or ():
+        field = vertex[name]
+        attribute = _LIGHT if name == _IN_PLACE_OF and _LIGHT in program else name
         if attribute in program:
-            layout.append(_FORMATS[size])
+            layout.append(_format(field))
             names.append(attribute)
         else:
-            layout.append(f"{VERTEX[name].itemsize}x")
-    content = [(vertices, " ".join(layout), *names)]
-    return context.vertex_array(program, content, indices, index_element_size=4)
+            layout.append(f"{field.itemsize}x")
+    return [" ".join(layout), *names]
+
+
+def _format(field: np.dtype[np.generic]) -> str:
+    """moderngl's format of an attribute."""
+    count = int(np.prod(field.shape))
+    return f"{count}f{field.base.itemsize}"

@@ -1,0 +1,109 @@
+"""Clusters and their groups on the GPU, as shaders/culling/views.glsl has them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.culling.clusters import ClusterHierarchy
+from omnisim.gpu.shader_files import build_compute_shader
+
+_CLUSTER = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("first_index", "<u4"),
+        ("aabb_max", "<f4", 3),
+        ("indices", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cone_sine", "<f4"),
+        ("width", "<f4"),
+        ("group", "<u4"),
+        ("object", "<u4"),
+        ("unused", "<u4"),
+    ]
+)
+_GROUP = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("first_cluster", "<u4"),
+        ("aabb_max", "<f4", 3),
+        ("clusters_and_object", "<u4"),
+    ]
+)
+_CHILDREN_BITS = 6
+
+
+class CullingShaders(NamedTuple):
+    """Compute shaders, in the order in which they run."""
+
+    instances: moderngl.ComputeShader
+    cull: moderngl.ComputeShader
+    commands: moderngl.ComputeShader
+
+
+class ClusterBuffers:
+    """Buffers of clusters that all cameras share.
+
+    Args:
+        context: where.
+        hierarchy: the clusters and groups.
+        double_sided: (clusters,) back faces are seen, too.
+        objects: (groups,) object that they are of.
+        buckets: (groups,) in order.
+
+    Attributes:
+        clusters, groups: buffers.
+        clusters_of_bucket: number of clusters of each bucket.
+        cluster_count, group_count: of all.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        hierarchy: ClusterHierarchy,
+        double_sided: NDArray[np.bool_],
+        objects: NDArray[np.intp],
+        buckets: NDArray[np.intp],
+    ):
+        self._context = context
+        clusters, groups = hierarchy.clusters, hierarchy.groups
+        self.cluster_count, self.group_count = len(clusters.first), len(groups.first)
+        self._first = groups.first
+        group = np.repeat(np.arange(self.group_count), groups.children)
+        self._bits = np.uint32(1) << (np.arange(self.cluster_count) - groups.first[group]).astype(
+            np.uint32
+        )
+        packed = np.zeros(self.cluster_count, dtype=_CLUSTER)
+        for name in ("aabb_min", "aabb_max"):
+            packed[name] = getattr(clusters, name)
+        packed["first_index"], packed["indices"] = 3 * clusters.first, 3 * clusters.triangles
+        packed["cone_axis"] = clusters.cone_axes
+        packed["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
+        packed["width"], packed["group"] = clusters.widths, group
+        packed["object"] = objects[group]
+        self.clusters = context.buffer(packed)
+        packed = np.zeros(self.group_count, dtype=_GROUP)
+        packed["aabb_min"], packed["aabb_max"] = groups.aabb_min, groups.aabb_max
+        packed["first_cluster"] = groups.first
+        packed["clusters_and_object"] = groups.children + (objects << _CHILDREN_BITS)
+        self.groups = context.buffer(packed)
+        self.clusters_of_bucket = np.bincount(buckets, weights=groups.children).astype(int).tolist()
+        self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
+
+    def masks_of_groups(self, clusters: NDArray[np.bool_]) -> NDArray[np.uint32]:
+        """Bits (groups,) of the chosen clusters (clusters,) of each group."""
+        bits = np.where(clusters, self._bits, np.uint32(0))
+        masks: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, self._first).astype("<u4")
+        return masks
+
+    @cached_property
+    def shaders(self) -> CullingShaders:
+        """Compiled shaders."""
+        return CullingShaders(
+            *(build_compute_shader(self._context, f"culling/{name}.comp")
+              for name in CullingShaders._fields)
+        )  # fmt: skip

@@ -1,0 +1,90 @@
+"""Draws the visible clusters of all views: one call for each bucket, whatever the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import moderngl
+
+from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.gl_functions import IndirectDraws
+from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
+from omnisim.gpu.scene.vertex_format import cluster_vertex_array
+
+_CLIP_DISTANCES = tuple(range(0x3000, 0x3004))  # of shaders/scene/vertex.glsl
+
+
+class BucketProgram(NamedTuple):
+    """Program that draws a bucket.
+
+    Attributes:
+        program: of `CLUSTER_VERTEX`.
+        sampler: of its textures; None: their own.
+        first_command: uniform that is told which command is the first; None: it does not matter.
+    """
+
+    program: moderngl.Program
+    sampler: moderngl.Sampler | None = None
+    first_command: moderngl.Uniform | None = None
+
+
+class ClusterDrawer:
+    """Draws what a culler left, by the programs of one pass.
+
+    Args:
+        context: where.
+        geometry: the clusters.
+        culler: of their views.
+        programs: of each bucket.
+        both_sides: draw back faces, too.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        geometry: ClusteredGeometry,
+        culler: ClusterCuller,
+        programs: Sequence[BucketProgram],
+        both_sides: bool = False,
+    ):
+        self._context, self._culler = context, culler
+        self._draws = IndirectDraws()
+        arrays = {
+            id(one.program): cluster_vertex_array(
+                context, one.program, geometry.vertices, geometry.indices, culler.instances
+            )
+            for one in programs
+        }
+        self._buckets = [
+            (one, arrays[id(one.program)], bucket.double_sided or both_sides, bucket.array)
+            for bucket, one in zip(geometry.buckets, programs, strict=True)
+        ]
+
+    def draw(self) -> None:
+        """Draw the commands; target, depth and viewport are set."""
+        context, draws = self._context, self._draws
+        context.front_face = "cw"
+        for distance in _CLIP_DISTANCES:
+            context.enable_direct(distance)
+        draws.bind(self._culler.commands.glo, self._culler.counts.glo)
+        program = array = double_sided = None
+        ranges = self._culler.ranges
+        for number, (one, vertices, shows_back, textures) in enumerate(self._buckets):
+            if one.program is not program:
+                program = one.program
+                draws.use_program(program.glo)
+                draws.bind_vertex_array(vertices.glo)
+            if shows_back is not double_sided:
+                double_sided = shows_back
+                (context.disable if shows_back else context.enable)(moderngl.CULL_FACE)
+            if textures is not None and textures is not array:
+                array = textures
+                array.array.use(0)
+            if one.sampler is not None:
+                one.sampler.use(0)
+            if one.first_command is not None:
+                one.first_command.value = ranges[number].first
+            draws.draw(ranges[number].first, number, ranges[number].most)
+        for distance in _CLIP_DISTANCES:
+            context.disable_direct(distance)

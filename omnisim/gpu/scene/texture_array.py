@@ -1,0 +1,60 @@
+"""Texture arrays: textures of one size as layers, each of which is also a texture of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu import gl_functions
+from omnisim.gpu.memory import gpu_allocation
+
+SRGB8_ALPHA8 = 0x8C43
+
+
+class TextureArray:
+    """Array of textures of one size, with mip levels, RGBA stored as sRGB.
+
+    Args:
+        context: where.
+        layers: levels (height, width, 4) of each, from the full size down to one texel.
+        repeats: right and down; otherwise the edge goes on.
+
+    Attributes:
+        array: the whole.
+        layers: each as a texture, without a copy.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        layers: Sequence[Sequence[NDArray[np.uint8]]],
+        repeats: tuple[bool, bool],
+    ):
+        height, width = layers[0][0].shape[:2]
+        levels = len(layers[0])
+        with gpu_allocation(
+            f"{len(layers)} textures of {width} × {height} texels", "make the scene smaller"
+        ):
+            self.array = context.texture_array((1, 1, 1), 4)
+            self.array.use()
+            size = (width, height, len(layers))
+            gl_functions.allocate_texture_array(SRGB8_ALPHA8, levels, size)
+        for layer, pixels in enumerate(layers):
+            for level, texels in enumerate(pixels):
+                texel_size = texels.shape[1], texels.shape[0]
+                gl_functions.upload_layer(level, layer, texel_size, texels.tobytes())
+        self.layers = []
+        for layer in range(len(layers)):
+            name = gl_functions.view_layer(self.array.glo, SRGB8_ALPHA8, levels, layer)
+            self.layers.append(context.external_texture(name, (width, height), 4, 0, "f1"))
+        for texture in (self.array, *self.layers):
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            texture.repeat_x, texture.repeat_y = repeats
+
+    def release_layers(self) -> None:
+        """Release the textures of single layers, which are not moderngl's to free."""
+        for layer in self.layers:
+            gl_functions.delete_texture(layer.glo)

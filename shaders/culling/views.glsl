@@ -1,0 +1,59 @@
+// Buffers of culling that several of its shaders share. A view is one tile of one camera, counted
+// camera by camera; an object is a frame in which geometry stays as it is: the static one, then one
+// for each dynamic object.
+// vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
+// The layouts are those in omnisim/gpu/culling/.
+
+struct Instance {
+    mat4 clip_from_object;         // of the tile alone
+    vec4 placement;                // scale and shift of the tile in the clip space of the atlas
+    vec4 viewpoint_from_object[3]; // rows
+};
+
+struct Cluster {
+    vec3 aabb_min;
+    uint first_index;
+    vec3 aabb_max;
+    uint indices;
+    vec3 cone_axis;
+    float cone_sine;  // above 1: some triangle is seen from everywhere
+    float width;      // of its triangles, for occlusion
+    uint group;
+    uint object;
+    uint unused;
+};
+
+struct Group {
+    vec3 aabb_min;
+    uint first_cluster;
+    vec3 aabb_max;
+    uint clusters_and_object;  // number of clusters, at most 32, and 64 times the object
+};
+
+layout(std430, binding = 3) buffer Instances { Instance instances[]; };  // [object][view]
+layout(std430, binding = 4) readonly buffer Groups { Group groups[]; };
+layout(std430, binding = 5) readonly buffer Clusters { Cluster clusters[]; };
+// Bits of a group's visible clusters: [camera][group][tile].
+layout(std430, binding = 6) buffer Masks { uint masks[]; };
+
+layout(std140, binding = 0) uniform Settings {
+    uint u_cameras;
+    uint u_tiles;  // of a camera
+    uint u_groups;
+    uint u_objects;
+    vec2 u_atlas_px;
+    vec2 u_depths_m;    // of the near and far plane
+    uint u_buckets;
+    bool u_both_sides;  // back faces are seen, too
+    float u_radius_px;  // distance from a texel's centre up to which it is covered
+};
+
+vec3 transformed(vec4 rows[3], vec3 point) {
+    vec4 extended = vec4(point, 1.0);
+    return vec3(dot(rows[0], extended), dot(rows[1], extended), dot(rows[2], extended));
+}
+
+// Viewpoint in an object's frame; its pose is rigid.
+vec3 viewpoint_of(vec4 rows[3]) {
+    return -(rows[0].xyz * rows[0].w + rows[1].xyz * rows[1].w + rows[2].xyz * rows[2].w);
+}

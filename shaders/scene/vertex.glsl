@@ -1,0 +1,28 @@
+// Position of a vertex of the scene.
+// vec4 clip_position(): and, of clusters, the distances to the edges of the tile.
+// With CLUSTERED of an object in a view, which are the draw call's base instance: all tiles of the
+// atlas are drawn at once. Otherwise of one item in one tile, which is the viewport.
+// u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
+
+in vec3 in_position;
+
+#ifdef CLUSTERED
+in mat4 in_clip_from_object;
+in vec4 in_placement;  // scale and shift of the tile in the atlas
+out float gl_ClipDistance[4];
+
+vec4 clip_position() {
+    vec4 clip = in_clip_from_object * vec4(in_position, 1.0);
+    gl_ClipDistance[0] = clip.w + clip.x;
+    gl_ClipDistance[1] = clip.w - clip.x;
+    gl_ClipDistance[2] = clip.w + clip.y;
+    gl_ClipDistance[3] = clip.w - clip.y;
+    return vec4(clip.xy * in_placement.xy + clip.w * in_placement.zw, clip.zw);
+}
+#else
+uniform mat4 u_clip_from_mesh;
+
+vec4 clip_position() {
+    return u_clip_from_mesh * vec4(in_position, 1.0);
+}
+#endif
