@@ -8,9 +8,9 @@ from functools import cache
 
 _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
-_RENDERBUFFER, _DEPTH_COMPONENT32F = 0x8D41, 0x8CAC
+_RENDERBUFFER, _DEPTH_COMPONENT32F, _DEPTH_COMPONENT = 0x8D41, 0x8CAC, 0x1902
 _TEXTURE_2D, _TEXTURE_2D_ARRAY, _RGBA = 0x0DE1, 0x8C1A, 0x1908
-_UNSIGNED_BYTE, _UNSIGNED_INT, _TRIANGLES = 0x1401, 0x1405, 4
+_UNSIGNED_BYTE, _UNSIGNED_INT, _FLOAT, _TRIANGLES = 0x1401, 0x1405, 0x1406, 4
 _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 
@@ -50,6 +50,15 @@ def allocate_float_depth(renderbuffer: int, size: tuple[int, int], samples: int)
         ctypes.c_uint, ctypes.c_int, ctypes.c_uint, ctypes.c_int, ctypes.c_int,
     )  # fmt: skip
     allocate(_RENDERBUFFER, samples, _DEPTH_COMPONENT32F, *size)
+
+
+def allocate_depth_texture(size: tuple[int, int]) -> None:
+    """Give the 2D texture that is bound storage of 32-bit float depth."""
+    allocate = gl_function(
+        "glTexImage2D",
+        _ENUM, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p,
+    )  # fmt: skip
+    allocate(_TEXTURE_2D, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None)
 
 
 def allocate_texture_array(internal_format: int, levels: int, size: tuple[int, int, int]) -> None:

@@ -9,11 +9,11 @@ layout(std430, binding = 0) readonly buffer Poses { vec4 poses[]; };
 layout(std430, binding = 1) readonly buffer Tiles { mat4 clip_from_rig[]; };
 layout(std430, binding = 2) readonly buffer Rectangles { vec4 rectangles_px[]; };  // [view]
 
-layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [bucket]
+layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][bucket]
 
 void main() {
     uint at = gl_GlobalInvocationID.x, views = u_cameras * u_tiles;
-    if (at < u_buckets) counts[at] = 0u;
+    if (at < 2u * u_buckets) counts[at] = 0u;
     if (at >= views * u_objects) return;
     uint view = at % views, object = at / views;
     uint first = 3u * (1u + u_objects) * (view / u_tiles);

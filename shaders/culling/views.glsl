@@ -33,8 +33,12 @@ struct Group {
 layout(std430, binding = 3) buffer Instances { Instance instances[]; };  // [object][view]
 layout(std430, binding = 4) readonly buffer Groups { Group groups[]; };
 layout(std430, binding = 5) readonly buffer Clusters { Cluster clusters[]; };
-// Bits of a group's visible clusters: [camera][group][tile].
-layout(std430, binding = 6) buffer Masks { uint masks[]; };
+// Bits of the tiles that a cluster is visible in: [camera][cluster][word].
+layout(std430, binding = 6) buffer Visible { uint visible_tiles[]; };
+// Bin of a visible cluster's distance, from near to far: [camera][cluster].
+layout(std430, binding = 13) buffer Bins { uint bins[]; };
+
+#define BINS 32u
 
 layout(std140, binding = 0) uniform Settings {
     uint u_cameras;
@@ -43,10 +47,18 @@ layout(std140, binding = 0) uniform Settings {
     uint u_objects;
     vec2 u_atlas_px;
     vec2 u_depths_m;    // of the near and far plane
+    vec2 u_depth;       // a and b in a + b / w, w along the view
     uint u_buckets;
     bool u_both_sides;  // back faces are seen, too
     float u_radius_px;  // distance from a texel's centre up to which it is covered
+    uint u_clusters;
+    uint u_pass;        // of two that draw: the second draws what the first does not occlude
 };
+
+// Words of a cluster's tiles.
+uint tile_words() {
+    return (u_tiles + 31u) / 32u;
+}
 
 vec3 transformed(vec4 rows[3], vec3 point) {
     vec4 extended = vec4(point, 1.0);

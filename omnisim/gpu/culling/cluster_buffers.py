@@ -38,11 +38,19 @@ _CHILDREN_BITS = 6
 
 
 class CullingShaders(NamedTuple):
-    """Compute shaders, in the order in which they run."""
+    """Compute shaders.
+
+    Attributes:
+        instances: matrices.
+        cull: in one pass, or the first and the second of two.
+        commands: of what is left.
+        hi_z: depth between two passes.
+    """
 
     instances: moderngl.ComputeShader
-    cull: moderngl.ComputeShader
+    cull: tuple[moderngl.ComputeShader, ...]
     commands: moderngl.ComputeShader
+    hi_z: moderngl.ComputeShader
 
 
 class ClusterBuffers:
@@ -103,7 +111,13 @@ class ClusterBuffers:
     @cached_property
     def shaders(self) -> CullingShaders:
         """Compiled shaders."""
+        context = self._context
         return CullingShaders(
-            *(build_compute_shader(self._context, f"culling/{name}.comp")
-              for name in CullingShaders._fields)
-        )  # fmt: skip
+            build_compute_shader(context, "culling/instances.comp"),
+            tuple(
+                build_compute_shader(context, "culling/cull.comp", [f"PASS {number}"])
+                for number in range(3)
+            ),
+            build_compute_shader(context, "culling/commands.comp"),
+            build_compute_shader(context, "culling/hi_z.comp"),
+        )

@@ -23,14 +23,21 @@ EDGE_PX = 0.125
 COMMANDS_BINDING = 7
 _INSTANCE_BYTES = 128
 _GROUP_SIZE = 64  # local_size_x of the shaders
+_CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
+_DEPTH_UNIT = 0
+# Triangles from which on it pays to draw in two passes.
+MIN_TRIANGLES_OF_PASSES = 50_000
 _SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
     [
         ("counts", "<u4", 4),
         ("atlas_px", "<f4", 2),
         ("depths_m", "<f4", 2),
+        ("depth", "<f4", 2),
         ("buckets", "<u4"),
         ("both_sides", "<u4"),
         ("radius_px", "<f4"),
+        ("clusters", "<u4"),
+        ("pass_index", "<u4"),
         ("unused", "<u4"),
     ]
 )
@@ -55,13 +62,15 @@ class ClusterCuller:
         context: where.
         buffers: the clusters.
         views: of all cameras.
+        depth: of the atlas, to test for occlusion in two passes; None: there is one.
         atlas_px: size of the atlas.
         depths_m: of the near and the far plane.
         samples: of a texel.
         both_sides: all clusters are seen from behind, too.
 
     Attributes:
-        ranges: of each bucket's commands.
+        passes: how many there are.
+        ranges: of each bucket's commands, pass by pass.
         commands: buffer of them; base instances are entries of `instances`.
         counts: buffer of the number of commands of each bucket.
         instances: buffer of an object in a view each: `vertex_format.INSTANCE`.
@@ -72,43 +81,58 @@ class ClusterCuller:
         context: moderngl.Context,
         buffers: ClusterBuffers,
         views: Views,
+        depth: moderngl.Texture | None,
         atlas_px: tuple[int, int],
         depths_m: tuple[float, float],
         samples: int = 1,
         both_sides: bool = False,
     ):
         self._context, self._buffers, self._views = context, buffers, views
+        self.passes, self._depth = (1 if depth is None else 2), depth
         most = [views.count * clusters for clusters in buffers.clusters_of_bucket]
-        first = np.cumsum([0, *most]).tolist()
-        self.ranges = [CommandRange(*pair) for pair in zip(first, most, strict=False)]
-        groups = buffers.group_count
+        first = np.cumsum([0, *self.passes * most]).tolist()
+        self.ranges = [CommandRange(*pair) for pair in zip(first, self.passes * most, strict=False)]
+        words = buffers.group_count * views.count
+        self._cells = [math.ceil(side / _CELL_PX) for side in atlas_px]
         with gpu_allocation(
             f"draw commands of {views.count} views of {buffers.cluster_count} clusters",
             "make the scene smaller, or the cameras fewer",
         ):
             self.commands = context.buffer(reserve=COMMAND_BYTES * first[-1])
-            self.counts = context.buffer(reserve=4 * len(most))
+            self.counts = context.buffer(reserve=8 * len(most))
             self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
-            masks = context.buffer(reserve=4 * groups * views.count)
+            words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
+            visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
+            visible_tiles = context.buffer(visible)
+            bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
+            waiting = context.buffer(reserve=4 * (words if depth else 1))
+            cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
+            hi_z = context.buffer(reserve=4 * (cells if depth else 1))
         buckets = np.zeros((len(most), 4), dtype=np.uint32)
         buckets[:, 1] = buffers.clusters_of_bucket
         buckets[:, 0] = np.cumsum(buckets[:, 1]) - buckets[:, 1]
-        buckets[:, 2] = first[:-1]
-        settings = np.zeros((), dtype=_SETTINGS)
-        settings["counts"] = views.cameras, views.tiles, groups, views.objects
-        settings["atlas_px"], settings["depths_m"] = atlas_px, (depths_m[0], min(depths_m[1], 3e38))
+        buckets[:, 2], buckets[:, 3] = first[: len(most)], sum(most)
+        near_m, far_m = depths_m
+        slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
+        settings = np.zeros(self.passes, dtype=_SETTINGS)
+        settings["counts"] = views.cameras, views.tiles, buffers.group_count, views.objects
+        settings["atlas_px"], settings["depths_m"] = atlas_px, (near_m, min(far_m, 3e38))
+        settings["depth"] = slope, near_m * (1.0 - slope)
         settings["buckets"], settings["both_sides"] = len(most), both_sides
+        settings["clusters"] = buffers.cluster_count
         settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
-        self._settings = context.buffer(settings.tobytes())
+        settings["pass_index"] = np.arange(self.passes)
+        self._settings = [context.buffer(one.tobytes()) for one in settings]
         self._shown = context.buffer(buffers.all_shown)
         self._bound = [
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
-            buffers.groups, buffers.clusters, masks, self.commands, self.counts,
-            context.buffer(buckets), self._shown,
+            buffers.groups, buffers.clusters, visible_tiles, self.commands, self.counts,
+            context.buffer(buckets), self._shown, waiting, hi_z, bins,
         ]  # fmt: skip
-        self._groups = math.ceil(groups / _GROUP_SIZE)
+        self._names = [one.glo for one in self._bound]
+        self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
         self._instance_groups = math.ceil(
-            max(views.count * views.objects, len(most)) / _GROUP_SIZE
+            max(views.count * views.objects, 2 * len(most)) / _GROUP_SIZE
         )
         self._shaders = buffers.shaders
 
@@ -116,17 +140,25 @@ class ClusterCuller:
         """Show some clusters (clusters,), and no others."""
         self._shown.write(self._buffers.masks_of_groups(shown))
 
-    def run(self) -> None:
-        """Make the commands of a frame, by the poses that were written."""
+    def run(self, pass_index: int) -> None:
+        """Make the commands of one pass, by the poses that were written.
+
+        The depth of the pass before is there.
+        """
         context, shaders = self._context, self._shaders
         barrier = context.SHADER_STORAGE_BARRIER_BIT
-        self._settings.bind_to_uniform_block(0)
-        bind_storage_buffers([one.glo for one in self._bound])
-        shaders.instances.run(self._instance_groups)
+        self._settings[pass_index].bind_to_uniform_block(0)
+        bind_storage_buffers(self._names)
+        if pass_index == 0:
+            shaders.instances.run(self._instance_groups)
+        elif self._depth is not None:
+            self._depth.use(_DEPTH_UNIT)
+            shaders.hi_z.run(*self._cells)
         context.memory_barrier(barrier)
-        shaders.cull.run(self._groups, self._views.count)
+        cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]
+        cull.run(self._groups, self._views.count)
         context.memory_barrier(barrier)
-        shaders.commands.run(len(self.ranges), self._views.cameras)
+        shaders.commands.run(len(self.ranges) // self.passes, self._views.cameras)
         context.memory_barrier(
             barrier | context.COMMAND_BARRIER_BIT | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
         )

@@ -14,9 +14,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
 from omnisim.gpu.scene.triangle_table import ROW_BITS
 
 _ROW = 1 << ROW_BITS

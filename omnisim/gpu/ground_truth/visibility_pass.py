@@ -15,7 +15,7 @@ from omnisim.gpu.ground_truth.visibility_program import VisibilityProgram, Visib
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
-from omnisim.gpu.scene.reversed_depth import float_depth
+from omnisim.gpu.scene.reversed_depth import depth_texture
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
@@ -60,7 +60,7 @@ class VisibilityPass:
         ):
             self.id_atlas = context.texture(size, 1, dtype="u4")
             self.albedo_atlas = context.texture(size, 4) if albedo else None
-            depth = float_depth(context, size, 0)
+            self._depth = depth = depth_texture(context, size)
             self._targets = {False: context.framebuffer([self.id_atlas], depth)}
             if self.albedo_atlas is not None:
                 atlases = [self.id_atlas, self.albedo_atlas]
@@ -94,7 +94,9 @@ class VisibilityPass:
         shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
         return np.flatnonzero(shown)
 
-    def _make_drawer(self, colored: bool, items: NDArray[np.intp]) -> SceneDrawer[VisibilityProgram]:
+    def _make_drawer(
+        self, colored: bool, items: NDArray[np.intp]
+    ) -> SceneDrawer[VisibilityProgram]:
         """Drawer of IDs, with base colours or without."""
         return SceneDrawer(
             self.buffers,
@@ -121,7 +123,9 @@ class VisibilityPass:
             found.first_plus_one.value = first_plus_one
             return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
 
-        return TileRenderer(self.buffers, self.plan, self._cameras, items, find_program)
+        return TileRenderer(
+            self.buffers, self.plan, self._cameras, items, find_program, self._depth
+        )
 
     def _program(self, variant: VisibilityVariant) -> VisibilityProgram:
         if variant not in self._compiled:

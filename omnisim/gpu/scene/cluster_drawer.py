@@ -61,16 +61,16 @@ class ClusterDrawer:
             for bucket, one in zip(geometry.buckets, programs, strict=True)
         ]
 
-    def draw(self) -> None:
-        """Draw the commands; target, depth and viewport are set."""
+    def draw(self, pass_index: int) -> None:
+        """Draw the commands of a pass; target, depth and viewport are set."""
         context, draws = self._context, self._draws
         context.front_face = "cw"
         for distance in _CLIP_DISTANCES:
             context.enable_direct(distance)
         draws.bind(self._culler.commands.glo, self._culler.counts.glo)
         program = array = double_sided = None
-        ranges = self._culler.ranges
-        for number, (one, vertices, shows_back, textures) in enumerate(self._buckets):
+        ranges, first_number = self._culler.ranges, pass_index * len(self._buckets)
+        for number, (one, vertices, shows_back, textures) in enumerate(self._buckets, first_number):
             if one.program is not program:
                 program = one.program
                 draws.use_program(program.glo)

@@ -120,7 +120,9 @@ def build_clustered_geometry(
     lights = bake_directional_light(normals[baked], lighting)
     vertices, triangles[baked] = _bake(vertices, triangles, baked, lights)
     buckets, bucket = _buckets(items, len(Shading) * item_of_triangle + shading)
-    object_of_item = np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
+    object_of_item = (
+        np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
+    )
     # parts of dynamic objects can be hidden one by one
     part = np.where(is_static, 0, 1 + np.arange(len(items)))
     objects = 1 + dynamic_objects

@@ -16,7 +16,7 @@ from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
-from omnisim.gpu.scene.reversed_depth import float_depth
+from omnisim.gpu.scene.reversed_depth import depth_texture, float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
 from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of, variant_of_bucket
@@ -69,7 +69,9 @@ class CubePass:
             color: moderngl.Texture | moderngl.Renderbuffer = self.atlas
             if samples > 1:
                 color = context.renderbuffer(size, 4, samples=samples, dtype="f2")
-            depth = float_depth(context, size, samples if samples > 1 else 0)
+            # several samples of depth cannot be read, and one may show what another occludes
+            self._depth = None if samples > 1 else depth_texture(context, size)
+            depth = self._depth or float_depth(context, size, samples)
             self._target = context.framebuffer([color], depth)
         self.atlas.repeat_x = self.atlas.repeat_y = False
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
@@ -100,7 +102,7 @@ class CubePass:
         self._blended = np.flatnonzero(shown & blended)
         opaque = np.flatnonzero(shown & ~blended)
         self.tiles = TileRenderer(
-            buffers, self.plan, cameras, opaque, find_program, self._samples
+            buffers, self.plan, cameras, opaque, find_program, self._depth, self._samples
         )
 
     def render(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import moderngl
 
-from omnisim.gpu.gl_functions import allocate_float_depth
+from omnisim.gpu.gl_functions import allocate_depth_texture, allocate_float_depth
 
 DEPTH_FUNCTION = ">"
 CLEAR_DEPTH = 0.0
@@ -24,3 +24,14 @@ def float_depth(
     buffer = context.depth_renderbuffer(size, samples=samples)
     allocate_float_depth(buffer.glo, size, samples)
     return buffer
+
+
+def depth_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
+    """Depth buffer of 32-bit floats that shaders can read."""
+    texture = context.depth_texture(size)
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    texture.compare_func = ""
+    texture.repeat_x = texture.repeat_y = False
+    texture.use()
+    allocate_depth_texture(size)
+    return texture

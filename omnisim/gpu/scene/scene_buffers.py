@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
+from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
-from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews
-from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
 from omnisim.gpu.scene.clustered_geometry import Bucket
@@ -57,6 +57,7 @@ class TileRenderer:
         cameras: their depth range and sides count.
         items: (n,) draw items to draw one by one, front to back.
         find_program: of a bucket of clusters.
+        depth: of the atlas; None where shaders cannot read it.
         samples: of a texel.
 
     Attributes:
@@ -71,6 +72,7 @@ class TileRenderer:
         cameras: VirtualCameras,
         items: NDArray[np.intp],
         find_program: Callable[[Bucket], BucketProgram],
+        depth: moderngl.Texture | None,
         samples: int = 1,
     ):
         self._context, self._buffers, self._items = buffers.context, buffers, items
@@ -85,6 +87,7 @@ class TileRenderer:
             context,
             geometry.buffers,
             self._cluster_views,
+            depth if len(geometry.triangles) >= MIN_TRIANGLES_OF_PASSES else None,
             (plan.width_px, plan.height_px),
             depths_m,
             samples,
@@ -132,8 +135,9 @@ class TileRenderer:
         """
         if self.culler is not None:
             self._cluster_views.write(world_from_rig, world_from_objects)
-            self.culler.run()
-            self._clusters.draw()
+            for pass_index in range(self.culler.passes):
+                self.culler.run(pass_index)
+                self._clusters.draw(pass_index)
         if not self._items.size:
             return
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from omnisim.gpu.culling.frustum_culling import EDGE_PX, FrustumCuller
 
 from omnisim import poses
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.atlas.tile_views import TileViews
-from omnisim.gpu.culling.frustum_culling import EDGE_PX, FrustumCuller
 from omnisim.sensors import OmniCamera
 
 CAMERA = OmniCamera().resized(200).model

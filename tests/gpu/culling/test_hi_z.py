@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from omnisim.gpu.culling.frustum_culling import ScreenBounds
 from omnisim.gpu.culling.hi_z import MAX_SIDE, MIN_CELL_PX, HiZ
 

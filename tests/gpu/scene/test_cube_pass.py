@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from omnisim.gpu.culling.frustum_culling import FrustumCuller
+from omnisim.gpu.culling.hi_z import HiZ
 
 from omnisim import OmniCamera, Renderer
 from omnisim.gpu.culling import cluster_culling
-from omnisim.gpu.culling.frustum_culling import FrustumCuller
-from omnisim.gpu.culling.hi_z import HiZ
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 import pytest
+from omnisim.gpu.culling.hi_z import HiZ
 
 from omnisim.gpu.culling import cluster_culling
-from omnisim.gpu.culling.hi_z import HiZ
 from omnisim.gpu.scene import tile_renderer
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.poses import pose as make_pose

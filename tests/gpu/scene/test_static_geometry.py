@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from omnisim.gpu.scene.static_geometry import MAX_DISTANCE_M
 
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.static_geometry import MAX_DISTANCE_M
 from omnisim.gpu.scene.vertex_format import VERTEX
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material, Mesh

@@ -1,0 +1,5 @@
+// Levels of a hierarchical z buffer: cells of 4, 8, 16, 32 and 64 texels to a side.
+
+#define CELL_PX 4
+#define LEVELS 5
+#define SIDE 16  // cells of the first level in one of the last
