@@ -35,6 +35,7 @@ _GROUP = np.dtype(
     ]
 )
 _CHILDREN_BITS = 6
+DEPTH_UNIT = 7  # whose sampler is the texture's own, whatever draws in between
 
 
 class CullingShaders(NamedTuple):
@@ -112,6 +113,8 @@ class ClusterBuffers:
     def shaders(self) -> CullingShaders:
         """Compiled shaders."""
         context = self._context
+        hi_z = build_compute_shader(context, "culling/hi_z.comp")
+        hi_z["u_depth"] = DEPTH_UNIT
         return CullingShaders(
             build_compute_shader(context, "culling/instances.comp"),
             tuple(
@@ -119,5 +122,5 @@ class ClusterBuffers:
                 for number in range(3)
             ),
             build_compute_shader(context, "culling/commands.comp"),
-            build_compute_shader(context, "culling/hi_z.comp"),
+            hi_z,
         )

@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.culling.cluster_buffers import ClusterBuffers
+from omnisim.gpu.culling.cluster_buffers import DEPTH_UNIT, ClusterBuffers
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.gl_functions import COMMAND_BYTES, bind_storage_buffers
 from omnisim.gpu.memory import gpu_allocation
@@ -24,7 +24,6 @@ COMMANDS_BINDING = 7
 _INSTANCE_BYTES = 128
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
-_DEPTH_UNIT = 0
 # Triangles from which on it pays to draw in two passes.
 MIN_TRIANGLES_OF_PASSES = 50_000
 _SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
@@ -152,7 +151,7 @@ class ClusterCuller:
         if pass_index == 0:
             shaders.instances.run(self._instance_groups)
         elif self._depth is not None:
-            self._depth.use(_DEPTH_UNIT)
+            self._depth.use(DEPTH_UNIT)
             shaders.hi_z.run(*self._cells)
         context.memory_barrier(barrier)
         cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]

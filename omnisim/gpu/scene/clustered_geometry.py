@@ -60,6 +60,7 @@ class ClusteredGeometry:
             contained draw items.
         contains: (items,), mask of the scene's draw items.
         vertices: buffer of `CLUSTER_VERTEX`, each in the frame of its object.
+        bucket_of_cluster: (clusters,).
         item_of_triangle: (m,) draw item of each, cluster by cluster.
         triangles: (m, 3), likewise; those of hidden items have no area.
         indices: buffer of the triangles.
@@ -72,6 +73,7 @@ class ClusteredGeometry:
     hierarchy: ClusterHierarchy
     contains: NDArray[np.bool_]
     vertices: moderngl.Buffer
+    bucket_of_cluster: NDArray[np.intp]
     item_of_triangle: NDArray[np.int32]
     triangles: NDArray[np.uint32]
     indices: moderngl.Buffer
@@ -142,6 +144,7 @@ def build_clustered_geometry(
         hierarchy=hierarchy,
         contains=contains,
         vertices=context.buffer(vertices),
+        bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
         item_of_triangle=np.flatnonzero(contains)[item_of_triangle[hierarchy.order]].astype(
             np.int32
         ),

@@ -54,16 +54,15 @@ class SceneBuffers:
     ):
         self.context, self._uses_clusters = context, uses_clusters
         self._dynamic_objects = tuple(dynamic_objects)
+        self._textures = MaterialTextures(context)
         self._build(scene)
 
     def _build(self, scene: Scene) -> None:
         """Upload everything."""
         self._lighting = scene.lighting
-        if "_textures" in self.__dict__:
-            self._textures.keep(())
         parts = (scene, *self._dynamic_objects)
-        self._textures = MaterialTextures(
-            self.context,
+        self._textures.keep(())
+        self._textures.share(
             [
                 (part.materials[part.meshes[one.mesh].material], part.meshes[one.mesh])
                 for part in parts

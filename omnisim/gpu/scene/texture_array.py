@@ -50,7 +50,8 @@ class TextureArray:
         for layer in range(len(layers)):
             name = gl_functions.view_layer(self.array.glo, SRGB8_ALPHA8, levels, layer)
             self.layers.append(context.external_texture(name, (width, height), 4, 0, "f1"))
-        for texture in (self.array, *self.layers):
+        textures: list[moderngl.Texture | moderngl.TextureArray] = [self.array, *self.layers]
+        for texture in textures:
             texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             texture.repeat_x, texture.repeat_y = repeats
 

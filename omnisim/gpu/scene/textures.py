@@ -40,19 +40,14 @@ class MaterialTextures:
 
     Args:
         context: where.
-        used: materials and the meshes that they are on, to share arrays.
-
-    Raises:
-        GraphicsError: one is larger than the GPU allows.
     """
 
-    def __init__(self, context: moderngl.Context, used: Iterable[tuple[Material, Mesh]] = ()):
+    def __init__(self, context: moderngl.Context):
         self._context = context
         self._layers: dict[_Key, MaterialTexture] = {}
         self._sources: dict[_Key, Texture] = {}  # kept, so that no other gets the same identity
         white = TextureArray(context, [[np.full((1, 1, 4), 255, dtype=np.uint8)]], (True, True))
         self._white = MaterialTexture(None, 0, white.layers[0])
-        self._upload(used)
 
     def find(self, material: Material, mesh: Mesh) -> MaterialTexture:
         """Texture of a material on a mesh.
@@ -64,7 +59,7 @@ class MaterialTextures:
         if key is None:
             return self._white
         if key not in self._layers:
-            self._upload([(material, mesh)])
+            self.share([(material, mesh)])
         return self._layers[key]
 
     def keep(self, used: Collection[MaterialTexture]) -> None:
@@ -76,8 +71,12 @@ class MaterialTextures:
         self._layers = {key: one for key, one in self._layers.items() if id(one.array) in arrays}
         self._sources = {key: self._sources[key] for key in self._layers}
 
-    def _upload(self, used: Iterable[tuple[Material, Mesh]]) -> None:
-        """Upload new textures, those of one size and wrapping as one array."""
+    def share(self, used: Iterable[tuple[Material, Mesh]]) -> None:
+        """Upload new textures of materials on meshes, those of one size and wrapping as an array.
+
+        Raises:
+            GraphicsError: one is larger than the GPU allows.
+        """
         classes: dict[tuple[object, ...], dict[_Key, Material]] = {}
         for material, mesh in used:
             key, texture = _key(material, mesh), material.texture

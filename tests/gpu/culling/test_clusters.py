@@ -1,7 +1,5 @@
 """Clusters of triangles beside brute force: every triangle, in its box and in its cone."""
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -53,9 +51,8 @@ def _batches(corners, count=3, seed=7):
 
 
 def _built(corners, batches=None):
-    made = build_clusters(
-        corners, np.zeros(len(corners), dtype=int) if batches is None else batches
-    )
+    keys = np.zeros(len(corners), dtype=int) if batches is None else batches
+    made = build_clusters(corners, keys, keys // 4)
     return corners[made.order], made.clusters, made
 
 
@@ -74,22 +71,22 @@ def test_every_triangle_is_in_one_cluster_of_one_batch(corners):
 
 
 @scenes
-def test_every_node_is_in_one_group_which_bounds_it(corners):
-    _, clusters, made = _built(corners, _batches(corners))
-    assert made.cluster_groups
-    triangles = clusters.triangles
-    for below, groups in itertools.pairwise((clusters, *made.cluster_groups)):
-        assert groups.first[0] == 0
-        assert np.array_equal(groups.first[1:], np.cumsum(groups.children)[:-1])
-        assert groups.children.sum() == len(below.first)
-        assert groups.children.max() <= MAX_CHILDREN
-        for number, (first, count) in enumerate(zip(groups.first, groups.children, strict=True)):
-            own = slice(first, first + count)
-            assert np.array_equal(groups.aabb_min[number], below.aabb_min[own].min(axis=0))
-            assert np.array_equal(groups.aabb_max[number], below.aabb_max[own].max(axis=0))
-            assert groups.widths[number] == below.widths[own].max()
-            assert groups.triangles[number] == triangles[own].sum()
-        triangles = groups.triangles
+def test_every_cluster_is_in_one_group_which_bounds_it(corners):
+    batches = _batches(corners)
+    _, clusters, made = _built(corners, batches)
+    groups = made.groups
+    assert groups.first[0] == 0
+    assert np.array_equal(groups.first[1:], np.cumsum(groups.children)[:-1])
+    assert groups.children.sum() == len(clusters.first)
+    assert groups.children.max() <= MAX_CHILDREN
+    keys = (batches // 4)[made.order][clusters.first]
+    of_group = keys[groups.first]
+    assert np.array_equal(keys, np.repeat(of_group, groups.children))
+    assert np.all(np.diff(of_group) >= 0)
+    for number, (first, count) in enumerate(zip(groups.first, groups.children, strict=True)):
+        own = slice(first, first + count)
+        assert np.array_equal(groups.aabb_min[number], clusters.aabb_min[own].min(axis=0))
+        assert np.array_equal(groups.aabb_max[number], clusters.aabb_max[own].max(axis=0))
 
 
 @scenes

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from omnisim.gpu.atlas.tile_plan import plan_tiles
-from omnisim.gpu.culling import cluster_culling
-from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, static_triangle_entries
+from omnisim.gpu.ground_truth.triangle_ids import TriangleIds, cluster_triangle_entries
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
+from omnisim.gpu.scene import tile_renderer
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
-from omnisim.gpu.scene.triangle_table import ROW_BITS
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
-from tests.gpu.scene.test_static_geometry import corners_m
+from tests.gpu.scene.test_clustered_geometry import corners_m
 from tests.gpu.sheets import sheet
 from tests.scenes import room, scene_of
 from tests.vehicles import box, checkered
@@ -37,7 +36,7 @@ def _scene():
 
 def _surfaces(visibility, buffers, pose, albedo=False):
     """1 + number of the item, and number of the triangle, of every texel (height, width, 2)."""
-    visibility.render(pose, buffers.instance_transforms(pose[:3, 3]), albedo)
+    visibility.render(pose, (), albedo)
     size = visibility.id_atlas.height, visibility.id_atlas.width
     seen = np.frombuffer(visibility.id_atlas.read(), dtype="<u4").reshape(size)
     entries = np.frombuffer(visibility.triangle_ids.texture.read(), dtype="<u4").reshape(-1, 2)
@@ -53,12 +52,12 @@ def _pass(buffers, albedo=False):
 @pytest.mark.parametrize("min_triangles", [0, 10**9], ids=["occlusion passes", "one pass"])
 @pytest.mark.parametrize("albedo", [False, True])
 def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, albedo):
-    monkeypatch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (min_triangles,) * 2)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", min_triangles)
     scene = _scene()
     clustered = SceneBuffers(context, scene)
     reference = SceneBuffers(context, scene, uses_clusters=False)
-    assert clustered.static_geometry.contains.sum() == 4
-    assert reference.static_geometry is None
+    assert clustered.clustered_geometry.contains.sum() == 4
+    assert reference.clustered_geometry is None
     passes = [(_pass(one, albedo), one) for one in (clustered, reference)]
     for pose in (make_pose((0.0, 0.0, 0.4)), make_pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
         ours, theirs = (_surfaces(one, buffers, pose, albedo) for one, buffers in passes)
@@ -70,8 +69,8 @@ def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_t
 def test_triangles_of_clusters_are_found_again_in_their_instances(context):
     """Though the geometry has copies of vertices, in places of their own."""
     buffers = SceneBuffers(context, _scene())
-    geometry, draws = buffers.static_geometry, buffers.draw_items
-    found = static_triangle_entries(geometry, draws)
+    geometry, draws = buffers.clustered_geometry, buffers.draw_items
+    found = cluster_triangle_entries(geometry, draws)
     taken = np.flatnonzero(geometry.contains).tolist()
     assert len(np.unique(found)) == len(found) == sum(draws[one].triangles for one in taken)
     all_corners_m = corners_m(geometry)
@@ -84,21 +83,16 @@ def test_triangles_of_clusters_are_found_again_in_their_instances(context):
         np.testing.assert_allclose(all_corners_m[mine], own_m, atol=1e-6)
 
 
-def test_the_table_grows_with_the_ids_of_a_frame(context):
+def test_the_table_has_items_drawn_one_by_one_and_then_clusters(context):
     buffers = SceneBuffers(context, _scene())
-    one_by_one = np.flatnonzero(~buffers.static_geometry.contains)
+    one_by_one = np.flatnonzero(~buffers.clustered_geometry.contains)
     ids = TriangleIds(buffers, one_by_one)
-    some = static_triangle_entries(buffers.static_geometry, buffers.draw_items)
-    many = np.resize(some, 3 << ROW_BITS)
-    for _ in range(2):
-        ids.begin()
-        firsts = []
-        for part in (some[:100], many):
-            firsts.append(ids.append(part))
-        held = np.frombuffer(ids.texture.read(), dtype=some.dtype)
-        np.testing.assert_array_equal(held[firsts[0] : firsts[0] + 100], some[:100])
-        np.testing.assert_array_equal(held[firsts[1] : firsts[1] + len(many)], many)
-        for index in one_by_one.tolist():
-            first, count = ids.first_of_item[index], buffers.draw_items[index].triangles
-            assert held["item_plus_one"][first : first + count].tolist() == [index + 1] * count
-            assert held["triangle"][first : first + count].tolist() == list(range(count))
+    of_clusters = cluster_triangle_entries(buffers.clustered_geometry, buffers.draw_items)
+    held = np.frombuffer(ids.texture.read(), dtype=of_clusters.dtype)
+    first = ids.first_of_clusters
+    np.testing.assert_array_equal(held[first : first + len(of_clusters)], of_clusters)
+    assert len(one_by_one)
+    for index in one_by_one.tolist():
+        first, count = ids.first_of_item[index], buffers.draw_items[index].triangles
+        assert held["item_plus_one"][first : first + count].tolist() == [index + 1] * count
+        assert held["triangle"][first : first + count].tolist() == list(range(count))

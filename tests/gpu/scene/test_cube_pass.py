@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from omnisim.gpu.culling.frustum_culling import FrustumCuller
-from omnisim.gpu.culling.hi_z import HiZ
 
 from omnisim import OmniCamera, Renderer
-from omnisim.gpu.culling import cluster_culling
+from omnisim.gpu.scene import tile_renderer
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
@@ -16,32 +14,25 @@ from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.poses import pose
 from omnisim.scene import load_scene
 from omnisim.sensors.tiles import sensor_tiles
+from tests.gpu.commands import show_all, submitted_triangles
 from tests.scenes import room, scene_of
 
-PASSES = len(cluster_culling.MIN_TRIANGLES_PER_PASS)
 POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 
 
 @pytest.fixture
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
-    monkeypatch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (0,) * PASSES)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", 0)
 
 
 @pytest.mark.parametrize("samples", [1, 4])
 @pytest.mark.usefixtures("always_tested")
-def test_the_picture_is_that_of_instances_drawn_one_by_one(context, monkeypatch, samples):
+def test_the_picture_is_that_of_instances_drawn_one_by_one(context, samples):
     scene = load_scene("mapping")
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
     plan = sensor_tiles(sensor, sensor.model, 1.0, subdivide=True)
     cameras = VirtualCameras(sensor.near_m, sensor.far_m, samples, unlit=True)
-    updates, update = [], HiZ.update
-
-    def counted(hi_z, depth):
-        updates.append(hi_z)
-        update(hi_z, depth)
-
-    monkeypatch.setattr(HiZ, "update", counted)
 
     def cube_pass(uses_clusters):
         buffers = SceneBuffers(context, scene, uses_clusters=uses_clusters)
@@ -58,9 +49,8 @@ def test_the_picture_is_that_of_instances_drawn_one_by_one(context, monkeypatch,
         # the same triangles come from other matrices: an edge may round to the other side of a
         # texel, but a cluster that is missing shows as many texels together
         assert np.count_nonzero(differs) < 1e-3 * differs.size
-        # of several samples, depth cannot be read
-        assert len(updates) == (PASSES if samples == 1 else 0)
-        updates.clear()
+    # of several samples, depth cannot be read
+    assert clustered.tiles.culler.passes == (2 if samples == 1 else 1)
 
 
 @pytest.mark.usefixtures("context")
@@ -86,16 +76,10 @@ def test_the_picture_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypa
     ]
     with Renderer(scene, sensor) as renderer:
         culled = [renderer.render(one).rgba for one in poses]
-        drawn = renderer._passes.cube.tiles.static.triangles
-        monkeypatch.setattr(
-            cluster_culling.ClusterCuller,
-            "faces_away",
-            lambda *given: np.zeros(len(given[-1]), dtype=np.bool_),
-        )
-        monkeypatch.setattr(
-            FrustumCuller, "cull", lambda _, view, *__: (np.arange(len(view)), None)
-        )
-        monkeypatch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (10**9,) * PASSES)
+        drawn = submitted_triangles(renderer)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", 10**9)
+    with Renderer(scene, sensor) as renderer:
+        show_all(renderer._passes.cube.tiles.culler)
         unculled = [renderer.render(one).rgba for one in poses]
-        assert drawn < renderer._passes.cube.tiles.static.triangles / 20
+        assert drawn < submitted_triangles(renderer) / 20
     np.testing.assert_array_equal(culled, unculled)

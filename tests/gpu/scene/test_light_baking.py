@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.vertex_format import VERTEX
+from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from tests.gpu.sheets import LAMP, SUN
 from tests.scenes import scene_of
@@ -16,10 +16,12 @@ LIGHTING = Lighting((0.1, 0.2, 0.3), (SUN,))
 
 
 def _shading(normals, colors=None, corners=CORNERS, lighting=LIGHTING):
-    vertices = np.zeros(3, dtype=VERTEX)
+    vertices = np.zeros(3, dtype=CLUSTER_VERTEX)
     vertices["in_position"], vertices["in_normal"] = corners, normals
     vertices["in_color"] = 1.0 if colors is None else colors
-    values, directions = shadings(vertices, np.array([[0, 1, 2]], dtype=np.uint32), lighting)
+    values, directions = shadings(
+        vertices, np.array([[0, 1, 2]], dtype=np.uint32), lighting, np.ones(1, dtype=np.bool_)
+    )
     return Shading(values[0]), directions[0]
 
 
@@ -76,11 +78,11 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
     bent = Mesh("bent", positions, flat.triangles, 0, normals=normals)
     for mesh, kinds in ((flat, [2, 2, 2]), (bent, [2, 1, 0])):
         scene = scene_of([mesh], [Material()], lighting=LIGHTING)
-        geometry = SceneBuffers(context, scene).static_geometry
-        vertices = np.frombuffer(geometry.vertices.read(), dtype=VERTEX)
-        triangles = geometry.triangles["vertices"]
-        batches = np.repeat(geometry.batch_of_cluster, geometry.clusters.triangles)
-        found = [geometry.batches[batch].shading.value for batch in batches]
+        geometry = SceneBuffers(context, scene).clustered_geometry
+        vertices = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
+        triangles = geometry.triangles
+        buckets = np.repeat(geometry.bucket_of_cluster, geometry.clusters.triangles)
+        found = [geometry.buckets[bucket].shading.value for bucket in buckets]
         assert sorted(found) == sorted(kinds)
         for triangle, kind in zip(triangles, found, strict=True):
             corners, stored = vertices["in_position"][triangle], vertices["in_normal"][triangle]

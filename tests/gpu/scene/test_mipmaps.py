@@ -4,7 +4,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.gpu.scene.textures import SRGB8_ALPHA8, upload_levels
+from omnisim.gpu.scene.texture_array import SRGB8_ALPHA8, TextureArray
 from omnisim.scene.mipmaps import mipmaps
 from omnisim.srgb import linear_from_srgb, srgb_from_linear
 
@@ -40,9 +40,10 @@ def test_levels_are_the_drivers(context):
 
 def test_uploaded_levels_are_sampled(context):
     pixels = _noise(5, 3)
-    ours = _texture(context, pixels)
     levels = mipmaps(pixels)
-    upload_levels(ours, levels)
+    other = _noise(5, 3)[::-1]
+    array = TextureArray(context, [[other, *mipmaps(other)], [pixels, *levels]], (True, True))
+    ours = array.layers[1]
     ours.filter = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
     program = context.program(
         vertex_shader="#version 450\nvoid main() { gl_Position = vec4(0, 0, 0, 1); }",

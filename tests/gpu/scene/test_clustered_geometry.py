@@ -1,14 +1,15 @@
-"""Static geometry: items, positions and winding."""
+"""Clustered geometry: items, positions and winding."""
 
 import numpy as np
 import pytest
-from omnisim.gpu.scene.static_geometry import MAX_DISTANCE_M
 
+from omnisim.gpu.scene.clustered_geometry import MAX_DISTANCE_M
+from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.vertex_format import VERTEX
+from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX
 from omnisim.poses import pose as make_pose
-from omnisim.scene.model import AlphaMode, Material, Mesh
-from tests.gpu.sheets import sheet
+from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
+from tests.gpu.sheets import SUN, sheet
 from tests.scenes import scene_of
 
 MATERIALS = [Material(), Material(alpha_mode=AlphaMode.BLEND)]
@@ -17,8 +18,8 @@ NOTHING = Mesh("nothing", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.uint
 
 def corners_m(geometry):
     """Corners (n, 3, 3) of all triangles, world."""
-    vertices = np.frombuffer(geometry.vertices.read(), dtype=VERTEX)
-    triangles = geometry.triangles["vertices"]
+    vertices = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
+    triangles = geometry.triangles
     return vertices["in_position"][triangles].astype(np.float64) + geometry.anchor_m
 
 
@@ -37,9 +38,9 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
         pose = make_pose((far_m + number, -far_m, 2.0), roll_deg=30.0, yaw_deg=50.0 * number)
         pose[:3, :3] = pose[:3, :3] @ scale
         poses.append(pose)
-    geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).static_geometry
+    geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).clustered_geometry
     assert geometry.contains.all()
-    assert len(geometry.batches) == 1
+    assert len(geometry.buckets) == 1
     expected = []
     for pose, turn in zip(poses, ((0, 2, 1), (0, 1, 2)), strict=True):
         positions = mesh.positions.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
@@ -58,28 +59,35 @@ def test_glass_far_and_empty_meshes_are_not_contained(context):
     contained = {
         draw.mesh.name
         for draw, is_contained in zip(
-            buffers.draw_items, buffers.static_geometry.contains, strict=True
+            buffers.draw_items, buffers.clustered_geometry.contains, strict=True
         )
         if is_contained
     }
     assert contained == {"near"}
-    assert len(corners_m(buffers.static_geometry)) == len(meshes[0].triangles)
+    assert len(corners_m(buffers.clustered_geometry)) == len(meshes[0].triangles)
 
 
-def test_a_dynamic_object_is_not_static(context):
-    scene = scene_of([sheet("static", 0)])
-    buffers = SceneBuffers(context, scene, (scene_of([sheet("dynamic", 0)]),))
-    assert [
-        draw.object_index is None for draw in buffers.draw_items
-    ] == buffers.static_geometry.contains.tolist()
+def test_light_on_dynamic_objects_is_not_baked(context):
+    lighting = Lighting((0.1, 0.1, 0.1), (SUN,))
+    scene = scene_of([sheet("static", 0)], [Material()], lighting=lighting)
+    buffers = SceneBuffers(context, scene, (scene_of([sheet("dynamic", 0)], [Material()]),))
+    geometry = buffers.clustered_geometry
+    assert geometry.contains.all()
+    assert geometry.objects == 2
+    dynamic = [draw.object_index is not None for draw in buffers.draw_items]
+    of_cluster = np.array(dynamic)[geometry.item_of_triangle[geometry.clusters.first]]
+    shadings = np.array([bucket.shading.value for bucket in geometry.buckets])
+    shadings = shadings[geometry.bucket_of_cluster]
+    assert Shading.BAKED.value in shadings[~of_cluster]
+    assert Shading.BAKED.value not in shadings[of_cluster]
 
 
-def test_a_scene_of_glass_has_no_static_geometry(context):
+def test_a_scene_of_glass_has_no_clustered_geometry(context):
     scene = scene_of([sheet("glass", 1)], MATERIALS)
-    assert SceneBuffers(context, scene).static_geometry is None
+    assert SceneBuffers(context, scene).clustered_geometry is None
 
 
 def test_without_clusters_all_items_are_drawn_one_by_one(context):
     buffers = SceneBuffers(context, scene_of([sheet("sheet", 0)]), uses_clusters=False)
-    assert buffers.static_geometry is None
+    assert buffers.clustered_geometry is None
     assert buffers.shown_one_by_one().all()

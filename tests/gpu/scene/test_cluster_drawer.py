@@ -1,18 +1,17 @@
-"""Static geometry drawn by clusters, beside instances drawn one after the other, whole."""
+"""Geometry drawn by clusters, beside instances drawn one after the other, whole."""
 
 import dataclasses
 from functools import partial
 
 import numpy as np
 import pytest
-from omnisim.gpu.culling.hi_z import HiZ
 
-from omnisim.gpu.culling import cluster_culling
 from omnisim.gpu.scene import tile_renderer
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.poses import pose as make_pose
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
+from tests.gpu.commands import show_occluded, submitted_triangles
 from tests.gpu.sheets import LAMP, SUN, crowd, dynamic_object, mixed_scene
 from tests.scenes import with_warehouse
 
@@ -24,7 +23,6 @@ ALWAYS, NEVER = 0, 10**9  # triangles that have to be left for another pass
 # own normal for facing away: in a pixel of ten thousand.
 LEAST_DB = 65.0
 MOST_OTHER = 1e-4
-PASSES = len(cluster_culling.OCCLUDERS_RAD)  # of occlusion, after the first
 
 
 def reference_stage(monkeypatch, *scenes):
@@ -52,13 +50,12 @@ class Pictures:
             world_from_base = camera.base_pose(start.position_m, start.yaw_deg)
         with self._monkeypatch.context() as patch:
             if min_triangles is not None:
-                patch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (min_triangles,) * PASSES)
-            if shows_occluded:
-                patch.setattr(HiZ, "occludes", lambda _, boxes: np.zeros_like(boxes.nearest, bool))
+                patch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", min_triangles)
             with Renderer(self._stage, camera) as renderer:
+                if shows_occluded:
+                    show_occluded(renderer._passes.cube.tiles.culler)
                 rgba = renderer.render(world_from_base).rgba
-                static = renderer._passes.cube.tiles.static
-                self.triangles = 0 if static is None else static.triangles
+                self.triangles = submitted_triangles(renderer)
         return rgba
 
 
@@ -106,23 +103,6 @@ def test_materials_dynamic_objects_and_mirrored_instances_look_as_if_drawn_one_b
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("samples", [1, 4])
-def test_only_depth_of_one_sample_is_read(samples, monkeypatch):
-    """OpenGL gives nothing else back, and leaves in memory what was there before."""
-    reads, read_depth = [], tile_renderer._read_depth
-
-    def noted(target):
-        reads.append(target)
-        return read_depth(target)
-
-    monkeypatch.setattr(tile_renderer, "_read_depth", noted)
-    camera = dataclasses.replace(FAST.resized(60), samples=samples)
-    with Stage(mixed_scene()) as stage:
-        Pictures(monkeypatch, stage, camera).take(min_triangles=ALWAYS)
-    assert len(reads) == (PASSES if samples == 1 else 0)
-
-
-@pytest.mark.usefixtures("needs_opengl")
 def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
     """In as many passes, with occluded clusters and without; and drawn one by one."""
     camera, scene = FAST.resized(240), crowd()
@@ -140,7 +120,7 @@ def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_picture_does_not_depend_on_the_one_before(monkeypatch):
-    monkeypatch.setattr(cluster_culling, "MIN_TRIANGLES_PER_PASS", (0, 0))
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", 0)
     camera = FAST.resized(100)
     poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:

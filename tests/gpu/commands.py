@@ -1,0 +1,56 @@
+"""Draw commands of the last frame, and cullers that leave everything, or nothing to occlusion."""
+
+import numpy as np
+
+
+def submitted_commands(culler):
+    """Commands (n, 5) of a culler, whose context is current."""
+    counts = np.frombuffer(culler.counts.read(), "<u4")
+    commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
+    return np.concatenate(
+        [
+            commands[one.first : one.first + count]
+            for one, count in zip(culler.ranges, counts, strict=False)
+        ]
+    )
+
+
+def submitted_triangles(renderer):
+    """Number of triangles of clusters that were drawn for a renderer's last picture."""
+    culler = renderer._passes.cube.tiles.culler
+    if culler is None:
+        return 0
+    with culler._context:
+        return int(submitted_commands(culler)[:, 0].sum()) // 3
+
+
+class _ShowAll:
+    """Shader that culls, and then shows all clusters in all of up to 32 tiles."""
+
+    def __init__(self, shader, culler):
+        self._shader, self._visible = shader, culler._bound[6]
+        self._tiles = np.uint32((1 << culler._views.tiles) - 1)
+
+    def run(self, *groups):
+        self._shader.run(*groups)
+        self._visible.write(np.full(self._visible.size // 4, self._tiles))
+
+
+class _NoDepth:
+    """A shader that leaves infinite depth."""
+
+    def run(self, *groups):
+        pass
+
+
+def show_all(culler):
+    """Let a culler leave everything."""
+    shaders = culler._shaders
+    culler._shaders = shaders._replace(cull=tuple(_ShowAll(one, culler) for one in shaders.cull))
+
+
+def show_occluded(culler):
+    """Let a culler draw in two passes, but leave what is occluded."""
+    with culler._context:
+        culler._bound[12].clear()
+    culler._shaders = culler._shaders._replace(hi_z=_NoDepth())
