@@ -215,7 +215,7 @@ def test_memory_is_bounded():
             frame = draw(renderer) if number % 20 == 19 else renderer.render(HERE)
             sizes.append(buffers.vertices.size + buffers.indices.size)
             assert len(buffers.draw_items) <= 12
-            assert len(buffers._textures._textures) <= 4
+            assert len(buffers._textures._layers) <= 4
             if number < 59:
                 renderer.remove("part")
         assert max(sizes) < 40_000_000

@@ -86,7 +86,7 @@ def _drawn(culler, geometry):
 
 @pytest.mark.parametrize("far_m", [np.inf, 2.5])
 def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
-    """Of all clusters, from viewpoints at random: those whose front covers a texel's centre."""
+    """Triangles of all clusters, from viewpoints at random, whose front covers a centre."""
     meshes = [
         sheet("smooth", 0, side=40, size_m=4.0, bumps_m=0.01),
         sheet("rough", 0, side=40, size_m=2.0, bumps_m=0.05, seed=1),
@@ -122,7 +122,7 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
             seen += np.count_nonzero(shown)
         submitted += np.count_nonzero(drawn)
     # boxes and cones are wider than what they hold
-    assert 0 < seen < submitted < 0.5 * 12 * len(corners_m)
+    assert 0 < seen < submitted < 0.1 * 12 * len(PLAN.tiles) * len(corners_m)
 
 
 def _is_large(view, corners_m, world_from_rig):
