@@ -12,7 +12,7 @@ struct Command {  // of glMultiDrawElementsIndirect
 };
 
 struct Bucket {
-    uint first_cluster, clusters, first_command, commands_of_pass;
+    uint first_cluster, clusters, first_command, unused;
 };
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
@@ -52,7 +52,7 @@ void main() {
         }
         // the order of cameras, which share nothing in the atlas, does not show
         uint count = u_pass * u_buckets + gl_WorkGroupID.x;
-        s_first = u_pass * bucket.commands_of_pass + bucket.first_command;
+        s_first = bucket.first_command;
         if (total > 0u) s_first += atomicAdd(counts[count], total);
     }
     barrier();

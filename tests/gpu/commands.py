@@ -4,24 +4,33 @@ import numpy as np
 
 
 def submitted_commands(culler):
-    """Commands (n, 5) of a culler, whose context is current."""
-    counts = np.frombuffer(culler.counts.read(), "<u4")
+    """Commands (n, 5) of a culler of one pass, whose context is current."""
+    counts = np.frombuffer(culler.counts.read(), "<u4")[: len(culler.ranges)]
     commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
     return np.concatenate(
         [
             commands[one.first : one.first + count]
-            for one, count in zip(culler.ranges, counts, strict=False)
+            for one, count in zip(culler.ranges, counts, strict=True)
         ]
     )
 
 
-def submitted_triangles(renderer):
-    """Number of triangles of clusters that were drawn for a renderer's last picture."""
-    culler = renderer._passes.cube.tiles.culler
-    if culler is None:
-        return 0
-    with culler._context:
-        return int(submitted_commands(culler)[:, 0].sum()) // 3
+def count_triangles(culler):
+    """Count the triangles that a culler submits, pass by pass, into a list that is returned."""
+    submitted, run = [], culler.run
+
+    def counted(pass_index):
+        run(pass_index)
+        counts = np.frombuffer(culler.counts.read(), "<u4")[pass_index * len(culler.ranges) :]
+        commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
+        indices = [
+            commands[one.first : one.first + count, 0].sum()
+            for one, count in zip(culler.ranges, counts, strict=False)
+        ]
+        submitted.append(int(sum(indices)) // 3)
+
+    culler.run = counted
+    return submitted
 
 
 class _ShowAll:

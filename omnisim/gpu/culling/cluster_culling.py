@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.errors import GraphicsError
 from omnisim.gpu.culling.cluster_buffers import DEPTH_UNIT, ClusterBuffers
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.gl_functions import COMMAND_BYTES, bind_storage_buffers
@@ -20,7 +21,6 @@ from omnisim.gpu.memory import gpu_allocation
 
 # Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
 EDGE_PX = 0.125
-COMMANDS_BINDING = 7
 _INSTANCE_BYTES = 128
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
@@ -69,9 +69,10 @@ class ClusterCuller:
 
     Attributes:
         passes: how many there are.
-        ranges: of each bucket's commands, pass by pass.
+        ranges: of each bucket's commands. The second pass has them anew: those of the first were
+            drawn before their depth is there.
         commands: buffer of them; base instances are entries of `instances`.
-        counts: buffer of the number of commands of each bucket.
+        counts: buffer of the number of commands of each bucket, pass by pass.
         instances: buffer of an object in a view each: `vertex_format.INSTANCE`.
     """
 
@@ -89,8 +90,9 @@ class ClusterCuller:
         self._context, self._buffers, self._views = context, buffers, views
         self.passes, self._depth = (1 if depth is None else 2), depth
         most = [views.count * clusters for clusters in buffers.clusters_of_bucket]
-        first = np.cumsum([0, *self.passes * most]).tolist()
-        self.ranges = [CommandRange(*pair) for pair in zip(first, self.passes * most, strict=False)]
+        first = np.cumsum([0, *most]).tolist()
+        self.ranges = [CommandRange(*pair) for pair in zip(first, most, strict=False)]
+        _check_size(context, views.count, COMMAND_BYTES * first[-1])
         words = buffers.group_count * views.count
         self._cells = [math.ceil(side / _CELL_PX) for side in atlas_px]
         with gpu_allocation(
@@ -110,7 +112,7 @@ class ClusterCuller:
         buckets = np.zeros((len(most), 4), dtype=np.uint32)
         buckets[:, 1] = buffers.clusters_of_bucket
         buckets[:, 0] = np.cumsum(buckets[:, 1]) - buckets[:, 1]
-        buckets[:, 2], buckets[:, 3] = first[: len(most)], sum(most)
+        buckets[:, 2] = first[:-1]
         near_m, far_m = depths_m
         slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
         settings = np.zeros(self.passes, dtype=_SETTINGS)
@@ -157,7 +159,17 @@ class ClusterCuller:
         cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]
         cull.run(self._groups, self._views.count)
         context.memory_barrier(barrier)
-        shaders.commands.run(len(self.ranges) // self.passes, self._views.cameras)
+        shaders.commands.run(len(self.ranges), self._views.cameras)
         context.memory_barrier(
             barrier | context.COMMAND_BARRIER_BIT | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
+        )
+
+
+def _check_size(context: moderngl.Context, views: int, command_bytes: int) -> None:
+    """Refuse more draw commands than shaders can write."""
+    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+    if command_bytes > limit:
+        raise GraphicsError(
+            f"draw commands of {views} views take {command_bytes} bytes: expected at most {limit}; "
+            "make the scene smaller, or the cameras' tiles fewer"
         )

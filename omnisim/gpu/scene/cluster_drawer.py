@@ -69,8 +69,9 @@ class ClusterDrawer:
             context.enable_direct(distance)
         draws.bind(self._culler.commands.glo, self._culler.counts.glo)
         program = array = double_sided = None
-        ranges, first_number = self._culler.ranges, pass_index * len(self._buckets)
-        for number, (one, vertices, shows_back, textures) in enumerate(self._buckets, first_number):
+        first_count = pass_index * len(self._buckets)
+        for number, (one, vertices, shows_back, textures) in enumerate(self._buckets):
+            commands = self._culler.ranges[number]
             if one.program is not program:
                 program = one.program
                 draws.use_program(program.glo)
@@ -84,7 +85,7 @@ class ClusterDrawer:
             if one.sampler is not None:
                 one.sampler.use(0)
             if one.first_command is not None:
-                one.first_command.value = ranges[number].first
-            draws.draw(ranges[number].first, number, ranges[number].most)
+                one.first_command.value = commands.first
+            draws.draw(commands.first, first_count + number, commands.most)
         for distance in _CLIP_DISTANCES:
             context.disable_direct(distance)

@@ -22,6 +22,9 @@ from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene
 from omnisim.world import ObjectPart
 
+# Extensions of OpenGL 4.5, parts of 4.6.
+_CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
+
 
 class SceneBuffers:
     """Uploads a scene and its dynamic objects once; the passes of all sensors draw from it.
@@ -30,8 +33,8 @@ class SceneBuffers:
         context: where.
         scene: the static part of the world.
         dynamic_objects: those in it; their lights, backgrounds and starts count for nothing.
-        uses_clusters: draw static instances by clusters of their triangles. Without, every
-            instance is drawn whole, one after the other: slower, but with little to go wrong, the
+        uses_clusters: draw opaque and masked instances by clusters of their triangles. Without,
+            every instance is drawn whole, one after the other: slower, but with little to go wrong, the
             reference for what is faster.
 
     Attributes:
@@ -114,7 +117,7 @@ class SceneBuffers:
     def update(self, scene: Scene) -> None:
         """Draw another scene, of the same lights; passes have to `refresh` before the next frame.
 
-        Items of instances that stay keep their numbers, and their place in the static geometry.
+        Items of instances that stay keep their numbers, and their place in the clustered geometry.
         Others are drawn one by one, in place of items that are not drawn any more. Where much was
         appended everything is uploaded anew: so rarely that it costs no more than the appending.
         """
@@ -184,12 +187,12 @@ class SceneBuffers:
         return self._is_drawn & np.array([part not in hidden for part in parts], dtype=np.bool_)
 
     def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
-        """Mask (n,) of the shown items that are not part of the static geometry."""
+        """Mask (n,) of the shown items that are not part of the clustered geometry."""
         return self.shown(hidden) & ~self._static_mask
 
     @property
     def _static_mask(self) -> NDArray[np.bool_]:
-        """Mask (n,) of the items with a place in the static geometry."""
+        """Mask (n,) of the items with a place in the clustered geometry."""
         mask = np.zeros(len(self.draw_items), dtype=np.bool_)
         if self.clustered_geometry is not None:
             mask[: len(self.clustered_geometry.contains)] = self.clustered_geometry.contains
@@ -202,8 +205,9 @@ class SceneBuffers:
 
     @cached_property
     def clustered_geometry(self) -> ClusteredGeometry | None:
-        """Clusters of opaque and masked instances; None where there are none."""
-        if not self._uses_clusters:
+        """Clusters of opaque and masked instances; None where there are none, or on an OpenGL
+        without the calls that draw them."""  # fmt: skip
+        if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
             return None
         return build_clustered_geometry(
             self.context, self.draw_items, self._lighting, len(self._dynamic_objects)
@@ -248,7 +252,7 @@ def _changed(
         key = (instance.name, *geometry_key(mesh), id(scene.materials[mesh.material]))
         unmatched.setdefault((*key, id(instance.world_from_mesh)), []).append(instance)
     drawn = np.ones(len(items), dtype=np.bool_)
-    # in the static geometry first: nothing is quicker to draw
+    # in the clustered geometry first: nothing is quicker to draw
     for index in np.argsort(~static, kind="stable").tolist():
         item = items[index]
         if item.object_index is None:
