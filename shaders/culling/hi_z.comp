@@ -1,49 +1,66 @@
 // Farthest depth in square cells of an atlas, whose sides double from level to level. Depth is
-// reversed: the farthest is the least. One work group for each cell of the last level.
+// reversed: the farthest is the least. With COARSE levels 2 to 4, by level 1; otherwise levels 0
+// and 1, by the depth. An invocation makes a cell of the last of them, and those in it: software
+// drivers are slow where many wait for each other.
 // Source: hierarchical z buffers, Greene, Kass & Miller 1993.
 #version 430 core
 
 #include "culling/hi_z.glsl"
 
-layout(local_size_x = SIDE, local_size_y = SIDE) in;
+layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(std430, binding = 12) writeonly buffer HiZ { float farthest[]; };
+layout(std430, binding = 12) buffer HiZ { float farthest[]; };
+uniform uvec2 u_groups;  // cells of the last level
+
+uint place(uvec2 cell, int level) {
+    uint first = 0u;
+    for (int below = 0; below < level; ++below)
+        first += u_groups.x * u_groups.y * uint(SIDE >> below) * uint(SIDE >> below);
+    return first + cell.y * u_groups.x * uint(SIDE >> level) + cell.x;
+}
+
+#ifdef COARSE
+void main() {
+    uvec2 own = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(own, u_groups))) return;
+    float least = 1.0;
+    for (uint quarter = 0u; quarter < 4u; ++quarter) {
+        uvec2 cell = 2u * own + uvec2(quarter & 1u, quarter >> 1);
+        float least_of_quarter = 1.0;
+        for (uint part = 0u; part < 4u; ++part) {
+            uvec2 smaller = 2u * cell + uvec2(part & 1u, part >> 1);
+            uint at = place(2u * smaller, 1), below = at + u_groups.x * uint(SIDE >> 1);
+            float least_of_part = min(
+                min(farthest[at], farthest[at + 1u]), min(farthest[below], farthest[below + 1u]));
+            farthest[place(smaller, 2)] = least_of_part;
+            least_of_quarter = min(least_of_quarter, least_of_part);
+        }
+        farthest[place(cell, 3)] = least_of_quarter;
+        least = min(least, least_of_quarter);
+    }
+    farthest[place(own, 4)] = least;
+}
+#else
 uniform sampler2D u_depth;
 
-shared float s_depths[SIDE * SIDE];
-
-float farthest_in(ivec2 cell) {
-    vec2 size = vec2(textureSize(u_depth, 0));
-    vec4 least = vec4(1.0);
-    for (int y = 1; y < CELL_PX; y += 2)
-        for (int x = 1; x < CELL_PX; x += 2)
-            // the four texels around a corner; at the edge they repeat
-            least = min(least, textureGather(u_depth, vec2(cell * CELL_PX + ivec2(x, y)) / size));
-    return min(min(least.x, least.y), min(least.z, least.w));
+// The four texels around a corner; at the edge they repeat.
+vec4 around(uvec2 corner) {
+    return textureGather(u_depth, vec2(corner) / vec2(textureSize(u_depth, 0)));
 }
 
 void main() {
-    ivec2 own = ivec2(gl_LocalInvocationID.xy), cell = ivec2(gl_GlobalInvocationID.xy);
-    uvec2 groups = gl_NumWorkGroups.xy;
-    float least = farthest_in(cell);
-    uint first = 0u;
-    for (int level = 0; level < LEVELS; ++level) {
-        int side = SIDE >> level;
-        bool is_cell = all(lessThan(own, ivec2(side)));
-        if (level > 0) {
-            s_depths[own.y * SIDE + own.x] = least;
-            barrier();
-            if (is_cell) {
-                int at = 2 * (own.y * SIDE + own.x);
-                least = min(min(s_depths[at], s_depths[at + 1]),
-                            min(s_depths[at + SIDE], s_depths[at + SIDE + 1]));
-            }
-            barrier();
-        }
-        if (is_cell) {
-            uvec2 place = gl_WorkGroupID.xy * uint(side) + uvec2(own);
-            farthest[first + place.y * groups.x * uint(side) + place.x] = least;
-        }
-        first += groups.x * groups.y * uint(side * side);
+    uvec2 own = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(own, u_groups * uint(SIDE >> 1)))) return;
+    float least = 1.0;
+    for (uint quarter = 0u; quarter < 4u; ++quarter) {
+        uvec2 cell = 2u * own + uvec2(quarter & 1u, quarter >> 1), first = cell * uint(CELL_PX);
+        vec4 depths = min(
+            min(around(first + uvec2(1u, 1u)), around(first + uvec2(3u, 1u))),
+            min(around(first + uvec2(1u, 3u)), around(first + uvec2(3u, 3u))));
+        float least_of_cell = min(min(depths.x, depths.y), min(depths.z, depths.w));
+        farthest[place(cell, 0)] = least_of_cell;
+        least = min(least, least_of_cell);
     }
+    farthest[place(own, 1)] = least;
 }
+#endif

@@ -48,6 +48,9 @@ class _ShowAll:
 class _NoDepth:
     """A shader that leaves infinite depth."""
 
+    def __setitem__(self, name, value):
+        pass
+
     def run(self, *groups):
         pass
 
@@ -62,4 +65,4 @@ def show_occluded(culler):
     """Let a culler draw in two passes, but leave what is occluded."""
     with culler._context:
         culler._bound[12].clear()
-    culler._shaders = culler._shaders._replace(hi_z=_NoDepth())
+    culler._shaders = culler._shaders._replace(hi_z=(_NoDepth(),) * 2)

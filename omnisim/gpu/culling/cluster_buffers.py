@@ -45,13 +45,13 @@ class CullingShaders(NamedTuple):
         instances: matrices.
         cull: in one pass, or the first and the second of two.
         commands: of what is left.
-        hi_z: depth between two passes.
+        hi_z: depth between two passes: fine and coarse levels.
     """
 
     instances: moderngl.ComputeShader
     cull: tuple[moderngl.ComputeShader, ...]
     commands: moderngl.ComputeShader
-    hi_z: moderngl.ComputeShader
+    hi_z: tuple[moderngl.ComputeShader, moderngl.ComputeShader]
 
 
 class ClusterBuffers:
@@ -115,6 +115,7 @@ class ClusterBuffers:
         context = self._context
         hi_z = build_compute_shader(context, "culling/hi_z.comp")
         hi_z["u_depth"] = DEPTH_UNIT
+        coarse = build_compute_shader(context, "culling/hi_z.comp", ["COARSE"])
         return CullingShaders(
             build_compute_shader(context, "culling/instances.comp"),
             tuple(
@@ -122,5 +123,5 @@ class ClusterBuffers:
                 for number in range(3)
             ),
             build_compute_shader(context, "culling/commands.comp"),
-            hi_z,
+            (hi_z, coarse),
         )

@@ -154,7 +154,12 @@ class ClusterCuller:
             shaders.instances.run(self._instance_groups)
         elif self._depth is not None:
             self._depth.use(DEPTH_UNIT)
-            shaders.hi_z.run(*self._cells)
+            columns, rows = self._cells
+            for shader in shaders.hi_z:
+                shader["u_groups"] = columns, rows
+            shaders.hi_z[0].run(columns, rows)  # 8 × 8 cells of level 1 in one of the last
+            context.memory_barrier(barrier)
+            shaders.hi_z[1].run(math.ceil(columns / 8), math.ceil(rows / 8))
         context.memory_barrier(barrier)
         cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]
         cull.run(self._groups, self._views.count)

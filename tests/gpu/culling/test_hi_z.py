@@ -44,14 +44,18 @@ def test_each_cell_has_its_farthest_depth(context, shape):
     generator = np.random.default_rng(shape)
     values = generator.uniform(0.1, 0.9, shape).astype(np.float32)
     values[generator.random(shape) < 1e-3] = 0.0
-    shader = build_compute_shader(context, "culling/hi_z.comp")
-    shader["u_depth"] = DEPTH_UNIT
+    fine = build_compute_shader(context, "culling/hi_z.comp")
+    fine["u_depth"] = DEPTH_UNIT
+    coarse = build_compute_shader(context, "culling/hi_z.comp", ["COARSE"])
     groups = [math.ceil(side / (CELL_PX * SIDE)) for side in shape[::-1]]
     cells = [groups[0] * groups[1] * (SIDE >> level) ** 2 for level in range(LEVELS)]
     buffer = context.buffer(reserve=4 * sum(cells))
     buffer.bind_to_storage_buffer(12)
     _drawn(context, values).use(DEPTH_UNIT)
-    shader.run(*groups)
+    fine["u_groups"] = coarse["u_groups"] = groups
+    fine.run(*groups)
+    context.memory_barrier()
+    coarse.run(*(math.ceil(side / 8) for side in groups))
     context.finish()
     found = np.split(np.frombuffer(buffer.read(), np.float32), np.cumsum(cells)[:-1])
     for level, of_level in enumerate(found):
