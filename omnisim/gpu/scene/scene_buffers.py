@@ -34,7 +34,7 @@ class SceneBuffers:
         scene: the static part of the world.
         dynamic_objects: those in it; their lights, backgrounds and starts count for nothing.
         uses_clusters: draw opaque and masked instances by clusters of their triangles. Without,
-            every instance is drawn whole, one after the other: slower, but with little to go wrong, the
+            every instance is drawn whole, one after the other: slower, but little can go wrong, the
             reference for what is faster.
 
     Attributes:
