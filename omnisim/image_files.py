@@ -32,6 +32,8 @@ _PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
 _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
+# Longer metadata ends the process in JPEG's writer, and TIFF's reader does not find it.
+_LARGEST_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
 _QUIET = threading.RLock()  # held while standard error is discarded
 _KINDS = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
 
@@ -82,21 +84,28 @@ def image_bytes(
     """Contents of the file that `write_image` writes under `path`, whose suffix is its format.
 
     Raises:
-        OutputError: an unknown format, or pixels that do not suit it.
+        OutputError: an unknown format, or pixels or metadata that do not suit it.
     """
     is_float = is_float_format(path)
     kind = "float32" if is_float else "uint8"
     if pixels.dtype != kind:
         raise OutputError(f"{path}: expected {kind} pixels, got {pixels.dtype}")
-    attributes: dict[str, str | int | float] = {
+    given: dict[str, str | int | float] = {
         "oiio:ColorSpace": "lin_rec709_scene" if is_float else "srgb_rec709_scene",
         "DateTime": _NO_DATE,
         "png:compressionLevel": _PNG_LEVEL,
     }
     if path.suffix.lower() in (".jpg", ".jpeg"):
         pixels = pixels[..., :3]
-        attributes |= _jpeg_attributes(jpeg_quality, _JPEG_SUBSAMPLING)
-    return _encode(path, pixels, _with_metadata(attributes, metadata))
+        given |= _jpeg_attributes(jpeg_quality, _JPEG_SUBSAMPLING)
+    attributes = _with_metadata(given, metadata)
+    size = len(str(attributes.get(METADATA_KEY, "")))
+    if size > _LARGEST_TEXT and path.suffix.lower() in _SHORT_TEXTS:
+        raise OutputError(
+            f"{path}: expected a camera of at most {_LARGEST_TEXT} bytes, got {size}, which .png "
+            "and .exr hold"
+        )
+    return _encode(path, pixels, attributes)
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:

@@ -222,3 +222,20 @@ def test_damaged_png_is_refused(tmp_path):
         path.write_bytes(whole[:end])
         with pytest.raises(OutputError, match="cannot be read"):
             read_image(path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif"])
+def test_metadata_that_a_format_cannot_hold_is_refused(tmp_path, suffix):
+    """JPEG's writer would end the process, TIFF's reader would find none."""
+    pixels, path = np.zeros((4, 4, 3), np.uint8), tmp_path / f"a{suffix}"
+    short, long = ({"x": "a" * size} for size in (64_900, 70_000))
+    write_image(path, pixels, short)
+    assert read_image(path)[1] == short
+    path.unlink()
+    if suffix == ".png":
+        write_image(path, pixels, long)
+        assert read_image(path)[1] == long
+        return
+    with pytest.raises(OutputError, match="expected a camera of at most 65000 bytes, got 70009"):
+        write_image(path, pixels, long)
+    assert not list(tmp_path.iterdir())
