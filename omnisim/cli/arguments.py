@@ -121,7 +121,7 @@ PolygonsOption = Annotated[
         "--polygons",
         metavar="N|auto|exact",
         help="Polygons of the mirror's mesh; auto: as many as 0.1 px need.",
-        show_default="auto, or the sensor file's",
+        show_default="auto, of optics exact, or the sensor file's",
         rich_help_panel=CAMERA,
     ),
 ]

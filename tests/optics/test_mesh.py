@@ -1,5 +1,6 @@
 """The paper's mesh for any mirror, against the central mirror's, Embree, and exact rays."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -130,6 +131,19 @@ def test_auto_keeps_a_tenth_of_a_pixel(path):
     assert (exact != mesh).sum() < 1.5 * MAX_ERROR_PX * rim_px
     coarser = 4 * (math.isqrt(polygons // 4) - 1) ** 2
     assert SystemMeshErrors(system).of(coarser).max_px > MAX_ERROR_PX
+
+
+def test_ball_without_a_rim_has_a_mesh():
+    """What is beyond the limb, as the camera sees the ball, faces away from it."""
+    sphere = SYSTEMS["sphere"]
+    ball = dataclasses.replace(sphere.surfaces[0], rim_radius_m=math.inf)
+    system = dataclasses.replace(sphere, surfaces=(ball,))
+    pixels = pixel_grid(360, 360)
+    found, exact = MeshRays(system, 4096).ray_from_pixel(pixels), system.ray_from_pixel(pixels)
+    assert not np.any(found.valid & ~exact.valid)
+    assert (found.valid != exact.valid).sum() < 0.01 * exact.valid.sum()
+    errors = SystemMeshErrors(system)
+    assert errors.of(1024).mean_px / errors.of(4096).mean_px == pytest.approx(4.0, rel=0.3)
 
 
 def test_mirror_behind_a_port_has_a_mesh():

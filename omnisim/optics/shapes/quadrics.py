@@ -74,7 +74,8 @@ class Quadric(Shape):
         """Smaller root of B z² − C z + A r² = 0: without cancellation 2 A r²/(C + √…)."""
         a, b, c = self.coefficients
         inside = c * c - 4.0 * a * b * radii_m**2
-        root = np.sqrt(np.where(inside >= 0.0, inside, np.nan))
+        # at the equator itself rounding may leave less than nothing
+        root = np.sqrt(np.where(radii_m <= self.domain_m, np.maximum(inside, 0.0), np.nan))
         below = c + root
         found: Floats = np.divide(
             2.0 * a * radii_m**2, below, out=np.zeros_like(root), where=below > 0.0
