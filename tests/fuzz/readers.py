@@ -1,5 +1,6 @@
 """Readers of files, each with a sample: what the fuzzer damages and reads."""
 
+import dataclasses
 import json
 import re
 import shutil
@@ -160,7 +161,8 @@ def _read_optics(folder: Path) -> None:
 def _optics_sensors(folder: Path) -> None:
     """Sensor files with systems in place: of every shape, and of a table of points."""
     for path in sorted(OPTICS.glob("*.toml")):
-        sensor = OmniCamera(read_optics_file(path)).resized(SIZE_PX)
+        system = dataclasses.replace(read_optics_file(path), chromatic="port" in path.stem)
+        sensor = OmniCamera(system).resized(SIZE_PX)
         text = re.sub(r"(?m)^([rz]_m = \[)(.*)\]$", _fewer, sensor_toml(sensor))
         (folder / path.name).write_text(text)
 
