@@ -124,7 +124,8 @@ def lines(report: dict[str, Any]) -> list[str]:
                 f"   {row['pictures_per_second']:.0f} pictures/s batched, "
                 f"{row['single_pictures_per_second']:.0f} one after the other: "
                 f"{row['batch_ratio']:.2f} × "
-                f"({row['batch_ratio_low']:.2f} – {row['batch_ratio_high']:.2f})"
+                f"({row['batch_ratio_low']:.2f} – {row['batch_ratio_high']:.2f}), "
+                f"processor {row['batch_processor_ratio']:.2f} ×"
             )
         if "embree_ratio" in row:
             line += (
@@ -234,6 +235,9 @@ def _of_batches(
             "single_pictures_per_second": count
             * timings.frames_per_second(f"{count} single").median,
             **timings.ratio(f"{count} batched", f"{count} single").flat("batch_ratio"),
+            **timings.processor_ratio(f"{count} batched", f"{count} single").flat(
+                "batch_processor_ratio"
+            ),
         }
         for count in batches
     ]
