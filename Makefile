@@ -36,6 +36,7 @@ demo: setup
 	@mkdir -p out
 	@$(BIN)/omnisim render courtyard --size 720 -o out/courtyard.png
 	@echo "Your first picture: $(CURDIR)/out/courtyard.png"
+	@echo "Look around in a browser: $(BIN)/omnisim live soccer --robot p2at --open"
 
 # Ends with the number of slow tests left out.
 # Two processes of one rasterising thread each take half the time of one process of two threads.
@@ -75,6 +76,7 @@ sheets: setup
 	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
 	$(BIN)/python -m omnisim.plots.boxes_3d_sheet omnisim/sensors/sheets/boxes-3d.jpg
 	$(BIN)/python .ci/make_world_picture.py docs/how-to/match.jpg
+	$(BIN)/python .ci/make_live_pictures.py
 	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup

@@ -22,7 +22,7 @@ from omnisim.extras import require_extra
 from omnisim.reports.machine import machine_line
 
 # In the order in which `all` runs them: a module each, imported when it is run.
-SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses")
+SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses", "live")
 ALL = "all"
 DEFAULT_FOLDER = Path("out") / "benchmarks"
 

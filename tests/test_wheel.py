@@ -28,6 +28,8 @@ def test_wheel_has_every_shader_and_scene(wheel):
     shipped = [path for path in (ROOT / "shaders").rglob("*") if path.is_file()]
     shipped += [path for path in (ROOT / "scenes").rglob("*") if path.suffix in (".glb", ".toml")]
     shipped += [path for path in (ROOT / "omnisim").rglob("*.toml")]
+    shipped += [ROOT / "omnisim" / "browser" / "presets.json"]
+    shipped += [path for path in (ROOT / "omnisim" / "browser" / "page").iterdir()]
     assert len(shipped) > 10
     for path in shipped:
         relative = path.relative_to(ROOT).as_posix().removeprefix("omnisim/")

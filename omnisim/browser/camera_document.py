@@ -11,10 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pydantic
+
+from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import SensorFileError
+from omnisim.file_keys import table_in
 from omnisim.optics.system_file import OpticsFile
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import preset
+from omnisim.sensors.sensor_file import SensorFile
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.toml_file import read_toml, toml_text
 
@@ -70,8 +75,19 @@ class CameraDocument:
 
     @classmethod
     def of_camera(cls, camera: OmniCamera) -> CameraDocument:
-        """Document of a sensor, with every key."""
-        return cls(tomllib.loads(sensor_toml(camera)))
+        """Document of a sensor, without keys at their defaults.
+
+        A mirror that fills the picture stays so when it is changed.
+        """
+        sensor = tomllib.loads(sensor_toml(camera))
+        if isinstance(camera.model, HyperbolicCamera):
+            model, table = camera.model, sensor["camera"]
+            fitted = model.framed_on_rim(model.mirror, model.width_px, model.height_px)
+            if fitted.focal_length_px == model.focal_length_px:
+                del table["focal_length_px"]
+            if fitted.principal_point_px == model.principal_point_px:
+                del table["principal_point_px"]
+        return cls(_without_defaults(sensor, SensorFile))
 
     def camera(self) -> OmniCamera:
         """The sensor that the file describes.
@@ -167,6 +183,24 @@ class CameraDocument:
         sensor |= {group: table} if table else {}
         sensor |= {"camera": quality} if quality else {}
         return dataclasses.replace(self, sensor=sensor)
+
+
+def _without_defaults(table: Table, model: type[pydantic.BaseModel]) -> Table:
+    """Table without the values that its schema has anyway."""
+    kept: Table = {}
+    for key, value in table.items():
+        field = model.model_fields.get(key)
+        inner = None if field is None else table_in(field.annotation)
+        if inner is not None and isinstance(value, dict):
+            value = _without_defaults(value, inner.model)
+            if not value and key != "lens":
+                continue
+        elif field is not None and not field.is_required():
+            default = field.get_default(call_default_factory=True)
+            if value == (list(default) if isinstance(default, tuple) else default):
+                continue
+        kept[key] = value
+    return kept
 
 
 def _read(path: Path) -> Table:

@@ -123,13 +123,13 @@ class Engine:
         self._session.ask()  # who asked has got no picture
 
     def _draw(self, draw: Draw) -> None:
-        self._times_ms, begin_s = {}, time.perf_counter()
+        self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
         source, shown = self._source, draw.shown
         if isinstance(source, LiveSource) and self._timed(
             "camera", lambda: source.use(shown.document)
         ):
             self._session.accept(shown.document)
-            self._publish_camera(draw)
+            is_new = True
         wanted = [name for name in shown.views if name in source.channel_names]
         if draw.is_fine and "map" in shown.views and "position" in source.channel_names:
             wanted.append("position")
@@ -156,6 +156,8 @@ class Engine:
             content["command"] = source.command(shown, taken)
         self._publish("frame", pack("frame", content, parts), shown.change)
         self._session.drawn(draw, time.perf_counter() - begin_s)
+        if is_new:  # after the picture, which is waited for
+            self._publish_camera(draw)
         if draw.is_fine and "map" in shown.views:
             self._renew_map(taken)
 

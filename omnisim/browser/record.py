@@ -16,7 +16,7 @@ from omnisim.browser.view_maker import ViewMaker
 from omnisim.ground_truth.previews import preview
 from omnisim.plots.video_file import check_video_target, write_video
 
-RATE_HZ, SECONDS, RADIUS_M = 20.0, 8.0, 0.6
+RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 
 
 def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:

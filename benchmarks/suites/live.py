@@ -1,0 +1,212 @@
+"""Live page: pictures a second while driving, and times from a wish to its picture.
+
+The server is the command itself, in a process of its own; the client asks for the next picture as
+soon as it has one, as a page does, but does not draw it.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from websockets.sync.client import ClientConnection, connect
+
+from benchmarks.errors import BenchmarkError
+from benchmarks.options import Options
+from benchmarks.report import bound_lines, make_report
+from omnisim.browser.server import page_bytes
+from omnisim.extras import require_extra
+from omnisim.gpu.context import open_context
+from omnisim.plots import style
+from omnisim.reports.machine import ROOT
+from omnisim.reports.measure import Measure
+
+SCENE, SIZE_PX = "soccer", 400
+DRIVE_S = 3.0  # of each setting
+VIEWS: dict[str, tuple[str, ...]] = {"one view": (), "panorama and range": ("panorama", "range")}
+LEAST_RATES = {"one view": 12.0, "panorama and range": 7.0}
+MOST_KEY_MS, MOST_MIRROR_MS, MOST_FIRST_S, MOST_PAGE_KB = 150.0, 400.0, 2.5, 200.0
+_COMMAND = "from omnisim.cli.app import main; main()"
+_TIMEOUT_S = 60.0
+
+
+def run(options: Options) -> dict[str, Any]:
+    """Start the command, drive, press keys and change the mirror.
+
+    Raises:
+        BenchmarkError: the command fails.
+        OmnisimError: no OpenGL, or the extra `live` is not installed.
+    """
+    require_extra("live", "python -m benchmarks live")
+    scene = options.scenes[0] if options.scenes else SCENE
+    begin_s = time.perf_counter()
+    with _served(scene, options) as client:
+        client.frame()
+        first_s = time.perf_counter() - begin_s
+        client.rest()
+        rates = {name: _rate(client, views) for name, views in VIEWS.items()}
+        client.send("views", names=[])
+        client.rest()
+        keys = [_key_ms(client) for _ in _rounds(options, "key to picture")]
+        mirrors = [
+            _mirror_ms(client, 8.0 + 0.1 * at) for at in _rounds(options, "change of the mirror")
+        ]
+    rows = [
+        *({"what": name, "unit": "1/s", "value": rate} for name, rate in rates.items()),
+        _row("key to picture", keys),
+        _row("change of the mirror", mirrors),
+        {"what": "first picture", "unit": "s", "value": first_s},
+        {"what": "page", "unit": "kB", "value": page_bytes() / 1e3},
+    ]
+    context = open_context(options.device)
+    report = make_report(
+        "live", options, context, rows, _bounds(rows), scene=scene, size_px=SIZE_PX
+    )
+    context.release()
+    return report
+
+
+def lines(report: dict[str, Any]) -> list[str]:
+    """Text of the report."""
+    text = [f"{row['what']:24} {row['value']:8.1f} {row['unit']}" for row in report["rows"]]
+    return text + bound_lines(report)
+
+
+def figure(report: dict[str, Any]) -> Figure:
+    """Values as shares of their bounds."""
+    drawn, axes = style.plot(
+        f"Live page, {report['scene']}, {report['size_px']}²", "share of the bound", ""
+    )
+    names = [bound["name"] for bound in report["bounds"]]
+    shares = [bound["value"] / bound["bound"] for bound in report["bounds"]]
+    axes.barh(range(len(names)), shares, color=style.BLUE)
+    axes.axvline(1.0, color=style.RED, linestyle="--")
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    return drawn
+
+
+class _Client:
+    """A page that draws nothing."""
+
+    def __init__(self, socket: ClientConnection):
+        self._socket = socket
+
+    def send(self, message_type: str, /, **content: Any) -> None:
+        """Send a message."""
+        self._socket.send(json.dumps({"type": message_type, **content}))
+
+    def frame(self) -> dict[str, Any]:
+        """Ask for the next picture, and wait for it.
+
+        Raises:
+            BenchmarkError: the server reports an error.
+        """
+        self.send("ask")
+        while True:
+            data = self._socket.recv(_TIMEOUT_S)
+            assert isinstance(data, bytes)
+            message: dict[str, Any] = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+            if message["type"] == "error":
+                raise BenchmarkError(f"omnisim live: {message['text']}")
+            if message["type"] == "frame":
+                return message
+
+    def rest(self) -> dict[str, Any]:
+        """Wait for the fine picture."""
+        while not (frame := self.frame())["is_fine"]:
+            pass
+        return frame
+
+
+@contextmanager
+def _served(scene: str, options: Options) -> Iterator[_Client]:
+    words = ["live", scene, "--size", str(SIZE_PX), "--port", "0"]
+    if options.device is not None:
+        words += ["--device", str(options.device)]
+    with subprocess.Popen(
+        [sys.executable, "-c", _COMMAND, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            if not line.startswith("Open "):
+                raise BenchmarkError(f"omnisim live: expected an address, got {line!r}")
+            address = line.split()[1].replace("http", "ws", 1) + "stream"
+            with connect(address, max_size=None, proxy=None) as socket:
+                yield _Client(socket)
+        finally:
+            process.terminate()
+
+
+def _rounds(options: Options, what: str) -> Iterator[int]:
+    return iter(options.progress(range(options.rounds), what, options.rounds))
+
+
+def _rate(client: _Client, views: tuple[str, ...]) -> float:
+    """Pictures a second while a key is held, on a circle."""
+    client.send("views", names=views)
+    client.rest()
+    count, begin_s = 0, time.perf_counter()
+    while time.perf_counter() - begin_s < DRIVE_S:
+        client.send("drive", ahead=0.5, turn=1.0)
+        client.frame()
+        count += 1
+    seconds = time.perf_counter() - begin_s
+    client.send("drive")
+    client.rest()
+    return count / seconds
+
+
+def _key_ms(client: _Client) -> float:
+    """Time from a key to the first picture of another place."""
+    client.send("turn", yaw_deg=1.0)  # or nothing new would be there to wait for
+    before = client.rest()
+    begin_s = time.perf_counter()
+    client.send("drive", turn=1.0)
+    while client.frame()["place"] == before["place"]:
+        pass
+    elapsed_ms = 1e3 * (time.perf_counter() - begin_s)
+    client.send("drive")
+    client.rest()
+    return elapsed_ms
+
+
+def _mirror_ms(client: _Client, k: float) -> float:
+    """Time from a value of the mirror to its picture."""
+    begin_s = time.perf_counter()
+    client.send("set", path="sensor.mirror.k", value=k)
+    client.frame()
+    elapsed_ms = 1e3 * (time.perf_counter() - begin_s)
+    client.rest()
+    return elapsed_ms
+
+
+def _row(what: str, times_ms: list[float]) -> dict[str, Any]:
+    return {
+        "what": what, "unit": "ms", "value": float(np.median(times_ms)),
+        "p95": float(np.percentile(times_ms, 95.0)), "rounds": len(times_ms),
+    }  # fmt: skip
+
+
+def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
+    found = {row["what"]: float(row["value"]) for row in rows}
+    rates = [
+        Measure(f"pictures a second, {name}", found[name], bound=least, at_least=True)
+        for name, least in LEAST_RATES.items()
+    ]
+    return [
+        *rates,
+        Measure("key to picture, median ms", found["key to picture"], bound=MOST_KEY_MS),
+        Measure("change of the mirror, median ms", found["change of the mirror"],
+                bound=MOST_MIRROR_MS),
+        Measure("command to first picture, s", found["first picture"], bound=MOST_FIRST_S),
+        Measure("page, kB", found["page"], bound=MOST_PAGE_KB),
+    ]  # fmt: skip
