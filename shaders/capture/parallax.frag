@@ -15,6 +15,7 @@ layout(location = 1) out uvec2 out_left;  // bits of the samples, row by row
 #include "capture/parallax_color.glsl"
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
+const float GUTTER_TEXELS = 1.0;   // past a tile of which look-ups still find its own
 const float STRAIGHT_TEXELS = 1.0;  // surfaces that differ from a plane by less, per pixel
 
 // Tangents and inverse depth of the surface of a neighbour, as the pixel's own face has them.
@@ -23,6 +24,13 @@ vec3 beside(ivec2 pixel, int face, inout bool straight) {
     vec3 local = u_face_from_rig[face] * surface.xyz;
     straight = straight && surface.w >= 0.0 && local.z > 0.1;
     return vec3(local.xy, surface.w) / local.z;
+}
+
+// A tangent of the place's face is in the place's own tile.
+bool in_tile(Place place, vec2 tangent) {
+    ivec2 cell = clamp(ivec2(0.5 * float(CELLS) * (tangent + 1.0)), 0, CELLS - 1);
+    vec4 there = texelFetch(u_cells, ivec2(cell.x + CELLS * place.face, cell.y), 0);
+    return there == place.cell && all(lessThanEqual(abs(tangent), vec2(1.0)));
 }
 
 void main() {
@@ -43,6 +51,10 @@ void main() {
     vec2 bends = max(abs(ends[0].xy + ends[1].xy - 2.0 * here.xy),
                      abs(ends[2].xy + ends[3].xy - 2.0 * here.xy));
     straight = straight && max(bends.x, bends.y) * place.cell.z < STRAIGHT_TEXELS;
+    // past its gutter a tile has nothing: where the sky is seen, no depth tells
+    vec2 reach = 0.5 * (abs(right.xy) + abs(down.xy));
+    vec2 past = max(reach - GUTTER_TEXELS / abs(place.cell.zw), 0.0);
+    straight = straight && in_tile(place, here.xy + past) && in_tile(place, here.xy - past);
     float level = level_at(pixel, place);
     float tolerance = SAME_TEXELS / (place.depth * place.texels);
     vec3 total = vec3(0.0);

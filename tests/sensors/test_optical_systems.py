@@ -210,6 +210,18 @@ def test_nothing_shines_through_beside_edges(embree):
     assert np.linalg.norm(middles[0] - middles[1], axis=1).max() < 0.08
 
 
+def test_no_seam_shows_in_the_sky():
+    """Pixels at a ball's limb are many texels wide: their samples may be past a tile's gutter."""
+    system, ground = SYSTEMS["sphere"].scaled(0.5), pose((0.0, 0.0, -101.0))
+    scene = scene_of([box("ground", 0, half_m=100.0)], poses=[ground], background=(0.6, 0.7, 0.9))
+    with Renderer(scene, system) as renderer:
+        frame = renderer.render(NOW, linear=True)
+    directions = _world_rays(system, NOW, pixel_grid(180, 180))[1]
+    is_sky = frame.valid & (directions[..., 2] > 0.1)
+    assert is_sky.mean() > 0.1
+    np.testing.assert_allclose(frame.linear[is_sky], [scene.background] * is_sky.sum(), atol=1e-3)
+
+
 def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
     monkeypatch.setattr("omnisim.sensors.parallax_camera.missing_packages", lambda extra: ["a"])
     system = SYSTEMS["tilted camera"].scaled(0.5)
