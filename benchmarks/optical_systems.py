@@ -20,23 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import OmniCamera, Renderer, load_scene
-from omnisim.ground_truth.hits import Hits
 from omnisim.optics import read_optics_file
-from omnisim.poses import pose
-from omnisim.rays.caster import Rays
-from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.ray_scene import RayScene
 from omnisim.scene import Scene
-from omnisim.sensors.hit_source import HitSource
-from omnisim.sensors.parallax_camera import ParallaxCamera
-from omnisim.sensors.ray_backend import RayHitSource
 from omnisim.sensors.stage import Stage
+from omnisim.validation.same_triangles import BESIDE_M, pose_beside_nearest, same_triangles
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "optics"
 SYSTEMS = ("tilted-mirror", "sphere", "cone", "equi-angular", "folded")
 SIZE_PX = 360
-BESIDE_M = 0.2
-_DIRECTIONS = 720  # that the nearest thing is looked for in
 
 Pose = NDArray[np.float64]
 
@@ -64,34 +56,16 @@ def main() -> None:
 def places(sensor: OmniCamera, scene: Scene, rays: RayScene) -> dict[str, Pose]:
     """Poses (4, 4) of the base: at the start of a scene, and beside the nearest thing there."""
     start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
-    sensor_m = (start @ sensor.base_from_rig)[:3, 3]
-    angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
-    directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
-    far_m = np.full(len(angles), np.inf)
-    origins_m = np.tile(sensor_m, (len(angles), 1))
-    ranges_m = rays.first_hits(Rays(origins_m, directions, 0.05 + 0.0 * angles, far_m)).ranges_m
-    nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))
-    beside = pose((ranges_m[nearest] - BESIDE_M) * directions[nearest]) @ start
+    beside = pose_beside_nearest(sensor, rays, start)
     return {"start": start, f"{BESIDE_M} m beside": beside}
 
 
 def accuracy(stage: Stage, rays: RayScene, sensor: OmniCamera, base: Pose) -> str:
     """Shares of pixels as a line."""
-    with Renderer(stage, sensor) as renderer, renderer._current() as camera:
-        assert isinstance(camera, ParallaxCamera)
-        poses = renderer._poses_in(renderer._state(base))
-        limits = DepthLimits(sensor.near_m, sensor.far_m)
-        judge: HitSource = RayHitSource(rays, camera.setup, limits)
-        with_casts, alone = camera.make_hits(False, True), camera.make_hits(False, False)
-        expected = _names(judge, judge.hits(poses))
-        same = [
-            _same(expected, _names(source, source.hits(poses)))[judge.has_ray]
-            for source in (with_casts, alone)
-        ]
-        decided = ~alone.undecided[judge.has_ray]
+    found = same_triangles(stage, rays, sensor, base)
     return (
-        f"same triangle {same[0].mean():.3%} with rays, {same[1].mean():.3%} without, "
-        f"{same[1][decided].mean():.3%} of those decided; {1.0 - decided.mean():.2%} undecided"
+        f"same triangle {found.cast:.3%} with rays, {found.alone:.3%} without, "
+        f"{found.decided:.3%} of those decided; {found.undecided:.2%} undecided"
     )
 
 
@@ -122,19 +96,6 @@ def times(stage: Stage, sensor: OmniCamera, base: Pose, rounds: int) -> str:
         f"first frame {first_s[0]:.2f} s ({first_s[1]:.2f} by the clock); "
         f"{undecided / samples:.2%} of the samples undecided"
     )
-
-
-def _names(source: HitSource, hits: Hits) -> tuple[NDArray[np.str_], NDArray[np.uint32]]:
-    """Name of the instance and number of its triangle in each pixel."""
-    names = np.array(["", *(name for _, name in source.draws)])
-    return names[hits.draws_plus_one], hits.triangles
-
-
-def _same(
-    one: tuple[NDArray[np.str_], NDArray[np.uint32]],
-    other: tuple[NDArray[np.str_], NDArray[np.uint32]],
-) -> NDArray[np.bool_]:
-    return np.asarray((one[0] == other[0]) & (one[1] == other[1]))
 
 
 if __name__ == "__main__":

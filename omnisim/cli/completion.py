@@ -26,7 +26,7 @@ PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",
     "markers", "omnidir", "boards", "orientation", "unwarping", "optics",
-    "optics-path-tracer",
+    "optics-path-tracer", "optics-triangles", "optics-calibration",
 )  # fmt: skip
 Completion = Callable[[str], list[str]]
 

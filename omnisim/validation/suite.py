@@ -85,6 +85,18 @@ CHECKS = (
         oracles=("mitsuba",),
         is_quick=False,
     ),
+    Check(
+        "optics-triangles",
+        "Any optics: things a hand's breadth away",
+        "optics_triangles.check",
+        oracles=("embreex",),
+    ),
+    Check(
+        "optics-calibration",
+        "Any optics: calibrations from chessboards",
+        "optics_calibration.check",
+        oracles=("cv2.omnidir",),
+    ),
 )
 
 

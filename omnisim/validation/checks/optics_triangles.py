@@ -1,0 +1,83 @@
+"""Triangles of optical systems' pixels beside furniture, against rays that Embree casts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from omnisim.rays.ray_scene import RayScene
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import ResultTable, Section
+from omnisim.scene import Scene, load_scene
+from omnisim.sensors import OmniCamera, Stage
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.optical_systems import validation_systems
+from omnisim.validation.same_triangles import (
+    BESIDE_M,
+    SameTriangles,
+    pose_beside_nearest,
+    same_triangles,
+)
+
+SCENES = ("soccer", "mapping")
+SYSTEMS = ("paper's mirror, tilted", "sphere", "cone")
+CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Compare the triangles that pixels show beside the nearest thing in scenes."""
+    found = {
+        (name, system): shares
+        for name in (SCENES[:1] if fixture.is_quick else SCENES)
+        for system, shares in measure_triangles(fixture, load_scene(name)).items()
+    }
+    return triangle_section(title, found)
+
+
+def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles]:
+    """Shares of pixels by system, beside the nearest thing in any scene."""
+    found = {}
+    with Stage(scene, device=fixture.device) as stage:
+        rays = RayScene(scene)
+        for name in SYSTEMS:
+            sensor = OmniCamera(validation_systems()[name])
+            start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+            place = pose_beside_nearest(sensor, rays, start)
+            found[name] = same_triangles(stage, rays, sensor, place)
+    return found
+
+
+def triangle_section(title: str, found: Mapping[tuple[str, str], SameTriangles]) -> Section:
+    """Section of shares by scene and system."""
+    shares = list(found.values())
+    cast = [one.undecided_cast for one in shares if not math.isnan(one.undecided_cast)]
+    return Section(
+        title,
+        "Pixels that show the triangle that their exact ray, cast by Embree, meets first, "
+        f"{BESIDE_M} m before the nearest thing: by virtual cameras at one viewpoint, which "
+        "leave some pixels undecided, and with rays for those.",
+        (
+            Measure("same triangle, rays for undecided pixels",
+                    _percent(one.cast for one in shares), "%", CAST_BOUND, at_least=True),
+            Measure("same triangle, virtual cameras alone", _percent(one.alone for one in shares),
+                    "%", ALONE_BOUND, at_least=True),
+            Measure("same triangle, of the undecided pixels by rays", _percent(cast), "%",
+                    UNDECIDED_BOUND, at_least=True),
+        ),
+        tables=(
+            ResultTable(
+                "Pixels of the same triangle in %",
+                ("scene", "system", "with rays", "without", "undecided"),
+                tuple(
+                    (scene, system, f"{100.0 * one.cast:.3f}", f"{100.0 * one.alone:.3f}",
+                     f"{100.0 * one.undecided:.2f}")
+                    for (scene, system), one in found.items()
+                ),
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _percent(shares: Iterable[float]) -> float:
+    """Smallest share, in percent; NaN for none."""
+    return 100.0 * min(shares, default=math.nan)

@@ -1,0 +1,102 @@
+"""Triangles that pixels of an optical system show by the virtual cameras, against exact rays."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OpticsError
+from omnisim.gpu.pipeline import ScenePoses
+from omnisim.poses import pose
+from omnisim.rays.caster import Rays
+from omnisim.rays.depth_limits import DepthLimits
+from omnisim.rays.ray_scene import RayScene
+from omnisim.sensors import OmniCamera, Stage
+from omnisim.sensors.backend import CameraSetup
+from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.parallax_camera import ParallaxCamera
+from omnisim.sensors.ray_backend import RayHitSource
+
+BESIDE_M = 0.2
+_DIRECTIONS = 720  # that the nearest thing is looked for in
+_LEAST_M = 0.05
+
+
+class SameTriangles(NamedTuple):
+    """Shares of pixels with the triangle of their exact ray."""
+
+    cast: float  # undecided pixels cast as rays
+    alone: float  # by the virtual cameras alone
+    decided: float  # of the pixels that those decide
+    undecided_cast: float  # of the others, cast; NaN: there are none
+    undecided: float  # share of the others in all
+
+
+def same_triangles(
+    stage: Stage, rays: RayScene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+) -> SameTriangles:
+    """Compare the triangles of all pixels that see something.
+
+    Raises:
+        OpticsError: a sensor with one viewpoint.
+    """
+    poses = ScenePoses(world_from_base @ sensor.base_from_rig, ())
+    with stage.current():
+        camera = stage.backend.camera(CameraSetup(sensor, False, frozenset(), 0, ()))
+        if not isinstance(camera, ParallaxCamera):
+            raise OpticsError("camera: expected an optical system, got a camera with one viewpoint")
+        limits = DepthLimits(sensor.near_m, sensor.far_m)
+        judge = RayHitSource(rays, camera.setup, limits)
+        expected = _Triangles.of(judge, poses)
+        sources = camera.make_hits(False, True), camera.make_hits(False, False)
+        cast, alone = (
+            _Triangles.of(source, poses).equal(expected)[judge.has_ray] for source in sources
+        )
+        undecided = sources[1].undecided[judge.has_ray]
+    stage.collect()
+    return SameTriangles(
+        float(cast.mean()),
+        float(alone.mean()),
+        float(alone[~undecided].mean()),
+        float(cast[undecided].mean()) if undecided.any() else np.nan,
+        float(undecided.mean()),
+    )
+
+
+def pose_beside_nearest(
+    sensor: OmniCamera, rays: RayScene, start: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Pose (4, 4) of the base, moved towards the nearest thing around its sensor until `BESIDE_M`
+    before it."""  # fmt: skip
+    sensor_m = (start @ sensor.base_from_rig)[:3, 3]
+    angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
+    directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
+    near_m, far_m = np.full(len(angles), _LEAST_M), np.full(len(angles), np.inf)
+    origins_m = np.tile(sensor_m, (len(angles), 1))
+    ranges_m = rays.first_hits(Rays(origins_m, directions, near_m, far_m)).ranges_m
+    nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))
+    away_m = (ranges_m[nearest] - BESIDE_M) * directions[nearest]
+    found: NDArray[np.float64] = pose(tuple(away_m.tolist())) @ start
+    return found
+
+
+class _Triangles(NamedTuple):
+    """Triangles of pixels."""
+
+    names: NDArray[np.str_]  # of their instances
+    numbers: NDArray[np.uint32]
+
+    @staticmethod
+    def of(source: HitSource, poses: ScenePoses) -> _Triangles:
+        """Triangles of all pixels at some poses."""
+        hits = source.hits(poses)
+        names = np.array(["", *(name for _, name in source.draws)])
+        return _Triangles(names[hits.draws_plus_one], hits.triangles)
+
+    def equal(self, other: _Triangles) -> NDArray[np.bool_]:
+        """Mask of the pixels where they are the same; nothing is the same as nothing."""
+        same = (self.numbers == other.numbers) | (self.names == "")
+        found: NDArray[np.bool_] = same & (self.names == other.names)
+        return found
