@@ -23,6 +23,7 @@ from omnisim.errors import OpticsError
 from omnisim.optics.central_view import DISTANCES_M
 from omnisim.optics.centrality import measure_centrality
 from omnisim.optics.design import Design
+from omnisim.optics.lateral_color import lateral_color_px
 from omnisim.optics.media import WAVELENGTHS_UM
 from omnisim.optics.profile_file import sampled, write_profile
 from omnisim.optics.system import OpticalSystem
@@ -53,6 +54,14 @@ def check(request: OpticsCheckRequest) -> None:
         f"it by {misses_mm.mean():.3g} mm on average, {misses_mm.max():.3g} mm at most",
         markup=False,
     )
+    apart_px = lateral_color_px(system)
+    if len(apart_px):
+        drawn = "is drawn" if system.chromatic else "chromatic = true draws it"
+        out.print(
+            f"lateral colour: R and B of far points are {apart_px.mean():.2g} px apart on average, "
+            f"{apart_px.max():.2g} px at most; {drawn}",
+            markup=False,
+        )
     out.print("A central model with the same directions is off, for points")
     out.print(error_table(found.errors))
 

@@ -26,6 +26,17 @@ def test_check(omnisim):
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0.5", "2"]
 
 
+def test_check_tells_lateral_color(omnisim, tmp_path):
+    port = (EXAMPLES / "flat-port.toml").read_text()
+    (tmp_path / "port.toml").write_text(port)
+    (tmp_path / "chromatic.toml").write_text("chromatic = true\n" + port)
+    _, out, _ = omnisim("optics", "check", "port.toml", "--at-distance", 2)
+    assert "lateral colour: R and B of far points are " in out
+    assert "px at most; chromatic = true draws it" in out
+    assert "px at most; is drawn" in omnisim("optics", "check", "chromatic.toml")[1]
+    assert "lateral" not in omnisim("optics", "check", SPHERE)[1]
+
+
 @pytest.mark.parametrize("name", ["folded", "dome-port", "tilted-mirror"])
 def test_plot(omnisim, tmp_path, name):
     status, _, err = omnisim("optics", "plot", EXAMPLES / f"{name}.toml", "-o", "a.svg")
