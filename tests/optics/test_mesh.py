@@ -134,7 +134,7 @@ def test_auto_keeps_a_tenth_of_a_pixel(path):
 
 
 def test_ball_without_a_rim_has_a_mesh():
-    """What is beyond the limb, as the camera sees the ball, faces away from it."""
+    """Parts beyond the limb, as the camera sees the ball, face away from it."""
     sphere = SYSTEMS["sphere"]
     ball = dataclasses.replace(sphere.surfaces[0], rim_radius_m=math.inf)
     system = dataclasses.replace(sphere, surfaces=(ball,))
