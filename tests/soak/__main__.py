@@ -9,15 +9,17 @@ from pathlib import Path
 from tests.soak.frames import LARGEST_GROWTH as FRAMES_GROWTH
 from tests.soak.frames import frames
 from tests.soak.kills import kills
+from tests.soak.live import LARGEST_GROWTH as LIVE_GROWTH
+from tests.soak.live import live
 from tests.soak.renderers import LARGEST_GROWTH, renderers
 
 
 def main() -> None:
     """Run one; exit status 1 where it fails."""
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
-    parser.add_argument("what", choices=("kills", "renderers", "frames"))
+    parser.add_argument("what", choices=("kills", "renderers", "frames", "live"))
     parser.add_argument("--times", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1, help="of the kills' moments")
+    parser.add_argument("--seed", type=int, default=1, help="of the kills' moments, and of actions")
     parser.add_argument("--output", type=Path, help="for the runs; a temporary folder")
     options = parser.parse_args()
     print_line = partial(print, flush=True)
@@ -29,6 +31,10 @@ def main() -> None:
         growth = frames(options.times, print_line)
         print(f"{options.times} frames: {growth / 1e6:+.1f} MB")
         sys.exit(growth > FRAMES_GROWTH)
+    if options.what == "live":
+        growth = live(options.times, options.seed, print_line)
+        print(f"{options.times} actions: {growth / 1e6:+.1f} MB")
+        sys.exit(growth > LIVE_GROWTH)
     with tempfile.TemporaryDirectory(prefix="omnisim-kills-") as folder:
         kills(options.output or Path(folder), options.times, options.seed, print_line)
 

@@ -30,3 +30,11 @@ def test_frames_take_no_more_memory_than_a_few():
     command = [sys.executable, "-m", "tests.soak", "frames", "--times", "6000"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
+
+
+@pytest.mark.slow
+def test_random_use_of_the_live_page_takes_no_more_memory_and_never_fails():
+    """In a process of its own: memory of other tests would hide it."""
+    command = [sys.executable, "-m", "tests.soak", "live", "--times", "120"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
