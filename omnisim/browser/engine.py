@@ -118,7 +118,8 @@ class Engine:
             work.reply(message)
             return
         self._publish("error", message, 0)
-        self._session.reject(work.shown.document)
+        if not work.is_fine:  # its coarse picture could be drawn: the camera stays
+            self._session.reject(work.shown.document)
         self._session.drawn(work)
         self._session.ask()  # who asked has got no picture
 

@@ -44,7 +44,7 @@ class Client:
     def send(self, message_type, /, **content):
         self.socket.send(json.dumps({"type": message_type, **content}))
 
-    def receive(self, kind, timeout=20.0):
+    def receive(self, kind, timeout=60.0):
         """The next message of a kind; others before it are skipped."""
         while True:
             message = unpack(self.socket.recv(timeout))

@@ -43,6 +43,7 @@ def live(times: int, seed: int, print_line=print) -> float:
                     f"{growth / 1e6:+.1f} MB"
                 )
         client.send("reset")
+        client.send("turn", yaw_deg=1.0)
         assert client.fine_frame()["is_fine"]
         return resident_bytes() - before
 
@@ -77,6 +78,7 @@ def _act(client, page, chance):
         client.send(chance.choice(("undo", "redo", "reset")))
     elif kind == "rest":
         client.send("drive")
+        client.send("turn", yaw_deg=1.0)
         client.fine_frame()
     elif kind == "rubbish":
         client.socket.send(struct.pack("d", chance.random()))

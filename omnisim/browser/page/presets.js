@@ -15,7 +15,7 @@ export function showPresets(presets, choose) {
   const row = (kind) => make("div", { class: "row" }, ...presets[kind].map((name) => make("button", { text: name, onclick: () => choose(kind, name) })));
   byId("presets").replaceChildren(
     details("Mirrors and lenses", lenses, false),
-    details("Optical systems without one viewpoint", row("optics"), false),
+    details("Optical systems", row("optics"), false),
     details("Imperfect cameras", row("degradation"), true),
   );
 }
