@@ -46,6 +46,9 @@ EXACT_PX = 1e-10  # rounding of a projection
 MARGIN_RAD = 1e-9  # the source's edge, rounded, is still seen
 MIN_COVERED = 0.05  # of the source's pixels; less is no picture of it
 MAX_RMS = 0.02  # as a share of the picture's longer side; more is another kind of picture
+WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # from the axis, of the first lenses tried
+INNER = 0.85  # of the picture's radius
+LEAST_SHARE = 0.3  # of the area samples that see something; else there are more of them
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
 
@@ -128,14 +131,23 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
         mirrored: rays in `mirrored_frame`.
         phase: another number, from 0 to 1, gives others.
     """
-    steps = np.arange(1, AREA_SAMPLES + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
-    inner = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
+    inner = _spread_pixels(camera, AREA_SAMPLES, phase)
+    share = float(camera.ray_from_pixel(inner).valid.mean())
+    if 0.0 < share < LEAST_SHARE:
+        inner = _spread_pixels(camera, round(AREA_SAMPLES / share), phase)
     edge = edge_pixels(camera, EDGE_SAMPLES, phase)
     pixels = np.concatenate((inner, edge, corner_pixels(camera)))
     rays = camera.ray_from_pixel(pixels)
     directions = rays.directions @ mirrored_frame(camera).T if mirrored else rays.directions
-    on_area = np.arange(len(pixels)) < AREA_SAMPLES
+    on_area = np.arange(len(pixels)) < len(inner)
     return Samples(pixels, directions, on_area).subset(rays.valid)
+
+
+def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> NDArray[np.float64]:
+    """Pixels (count, 2) evenly all over a picture."""
+    steps = np.arange(1, count + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
+    pixels: NDArray[np.float64] = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
+    return pixels
 
 
 def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
@@ -160,29 +172,42 @@ class _Axis(NamedTuple):
 def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
     """Axis of a source by a Kannala-Brandt lens, which takes any angle, with its rotation free."""
     samples = samples_of(camera, mirrored)
-    rotation = _equidistant_axes(camera, samples)
-    turned = samples.rotated(rotation)
+    samples = samples.subset(samples.on_area)
+    if len(samples.pixels_px) == 0:
+        return _Axis(np.eye(3), camera.principal_point_px)
+    axis = _equidistant_axis(camera, samples)
+    radii = np.linalg.norm(samples.pixels_px - axis.centre_px, axis=1)
+    samples = samples.subset(radii < INNER * radii.max())  # a ball's outline is a fold
+    turned = samples.rotated(axis.rotation)
     try:
-        start = linear_fit(KannalaBrandtCamera, radial_profile(camera, turned), False)
+        profile = radial_profile(camera, turned, axis.centre_px)
+        start = linear_fit(KannalaBrandtCamera, profile, False)
+        seen = turned.subset(start.pixel_from_ray(turned.directions).valid)
         with np.errstate(all="ignore"):
-            lens, turn = _refined(start, turned, FITTED[KannalaBrandtCamera].free, {}, True)
+            lens, turn = _refined(start, seen, FITTED[KannalaBrandtCamera].free, {}, True)
     except OpticsError:  # a picture that is inside out, as a cone's, is none of such a lens
-        return _Axis(rotation, camera.principal_point_px)
-    return _Axis(turn @ rotation, lens.principal_point_px)
+        return axis
+    return _Axis(turn @ axis.rotation, lens.principal_point_px)
 
 
-def _equidistant_axes(source: CentralCamera, samples: Samples) -> NDArray[np.float64]:
-    """Rotation (3, 3) of the samples' rays to those of an equidistant lens of half a sphere.
+def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
+    """Axis of the equidistant lens that is nearest to the samples, of some.
 
-    Source: Kabsch 1976; any lens has its axes nearly there.
+    Source: Kabsch 1976, for the rotation between their directions.
     """
-    offsets = samples.pixels_px - source.principal_point_px
-    radii = np.linalg.norm(offsets, axis=1)
-    theta = 0.5 * math.pi * radii / max(float(radii.max(initial=0.0)), 1e-9)
-    across = offsets * (np.sin(theta) / np.maximum(radii, 1e-9))[:, None]
-    lens = np.column_stack((across, np.cos(theta)))
-    u, _, v = np.linalg.svd(lens.T @ samples.directions)
-    found: NDArray[np.float64] = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+    u, v = samples.pixels_px.mean(axis=0).tolist()
+    best, found = -math.inf, _Axis(np.eye(3), source.principal_point_px)
+    for centre_px in (source.principal_point_px, (u, v)):
+        offsets = samples.pixels_px - centre_px
+        radii = np.linalg.norm(offsets, axis=1)
+        for widest_rad in np.radians(WIDEST_DEG):
+            theta = widest_rad * radii / max(float(radii.max()), 1e-9)
+            across = offsets * (np.sin(theta) / np.maximum(radii, 1e-9))[:, None]
+            lens = np.column_stack((across, np.cos(theta)))
+            left, sizes, right = np.linalg.svd(lens.T @ samples.directions)
+            signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+            if float(sizes @ signs) > best:  # the sum of all cosines
+                best, found = float(sizes @ signs), _Axis((left * signs) @ right, centre_px)
     return found
 
 
@@ -308,7 +333,8 @@ def _evaluate(
         float(samples.theta_rad[seen.valid].max()),
         source.model_name,
     )
-    return Fit(target, residuals, float(np.mean(seen.valid)), rotation)
+    shown = seen.valid[samples.on_area] if samples.on_area.any() else seen.valid
+    return Fit(target, residuals, float(np.mean(shown)), rotation)
 
 
 def _failure(camera: CentralCamera, model: type[CentralCamera], reason: str) -> CalibrationError:

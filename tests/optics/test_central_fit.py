@@ -8,10 +8,11 @@ import pytest
 
 from omnisim import poses
 from omnisim.calibration import FORMATS, find_pose, load_calibration
-from omnisim.cameras import KannalaBrandtCamera, MirroredCamera
+from omnisim.cameras import KannalaBrandtCamera, MirroredCamera, PerspectiveCamera
 from omnisim.errors import CalibrationError, OpticsError
 from omnisim.mirrors import HyperbolicMirror
-from omnisim.optics import CentralView, fit_central, measure_centrality
+from omnisim.optics import CentralView, OpticalSystem, Surface, fit_central, measure_centrality
+from omnisim.optics.shapes import Conic
 from tests.optics.examples import FISHEYE, HYPERBOLA, SYSTEMS
 
 
@@ -126,3 +127,11 @@ def test_view_tells_its_error():
 def test_impossible_distances(distance_m):
     with pytest.raises(OpticsError, match="distance_m: expected more than 0"):
         CentralView(SYSTEMS["sphere"], distance_m)
+
+
+def test_axis_of_a_ball_that_is_aside_in_a_wide_picture():
+    """The ball's outline is in the middle of the picture no more, and sees nearly all around."""
+    camera = PerspectiveCamera(1280, 960, 1240.0, (639.5, 479.5))
+    ball = Surface(Conic(0.02), poses.pose((0.0012, -0.0008, 0.0815)))
+    (fitted,) = fit_central(OpticalSystem(camera, (ball,)), "opencv_fisheye").cameras
+    assert fitted.residuals.max_px < 1.0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.field_of_view import edge_pixels
 from omnisim.frames import MIRROR_FROM_OPTICAL
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.optics import OpticalSystem, Surface
@@ -134,3 +135,14 @@ def test_blue_is_refracted_more():
     angles = [system.of_color(color).rays(pixel).directions[2] for color in "RGB"]
     assert angles[0] < angles[1] < angles[2]
     assert angles[2] - angles[0] > 1e-3
+
+
+def test_rays_that_touch_a_sphere_end_on_it():
+    """Up to the last bit of a pixel inside its outline."""
+    system = OpticalSystem(pinhole(620.0), (Surface(Conic(0.02), at(0.0815, 0.0012)),))
+    pixels = edge_pixels(system, 720)
+    rays = system.rays(pixels)
+    assert rays.valid.all()
+    distances_m = np.linalg.norm(rays.origins_m - (0.0012, 0.0, 0.1015), axis=1)
+    np.testing.assert_allclose(distances_m, 0.02, rtol=SHARE)
+    assert rays.directions[:, 2].min() > 0.9  # hardly reflected

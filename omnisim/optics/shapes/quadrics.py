@@ -15,6 +15,8 @@ from omnisim.mirrors.hyperbolic import PAPER_C, PAPER_K, PAPER_METERS_PER_UNIT, 
 from omnisim.optics.shapes.shape import Floats, Level, Shape
 from omnisim.parameters import Number, Parameters, Positive, Signed
 
+_POLISH = 1e-6  # largest step of polishing, as a share of the length
+
 
 class Quadric(Shape):
     """A quadric's sheet at its vertex, up to its equator where it has one."""
@@ -51,7 +53,9 @@ class Quadric(Shape):
             points = origins_m + found[:, None] * directions
             values, gradients = self.level(points)
             slopes = np.einsum("nj,nj->n", gradients, directions)
-            found -= np.where(slopes == 0.0, 0.0, _divided(values, slopes))
+            steps = _divided(values, slopes)
+            # where a ray touches, rounding over no slope leads anywhere
+            found -= np.where(np.abs(steps) <= _POLISH * np.abs(found), steps, 0.0)
             heights = origins_m[:, 2] + found * directions[:, 2]
             found[~(2.0 * b * heights < c)] = np.nan
         return np.sort(lengths, axis=1)
