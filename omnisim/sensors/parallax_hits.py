@@ -35,8 +35,9 @@ from omnisim.sensors.sample_rays import sample_rays
 if TYPE_CHECKING:
     from omnisim.rays.ray_scene import RayScene
 
-# As for cameras of one viewpoint: of the triangles there, few are missed by all texels around.
-_TEXELS_PER_PIXEL = 1.5
+# As for cameras of one viewpoint: of the triangles there, few are missed by all texels around. In
+# smaller pictures than the usual ones they are as small, and texels are no wider.
+_TEXELS_PER_PIXEL, _USUAL_SIDE_PX, _MAX_TEXELS_PER_PIXEL = 1.5, 360, 6.0
 
 
 class ParallaxHits(HitSource):
@@ -74,7 +75,9 @@ class ParallaxHits(HitSource):
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
         rays = sample_rays(sensor.model, 1, sensor.mesh_polygons).seen_from(viewpoint_m)
-        plan = parallax_tiles([rays], _TEXELS_PER_PIXEL, cameras.near_m, MAX_ANISOTROPY)
+        smaller = max(1.0, _USUAL_SIDE_PX / max(self.has_ray.shape))
+        density = min(_TEXELS_PER_PIXEL * smaller, _MAX_TEXELS_PER_PIXEL)
+        plan = parallax_tiles([rays], density, cameras.near_m, MAX_ANISOTROPY)
         context = buffers.context
         self._passes = ParallaxHitPass(
             VisibilityPass(buffers, plan, cameras, albedo),

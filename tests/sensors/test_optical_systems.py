@@ -1,12 +1,14 @@
 """Pictures and ground truth of optical systems without one viewpoint, by formulas."""
 
+import dataclasses
 import math
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.calibration import calibration_of
 from omnisim.calibration.fit import fit_camera
 from omnisim.cameras import UnifiedCamera, pixel_grid
@@ -17,6 +19,7 @@ from omnisim.optics.shapes import Conic
 from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import cylinder_view
 from omnisim.poses import pose
+from omnisim.rays.ray_scene import RayScene
 from omnisim.scene.model import Material
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.motion import moved_px
@@ -26,6 +29,7 @@ from omnisim.validation.markers import centroids
 from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.same_triangles import pose_beside_nearest, same_triangles
 from tests.optics.examples import SYSTEMS
 from tests.optics.samples import all_samples
 from tests.scenes import room, room_color, room_hit, scene_of
@@ -304,6 +308,45 @@ def test_ground_truth_without_rays(embree, monkeypatch, name):
         assert off[frame.has_ray].mean() <= 6e-3, channel
     off = frame.channels["occluded"] != expected["occluded"]
     assert off[frame.has_ray].mean() <= 6e-3
+
+
+WAREHOUSE = Path(__file__).parents[3] / "shared" / "assets" / "small_warehouse.glb"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["soccer", "mapping", WAREHOUSE])
+@pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola"])
+def test_same_triangles_as_exact_rays(embree, source, name):
+    """At a scene's start, and 0.2 m beside furniture."""
+    if source is WAREHOUSE and not WAREHOUSE.exists():
+        pytest.skip("a real warehouse is not part of the project")
+    scene, sensor = load_scene(source), OmniCamera(SYSTEMS[name].scaled(0.5))
+    start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+    rays = RayScene(scene)
+    with Stage(scene) as stage:
+        for base in (start, pose_beside_nearest(sensor, rays, start)):
+            shares = same_triangles(stage, rays, sensor, base)
+            assert shares.cast >= 0.999
+            assert shares.decided >= 0.999
+            assert shares.alone >= 0.994
+            assert shares.undecided <= 0.2
+
+
+def test_ground_truth_follows_an_edit(embree):
+    """Of the boxes, one goes and another comes, beside what stays."""
+    system, frames = SYSTEMS["sphere"].scaled(0.3), []
+    scene = _near_boxes()
+    edited = dataclasses.replace(scene, instances=(*scene.instances[:2], *scene.instances[3:]))
+    for backend in ("cube", "rays"):
+        with Renderer(scene, system, backend=backend) as renderer:
+            before = renderer.render(NOW, also=("range", "instance"))
+            renderer.scene = edited
+            frames.append(renderer.render(NOW, also=("range", "instance")))
+    cube, rays = frames
+    assert (before.channels["range"] != cube.channels["range"]).any()
+    for channel in ("range", "instance"):
+        off = _off(cube.channels[channel], rays.channels[channel])
+        assert off[rays.has_ray].mean() <= 1e-3
 
 
 def test_degraded_by_virtual_cameras(embree):
