@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -35,9 +36,11 @@ from omnisim.sensors.sample_rays import sample_rays
 if TYPE_CHECKING:
     from omnisim.rays.ray_scene import RayScene
 
-# As for cameras of one viewpoint: of the triangles there, few are missed by all texels around. In
-# smaller pictures than the usual ones they are as small, and texels are no wider.
-_TEXELS_PER_PIXEL, _USUAL_SIDE_PX, _MAX_TEXELS_PER_PIXEL = 1.5, 360, 6.0
+# As for cameras of one viewpoint: of the triangles there, few are missed by all texels around.
+_TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0
+# Of the paper's mirror at 360 px. Where fewer see something they are wider, but triangles are not,
+# nor are texels.
+_USUAL_PIXELS = 90_000
 
 
 class ParallaxHits(HitSource):
@@ -75,8 +78,8 @@ class ParallaxHits(HitSource):
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
         rays = sample_rays(sensor.model, 1, sensor.mesh_polygons).seen_from(viewpoint_m)
-        smaller = max(1.0, _USUAL_SIDE_PX / max(self.has_ray.shape))
-        density = min(_TEXELS_PER_PIXEL * smaller, _MAX_TEXELS_PER_PIXEL)
+        wider = max(1.0, math.sqrt(_USUAL_PIXELS / max(1, int(self.has_ray.sum()))))
+        density = min(_TEXELS_PER_PIXEL * wider, _MAX_TEXELS_PER_PIXEL)
         plan = parallax_tiles([rays], density, cameras.near_m, MAX_ANISOTROPY)
         context = buffers.context
         self._passes = ParallaxHitPass(
