@@ -122,8 +122,8 @@ class IndirectDraws:
         )  # fmt: skip
 
 
-def bind_storage_buffers(buffers: Sequence[int]) -> None:
-    """Bind buffers to storage bindings 0, 1, …"""
+def bind_storage_buffers(buffers: Sequence[int], first: int = 0) -> None:
+    """Bind buffers to consecutive storage bindings."""
     bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)
     names = (ctypes.c_uint * len(buffers))(*buffers)
-    bind(_SHADER_STORAGE_BUFFER, 0, len(buffers), ctypes.addressof(names))
+    bind(_SHADER_STORAGE_BUFFER, first, len(buffers), ctypes.addressof(names))

@@ -32,6 +32,9 @@ void main() {
     // before any discard: derivatives need the whole 2 x 2 block
     vec3 flat_normal = cross(dFdx(v_position), dFdy(v_position));
 #endif
+#ifdef BLENDED_ARRAYS
+    if (!gl_FrontFacing && (MATERIAL_KIND & DOUBLE_SIDED_BIT) == 0) discard;
+#endif
 #ifdef ALPHA_MASK
     if (color.a < ALPHA_CUTOFF) discard;
 #endif
@@ -48,7 +51,11 @@ void main() {
 #else
     vec3 position = vec3(0.0);  // unused
 #endif
-    color.rgb *= light_on_surface(position, normalize(normal));
+    vec3 light = light_on_surface(position, normalize(normal));
+#ifdef BLENDED_ARRAYS
+    if ((MATERIAL_KIND & UNLIT_BIT) != 0) light = vec3(1.0);
+#endif
+    color.rgb *= light;
 #endif
 #ifndef ALPHA_BLEND
     color.a = 1.0;

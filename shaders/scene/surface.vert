@@ -28,7 +28,7 @@ out vec3 v_position;
 #endif
 
 #ifdef CLUSTERED
-#if defined(TEXTURED) || defined(ALPHA_MASK)
+#if defined(TEXTURED) || defined(ALPHA_MASK) || defined(ALPHA_BLEND)
 in vec2 in_material;
 flat out vec2 v_material;  // layer of the texture array, and cutoff of alpha
 #endif
@@ -50,7 +50,7 @@ void main() {
 #endif
 #ifdef CLUSTERED
     v_color = in_color;
-#if defined(TEXTURED) || defined(ALPHA_MASK)
+#if defined(TEXTURED) || defined(ALPHA_MASK) || defined(ALPHA_BLEND)
     v_material = in_material;
 #endif
 #else

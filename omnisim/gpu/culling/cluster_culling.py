@@ -68,6 +68,7 @@ class ClusterCuller:
         both_sides: all clusters are seen from behind, too.
 
     Attributes:
+        views: as given.
         passes: how many there are.
         ranges: of each bucket's commands. The second pass has them anew: those of the first were
             drawn before their depth is there.
@@ -87,7 +88,7 @@ class ClusterCuller:
         samples: int = 1,
         both_sides: bool = False,
     ):
-        self._context, self._buffers, self._views = context, buffers, views
+        self._context, self._buffers, self.views = context, buffers, views
         self.passes, self._depth = (1 if depth is None else 2), depth
         most = [views.count * clusters for clusters in buffers.clusters_of_bucket]
         first = np.cumsum([0, *most]).tolist()
@@ -141,6 +142,11 @@ class ClusterCuller:
         """Show some clusters (clusters,), and no others."""
         self._shown.write(self._buffers.masks_of_groups(shown))
 
+    def bind(self, pass_index: int = 0) -> None:
+        """Bind the buffers of shaders/culling/views.glsl."""
+        self._settings[pass_index].bind_to_uniform_block(0)
+        bind_storage_buffers(self._names)
+
     def run(self, pass_index: int) -> None:
         """Make the commands of one pass, by the poses that were written.
 
@@ -148,8 +154,7 @@ class ClusterCuller:
         """
         context, shaders = self._context, self._shaders
         barrier = context.SHADER_STORAGE_BARRIER_BIT
-        self._settings[pass_index].bind_to_uniform_block(0)
-        bind_storage_buffers(self._names)
+        self.bind(pass_index)
         if pass_index == 0:
             shaders.instances.run(self._instance_groups)
         elif self._depth is not None:
@@ -162,9 +167,9 @@ class ClusterCuller:
             shaders.hi_z[1].run(math.ceil(columns / 8), math.ceil(rows / 8))
         context.memory_barrier(barrier)
         cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]
-        cull.run(self._groups, self._views.count)
+        cull.run(self._groups, self.views.count)
         context.memory_barrier(barrier)
-        shaders.commands.run(len(self.ranges), self._views.cameras)
+        shaders.commands.run(len(self.ranges), self.views.cameras)
         context.memory_barrier(
             barrier | context.COMMAND_BARRIER_BIT | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
         )

@@ -9,10 +9,9 @@ import moderngl
 
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.gl_functions import IndirectDraws
+from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
 from omnisim.gpu.scene.vertex_format import cluster_vertex_array
-
-_CLIP_DISTANCES = tuple(range(0x3000, 0x3004))  # of shaders/scene/vertex.glsl
 
 
 class BucketProgram(NamedTuple):
@@ -65,9 +64,12 @@ class ClusterDrawer:
         """Draw the commands of a pass; target, depth and viewport are set."""
         context, draws = self._context, self._draws
         context.front_face = "cw"
-        for distance in _CLIP_DISTANCES:
-            context.enable_direct(distance)
         draws.bind(self._culler.commands.glo, self._culler.counts.glo)
+        with clip_distances(context):
+            self._draw_buckets(pass_index)
+
+    def _draw_buckets(self, pass_index: int) -> None:
+        context, draws = self._context, self._draws
         program = array = double_sided = None
         first_count = pass_index * len(self._buckets)
         for number, (one, vertices, shows_back, textures) in enumerate(self._buckets):
@@ -87,5 +89,3 @@ class ClusterDrawer:
             if one.first_command is not None:
                 one.first_command.value = commands.first
             draws.draw(commands.first, first_count + number, commands.most)
-        for distance in _CLIP_DISTANCES:
-            context.disable_direct(distance)

@@ -23,9 +23,8 @@ from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX, fill_vertices
 from omnisim.scene.model import AlphaMode, Lighting
 
 # Each instance has its own copy here: one that would take more triangles than this is drawn on its
-# own, as are instances so far away that a float32 does not resolve a tenth of a millimetre there.
+# own, as are instances that are too far away.
 MAX_TRIANGLES = 8_000_000
-MAX_DISTANCE_M = 1500.0
 # Of white: a third of a step of 255 in the dark, where these are finest, a hundredth at white.
 _SAME_LIGHT = 1e-4
 
@@ -111,7 +110,7 @@ def build_clustered_geometry(
     if not items:
         return None
     item_of_triangle = np.repeat(np.arange(len(items)), [item.triangles for item in items])
-    vertices, triangles = _object_triangles(items, anchor_m)
+    vertices, triangles = object_triangles(items, anchor_m)
     corners = vertices["in_position"][triangles]
     is_static = np.array([item.object_index is None for item in items])
     shading, normals = shadings(vertices, triangles, lighting, is_static[item_of_triangle])
@@ -203,19 +202,19 @@ def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDAr
     for index, item in enumerate(items):
         # a mesh without triangles has no cluster
         fits = item.triangles and triangles + item.triangles <= MAX_TRIANGLES
-        origin_m = anchor_m if item.object_index is None else np.zeros(3)
-        far_m = np.linalg.norm(item.centre_m - origin_m) + item.radius_m
-        if not item.is_blended and fits and far_m <= MAX_DISTANCE_M:
+        if not item.is_blended and fits and item.is_near(anchor_m):
             triangles += item.triangles
             contained[index] = True
     return contained
 
 
-def _object_triangles(
+def object_triangles(
     items: Sequence[DrawItem], anchor_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Vertices (n,) in their objects' frames, the static one's at the anchor, and triangles (m, 3),
-    item by item, all wound the same way."""  # fmt: skip
+    """Vertices (n,) of `CLUSTER_VERTEX` and triangles (m, 3) of items, all wound the same way.
+
+    They are in the frames of the items' objects, the static one's at the anchor (3,).
+    """
     vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
     triangles = []
     base = 0

@@ -13,13 +13,19 @@ from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
+from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, fits
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import depth_texture, float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
-from omnisim.gpu.scene.surface_program import SurfacePrograms, variant_of, variant_of_bucket
+from omnisim.gpu.scene.surface_program import (
+    SurfacePrograms,
+    variant_of,
+    variant_of_blended,
+    variant_of_bucket,
+)
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
 
 
@@ -104,6 +110,17 @@ class CubePass:
         self.tiles = TileRenderer(
             buffers, self.plan, cameras, opaque, find_program, self._depth, self._samples
         )
+        self._blended_drawer = self._make_blended_drawer()
+
+    def _make_blended_drawer(self) -> BlendedDrawer | None:
+        """Drawer of blended items by the GPU; None where there are none, or too many."""
+        geometry, culler = self._buffers.clustered_geometry, self.tiles.culler
+        items = [self._buffers.draw_items[index] for index in self._blended.tolist()]
+        if geometry is None or culler is None or not fits(items, geometry):
+            return None
+        program = self._programs[variant_of_blended(len(arrays_of(items)), self._cameras.unlit)]
+        self._programs_used.add(program)
+        return BlendedDrawer(self._context, geometry, culler, items, program.program)
 
     def render(
         self,
@@ -180,15 +197,18 @@ class CubePass:
     ) -> None:
         """Draw the blended items."""
         context, target, tiles = self._context, self._target, self.tiles
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views = tiles.views.at(world_from_rig)
-        blended = self._back_to_front(views, transforms)
-        self._drawer.begin(transforms)
         context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
         )  # fmt: skip
         target.depth_mask = False
         context.enable(moderngl.BLEND)
+        if self._blended_drawer is not None:
+            self._blended_drawer.draw()
+            return
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = tiles.views.at(world_from_rig)
+        blended = self._back_to_front(views, transforms)
+        self._drawer.begin(transforms)
         for view in views:
             tiles.draw_items(target, view, transforms, blended, self._drawer)
 

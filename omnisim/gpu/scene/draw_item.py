@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from omnisim.gpu.scene.textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 
+MAX_DISTANCE_M = 1500.0
+
 
 @dataclass(frozen=True, eq=False)
 class DrawItem:
@@ -49,6 +51,14 @@ class DrawItem:
     def triangles(self) -> int:
         """Number of triangles."""
         return self.count // 3
+
+    def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
+        """Tell whether floats resolve a tenth of a millimetre of it.
+
+        They count from the origin of its object, the anchor (3,) where it is static.
+        """
+        origin_m = anchor_m if self.object_index is None else np.zeros(3)
+        return bool(np.linalg.norm(self.centre_m - origin_m) + self.radius_m <= MAX_DISTANCE_M)
 
     @property
     def texture(self) -> moderngl.Texture:

@@ -29,6 +29,7 @@ class SurfaceVariant(NamedTuple):
     textured: bool
     shading: Shading = Shading.UNKNOWN
     clustered: bool = False
+    blended_arrays: int | None = None
 
     @property
     def computes_light(self) -> bool:
@@ -58,6 +59,8 @@ class SurfaceVariant(NamedTuple):
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         if self.clustered:
             defines.append("CLUSTERED")
+        if self.blended_arrays is not None:
+            defines.append(f"BLENDED_ARRAYS {self.blended_arrays}")
         return tuple(defines)
 
 
@@ -86,6 +89,13 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     return SurfaceVariant(True, bucket.alpha_mode, textured, bucket.shading, clustered=True)
 
 
+def variant_of_blended(arrays: int, unlit: bool) -> SurfaceVariant:
+    """Variant that draws all blended items, of so many texture arrays."""
+    return SurfaceVariant(
+        not unlit, AlphaMode.BLEND, arrays > 0, clustered=True, blended_arrays=arrays
+    )
+
+
 class SurfaceProgram:
     """One compiled variant with its uniforms.
 
@@ -112,7 +122,9 @@ class SurfaceProgram:
         self._light_positions = find_uniform(program, "u_punctual_position")
         self._light_positions_m = np.array([one.position_m for one in _by_kind(lighting)[1]])
         if variant.textured:
-            program["u_textures" if variant.clustered else "u_texture"] = 0
+            arrays = variant.blended_arrays or 1
+            units = 0 if arrays == 1 else tuple(range(arrays))
+            program["u_textures" if variant.clustered else "u_texture"] = units
         if variant.computes_light:
             _write_lights(program, lighting)
 

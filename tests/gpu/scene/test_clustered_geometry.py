@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.gpu.scene.clustered_geometry import MAX_DISTANCE_M
+from omnisim.gpu.scene.draw_item import MAX_DISTANCE_M
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX

@@ -1,0 +1,75 @@
+// Draw commands of a camera's blended items, far ones first, and their triangles, far ones first.
+// One work group for each item and camera. Ranks are counted: items are few, and so are their
+// triangles, see omnisim/gpu/scene/blended_drawer.py.
+#version 430 core
+
+layout(local_size_x = 32) in;
+
+#include "culling/views.glsl"
+
+struct Item {
+    vec3 centre;  // of its bounding sphere, in the frame of its object
+    float radius;
+    uint first_triangle, triangles, object, unused;
+};
+
+struct Command {  // of glMultiDrawElementsIndirect
+    uint indices, instances, first_index, base_vertex, base_instance;
+};
+
+layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };  // [camera][rank][tile]
+layout(std430, binding = 8) readonly buffer Items { Item items[]; };
+layout(std430, binding = 9) readonly buffer Centres { vec4 centres[]; };        // of the triangles
+layout(std430, binding = 10) readonly buffer Indices { uint indices[]; };
+layout(std430, binding = 11) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
+
+uniform uint u_items;
+uniform uint u_triangles;  // of all items
+
+float squared_distance(vec3 point, uint object, uint camera) {
+    vec4 rows[3] = instances[(object * u_cameras + camera) * u_tiles].viewpoint_from_object;
+    vec3 at = transformed(rows, point);
+    return dot(at, at);
+}
+
+// Nothing of a sphere is outside of a view.
+bool may_be_seen(Item item, uint view) {
+    Instance instance = instances[item.object * u_cameras * u_tiles + view];
+    mat4 rows = transpose(instance.clip_from_object);
+    vec4 planes[5] = vec4[5](
+        rows[3] + rows[0], rows[3] - rows[0], rows[3] + rows[1], rows[3] - rows[1], rows[3]);
+    for (int plane = 0; plane < 5; ++plane) {
+        float inside = dot(planes[plane], vec4(item.centre, 1.0));
+        if (inside < -item.radius * length(planes[plane].xyz)) return false;
+    }
+    return true;
+}
+
+void main() {
+    uint index = gl_WorkGroupID.x, camera = gl_WorkGroupID.y, thread = gl_LocalInvocationID.x;
+    Item item = items[index];
+    uint first = camera * u_triangles + item.first_triangle;
+    for (uint at = thread; at < item.triangles; at += 32u) {
+        uint own = item.first_triangle + at, rank = 0u;
+        float own_distance = squared_distance(centres[own].xyz, item.object, camera);
+        for (uint other = 0u; other < item.triangles; ++other) {
+            vec3 centre = centres[item.first_triangle + other].xyz;
+            float distance = squared_distance(centre, item.object, camera);
+            rank += uint(distance > own_distance || (distance == own_distance && other < at));
+        }
+        for (uint corner = 0u; corner < 3u; ++corner)
+            sorted_indices[3u * (first + rank) + corner] = indices[3u * own + corner];
+    }
+    uint rank = 0u;
+    float own_distance = squared_distance(item.centre, item.object, camera);
+    for (uint other = 0u; other < u_items; ++other) {
+        float distance = squared_distance(items[other].centre, items[other].object, camera);
+        rank += uint(distance > own_distance || (distance == own_distance && other < index));
+    }
+    for (uint tile = thread; tile < u_tiles; tile += 32u) {
+        uint view = camera * u_tiles + tile;
+        commands[(camera * u_items + rank) * u_tiles + tile] = Command(
+            may_be_seen(item, view) ? 3u * item.triangles : 0u, 1u, 3u * first, 0u,
+            item.object * u_cameras * u_tiles + view);
+    }
+}
