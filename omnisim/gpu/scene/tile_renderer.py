@@ -110,7 +110,6 @@ class TileRenderer:
         context = self._context
         target.use()
         _draw_everywhere(target)
-        target.viewport = (0, 0, *target.size)
         target.depth_mask = True
         target.clear(color=color, depth=CLEAR_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST)
@@ -145,6 +144,7 @@ class TileRenderer:
         order = self._buffers.front_to_back(self._items, transforms)
         for view in self.views.at(world_from_rig):
             self.draw_items(target, view, transforms, order, drawer)
+        _draw_everywhere(target)
 
     def draw_items(
         self,
@@ -181,4 +181,6 @@ class TileRenderer:
 
 
 def _draw_everywhere(target: moderngl.Framebuffer) -> None:
+    """Draw into all tiles at once."""
+    target.viewport = (0, 0, *target.size)
     target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it

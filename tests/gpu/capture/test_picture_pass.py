@@ -101,7 +101,7 @@ def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
                 table = renderer._passes._pipeline.picture_pass.table_bytes
                 assert table == 8 * 200 * 200 * camera.supersampling**2
     few, many = calls.values()
-    assert len(few.drawn) > 1  # blended surfaces and the picture
+    assert few.drawn  # the picture
     assert few.drawn == many.drawn
     assert few.written == many.written
     assert few.read == many.read == [4 * 200 * 200]
