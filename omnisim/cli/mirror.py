@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cli.console import out
 from omnisim.cli.inputs import read_sensor
@@ -13,20 +14,24 @@ from omnisim.mirrors import tessellate
 from omnisim.mirrors.mesh_error import MeshError, mesh_error
 from omnisim.mirrors.unfolding import unfold
 from omnisim.scene.mesh_files import check_mesh_target, write_mirror
+from omnisim.sensors import OmniCamera
 from omnisim.sensors.auto_mesh import auto_polygons
 from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 
 def run(request: MirrorRequest) -> None:
-    """Write the mesh and print its size and error."""
+    """Write the mesh and print its size and error; or write the profile."""
+    if request.sensor is not None and request.optics is not None:
+        raise OpticsError("--sensor, --optics: expected one of them, got both")
+    if request.output.suffix.lower() == ".csv":
+        _write_profile(request)
+        return
     check_mesh_target(request.output)
     if request.optics is not None:
         _write_surface(request, request.optics)
         return
     camera = read_sensor(request.sensor)
-    model = camera.model
-    if not isinstance(model, HyperbolicCamera):
-        raise OpticsError(f"{request.sensor}: expected a mirror, got model {model.model_name!r}")
+    model = _mirror_camera(request, camera)
     polygons = request.polygons
     if polygons is None:
         polygons = camera.mesh_polygons or PAPER_POLYGONS
@@ -44,6 +49,35 @@ def run(request: MirrorRequest) -> None:
     _print_error(f"in a picture of it {2.0 * model.rim_radius_px:.4g} px wide", error)
 
 
+def _write_profile(request: MirrorRequest) -> None:
+    """Write the profile of the sensor's mirror, or of a surface of an optical system."""
+    from omnisim.cli.optics import write_profile_of, write_surface_profile
+    from omnisim.optics.shapes import Hyperbolic, Plane
+    from omnisim.optics.surface import Surface
+    from omnisim.optics.system_file import input_files
+
+    if request.polygons is not None:
+        raise OpticsError("--polygons: expected a mesh, .glb .obj .ply, got a profile")
+    check_target(request.output)
+    if request.optics is not None:
+        check_distinct({"the profile": request.output}, input_files(request.optics))
+        write_profile_of(request.optics, request.surface, request.output)
+        return
+    mirror = _mirror_camera(request, read_sensor(request.sensor)).mirror
+    is_plane = mirror.k == 2.0
+    shape = Plane() if is_plane else Hyperbolic(mirror.k, mirror.c, mirror.meters_per_unit)
+    surface = Surface(shape, rim_radius_m=mirror.rim_radius_m, name="hyperbolic_mirror")
+    write_surface_profile(request.output, surface)
+
+
+def _mirror_camera(request: MirrorRequest, camera: OmniCamera) -> HyperbolicCamera:
+    if not isinstance(camera.model, HyperbolicCamera):
+        raise OpticsError(
+            f"{request.sensor}: expected a mirror, got model {camera.model.model_name!r}"
+        )
+    return camera.model
+
+
 def _write_surface(request: MirrorRequest, optics: Path) -> None:
     """Write the mesh of a surface of an optical system, and print its error."""
     from omnisim.optics.mesh_error import SystemMeshErrors
@@ -51,8 +85,6 @@ def _write_surface(request: MirrorRequest, optics: Path) -> None:
     from omnisim.optics.surface_mesh import rim_of_mesh, tessellate_surface
     from omnisim.optics.system_file import read_optics_file
 
-    if request.sensor is not None:
-        raise OpticsError("--sensor, --optics: expected one of them, got both")
     system = read_optics_file(optics)
     surface = system.surface(request.surface, str(optics))
     is_seen = has_mesh(system) and mesh_surface(system) == request.surface

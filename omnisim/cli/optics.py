@@ -13,6 +13,7 @@ from omnisim.cameras import summary
 from omnisim.cli.console import out, pluralize
 from omnisim.cli.error_table import error_table
 from omnisim.cli.optics_requests import (
+    PROFILE_POINTS,
     OpticsCheckRequest,
     OpticsDesignRequest,
     OpticsPlotRequest,
@@ -26,8 +27,9 @@ from omnisim.optics.design import Design
 from omnisim.optics.lateral_color import lateral_color_px
 from omnisim.optics.media import WAVELENGTHS_UM
 from omnisim.optics.profile_file import sampled, write_profile
+from omnisim.optics.surface import Surface
 from omnisim.optics.system import OpticalSystem
-from omnisim.optics.system_file import read_optics_file
+from omnisim.optics.system_file import input_files, read_optics_file
 from omnisim.optics.tracing import Fate
 from omnisim.short_repr import counted
 
@@ -121,24 +123,42 @@ def profile(request: OpticsProfileRequest) -> None:
     check_suffix(request.output, ".csv")
     check_target(request.output)
     _check_distinct(request.output, request.system)
-    surface = read_optics_file(request.system).surface(request.surface, str(request.system))
+    write_profile_of(request.system, request.surface, request.output, request.points)
+
+
+def write_profile_of(path: Path, number: int, output: Path, points: int = PROFILE_POINTS) -> None:
+    """Write the profile of a surface of an optical system, and print its size.
+
+    Raises:
+        OpticsError: there is no such surface, or it has no rim.
+        OutputError: the file cannot be written.
+    """
+    surface = read_optics_file(path).surface(number, str(path))
+    if math.isinf(surface.visible_radius_m):
+        raise OpticsError(f"{path}: surfaces.{number}.rim_radius_m: missing")
+    write_surface_profile(output, surface, points)
+
+
+def write_surface_profile(output: Path, surface: Surface, points: int = PROFILE_POINTS) -> None:
+    """Write the profile of a surface that has a rim, and print its size.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     radius_m = surface.visible_radius_m
-    if math.isinf(radius_m):
-        raise OpticsError(f"{request.system}: surfaces.{request.surface}.rim_radius_m: missing")
-    found = sampled(surface.shape, radius_m, request.points)
-    write_profile(request.output, found.radii_m, found.heights_m)
+    found = sampled(surface.shape, radius_m, points)
+    write_profile(output, found.radii_m, found.heights_m)
     tip = ', tip = "pointed"' if found.pointed else ""
-    deviation_nm = 1e9 * found.deviation_m
     out.print(
-        f"{request.output}: {pluralize(request.points, 'point')} of {surface.name}, radius "
+        f"{output}: {pluralize(points, 'point')} of {surface.name}, radius "
         f"{1e3 * radius_m:.4g} mm{tip}; a spline through them is off by "
-        f"{deviation_nm:.2g} nm at most",
+        f"{1e9 * found.deviation_m:.2g} nm at most",
         markup=False,
     )
 
 
 def _check_distinct(output: Path, system: Path) -> None:
-    check_distinct({"what is written": output}, {"the optics file": system})
+    check_distinct({"what is written": output}, input_files(system))
 
 
 def _summary(system: OpticalSystem) -> str:

@@ -10,6 +10,8 @@ SystemArgument = Annotated[
     Path, typer.Argument(metavar="SYSTEM", help="Optics file: .toml.", show_default=False)
 ]
 
+PROFILE_POINTS = 501
+
 
 @dataclass(frozen=True)
 class OpticsCheckRequest:
@@ -115,7 +117,7 @@ class OpticsProfileRequest:
     ] = 0
     points: Annotated[
         int, typer.Option("--points", metavar="POINTS", min=4, max=100_000, help="Lines.")
-    ] = 501
+    ] = PROFILE_POINTS
 
 
 @dataclass(frozen=True)

@@ -377,7 +377,7 @@ class MirrorRequest:
 
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FILE", help="Mesh: .glb .obj .ply."),
+        typer.Option("-o", "--output", metavar="FILE", help="Mesh: .glb .obj .ply; profile: .csv."),
     ]
     polygons: Annotated[
         int | None,

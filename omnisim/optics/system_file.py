@@ -188,3 +188,25 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
         )
     except OmnisimError as reason:
         raise SensorFileError(f"{source}: {below}{reason}") from None
+
+
+def input_files(path: Path) -> dict[str, Path]:
+    """Files that `read_optics_file` reads profiles from, and the file itself, for messages.
+
+    Raises:
+        SensorFileError: the file cannot be read.
+    """
+    found = {"the optics file": path}
+    table = read_tables(path, SensorFileError)
+    in_sensor = table.get("optics")
+    if "surfaces" not in table and isinstance(in_sensor, dict):
+        table = in_sensor
+        if isinstance(in_sensor.get("file"), str):
+            path = path.parent / in_sensor["file"]
+            found["the sensor's optics file"] = path
+            table = read_tables(path, SensorFileError)
+    surfaces = table.get("surfaces")
+    for number, surface in enumerate(surfaces if isinstance(surfaces, list) else []):
+        if isinstance(surface, dict) and isinstance(surface.get("file"), str):
+            found[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
+    return found

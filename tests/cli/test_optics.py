@@ -1,6 +1,7 @@
 """`omnisim optics`: output, files and errors."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import trimesh
 
 import omnisim as package
 from omnisim.calibration.ray_table import read_ray_table
+from omnisim.mirrors import HyperbolicMirror
 from omnisim.optics import read_optics_file, write_corners
 from omnisim.optics.profile_file import read_profile
 from tests.optics.test_calibrate import boards_of
@@ -101,6 +103,32 @@ def test_profile_as_a_table_has_the_same_rays(omnisim, tmp_path, name):
     # the bound that the documentation states; a ball, 29/30 of its radius, comes nearest to it
     np.testing.assert_allclose(found.directions, expected.directions, atol=1e-6)
     np.testing.assert_allclose(found.origins_m, expected.origins_m, atol=1e-9)
+
+
+def test_profile_of_the_papers_mirror(omnisim, tmp_path):
+    status, out, err = omnisim("mirror", "-o", "paper.csv")
+    assert (status, err) == (0, "")
+    assert "501 points of hyperbolic_mirror, radius 11.94 mm; a spline through them" in out
+    profile, mirror = read_profile(tmp_path / "paper.csv"), HyperbolicMirror()
+    # its own frame is at the vertex, and z away from the camera
+    expected = mirror.vertex_height_m - mirror.height_from_radius_m(profile.radii_m)
+    np.testing.assert_allclose(profile.table_heights_m, expected, atol=1e-15)
+
+
+def test_profile_is_not_written_over_what_is_read(omnisim, tmp_path):
+    for suffix in ("toml", "csv"):
+        shutil.copy(EXAMPLES / f"equi-angular.{suffix}", tmp_path)
+    (tmp_path / "sensor.toml").write_text('[optics]\nfile = "equi-angular.toml"\n')
+    before = (tmp_path / "equi-angular.csv").read_bytes()
+    for arguments in (
+        ("mirror", "--optics", "equi-angular.toml"),
+        ("optics", "profile", "equi-angular.toml"),
+        ("optics", "profile", "sensor.toml"),
+    ):
+        status, _, err = omnisim(*arguments, "-o", "equi-angular.csv")
+        assert status == 1
+        assert err.startswith("error: equi-angular.csv: is the profile of surfaces.0: expected")
+    assert (tmp_path / "equi-angular.csv").read_bytes() == before
 
 
 @pytest.mark.parametrize(
