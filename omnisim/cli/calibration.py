@@ -27,7 +27,6 @@ from omnisim.cameras import (
     CAMERA_MODELS,
     CentralCamera,
     NonCentralCamera,
-    camera_from_parameters,
 )
 from omnisim.cameras.field_of_view import field_of_view
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
@@ -36,6 +35,7 @@ from omnisim.cli.error_table import error_table
 from omnisim.errors import CalibrationError, OmnisimError
 from omnisim.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
 from omnisim.sensors import OmniCamera
+from omnisim.sensors.camera_parameters import camera_of_parameters
 
 if TYPE_CHECKING:  # seldom needed
     from omnisim.optics import OpticalSystem
@@ -110,9 +110,7 @@ def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
         from omnisim.optics.system_file import read_optics_file  # seldom asked for
 
         return read_optics_file(request.optics)
-    if request.format is not None or source.suffix.lower() != ".toml":
-        return None
-    model = OmniCamera.from_file(source).model
+    model = None if request.format is not None else _own_camera(source)
     if not isinstance(model, NonCentralCamera):
         return None
     from omnisim.optics.system import OpticalSystem
@@ -183,13 +181,17 @@ def read_calibration(
     Raises:
         OmnisimError: naming the file and the key.
     """
-    suffix = path.suffix.lower()
-    if format is None and (suffix == ".toml" or suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES):
+    camera = None if format is not None else _own_camera(path)
+    if camera is not None:
         if camera_name is not None:
             raise CalibrationError(
                 f"--camera-name: expected a calibration file, got {path}, whose camera has no name"
             )
-        camera = OmniCamera.from_file(path).model if suffix == ".toml" else _picture_camera(path)
+        if isinstance(camera, NonCentralCamera):
+            hint = "`omnisim calibration convert` fits one to it"
+            raise CalibrationError(
+                f"{path}: expected a camera with one viewpoint, got optics: {hint}"
+            )
         return Calibration(calibration_of(camera, "camera").cameras, "omnisim", str(path))
     read = load_calibration(path, format, camera_name, mirrored)
     for note in read.notes:
@@ -212,13 +214,21 @@ def select_camera(calibration: Calibration, name: str | None) -> Calibration:
     return calibration.only(name or calibration.names[0])
 
 
+def _own_camera(path: Path) -> CentralCamera | None:
+    """Camera of a sensor file or of a picture, by the file's suffix; None: of neither."""
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        return OmniCamera.from_file(path).model
+    return _picture_camera(path) if suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES else None
+
+
 def _picture_camera(path: Path) -> CentralCamera:
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):
         raise CalibrationError(f"{path}: expected a picture of omnisim's, got one without a camera")
     try:
-        return camera_from_parameters(parameters)
+        return camera_of_parameters(parameters)
     except OmnisimError as reason:
         raise CalibrationError(f"{path}: {reason}") from None
 

@@ -237,10 +237,12 @@ def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
 SPHERE = Path(__file__).parents[2] / "examples" / "optics" / "sphere.toml"
 
 
-@pytest.mark.parametrize("by", ["option", "sensor file"])
+@pytest.mark.parametrize("by", ["option", "sensor file", "picture"])
 def test_optics_are_fitted_and_the_rest_is_told(omnisim, tmp_path, by):
     (tmp_path / "sensor.toml").write_text(f'[optics]\nfile = "{SPHERE}"\n')
-    given = ("--optics", SPHERE) if by == "option" else ("sensor.toml",)
+    metadata = {"camera": OmniCamera.from_file(tmp_path / "sensor.toml").model.parameters()}
+    write_image(tmp_path / "taken.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
+    given = {"option": ("--optics", SPHERE), "picture": ("taken.png",)}.get(by, ("sensor.toml",))
     status, out, err = omnisim(
         "calibration", "convert", *given, "--to", "opencv_fisheye", "-o", "a.yaml",
         "--at-distance", 0.5, 2,
@@ -252,3 +254,7 @@ def test_optics_are_fitted_and_the_rest_is_told(omnisim, tmp_path, by):
     shown = omnisim("calibration", "show", "a.yaml")[1]
     assert "optics_from_camera" in shown
     assert "points at 0.5 m" in shown
+    words = (
+        "expected a camera with one viewpoint, got optics: `omnisim calibration convert` fits one"
+    )
+    assert f"sensor.toml: {words}" in omnisim("calibration", "show", "sensor.toml")[2]
