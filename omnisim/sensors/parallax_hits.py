@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.gpu.capture.depth_pyramid import DepthPyramid
+from omnisim.gpu.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.gpu.capture.traced_pixels import TracedPixels
 from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.gpu.ground_truth.parallax_hit_pass import (
@@ -31,7 +32,6 @@ from omnisim.rays.ray_scene import ObjectState
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.parallax_plan import parallax_tiles
-from omnisim.sensors.sample_rays import sample_rays
 
 if TYPE_CHECKING:
     from omnisim.rays.ray_scene import RayScene
@@ -77,7 +77,7 @@ class ParallaxHits(HitSource):
         self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
-        rays = sample_rays(sensor.model, 1, sensor.mesh_polygons).seen_from(viewpoint_m)
+        rays = self._centre_rays()
         wider = max(1.0, math.sqrt(_USUAL_PIXELS / max(1, int(self.has_ray.sum()))))
         density = min(_TEXELS_PER_PIXEL * wider, _MAX_TEXELS_PER_PIXEL)
         plan = parallax_tiles([rays], density, cameras.near_m, MAX_ANISOTROPY)
@@ -91,6 +91,20 @@ class ParallaxHits(HitSource):
         assert self._rays.origins_m is not None
         self._origins_m = self._placed(self._rays.origins_m - optical_from_rig @ viewpoint_m)
         self._find_draws()
+
+    def _centre_rays(self) -> ParallaxRays:
+        """Rays of the pixels' centres from the viewpoint, rig frame."""
+        rig_from_optical, rays = self.camera.rig_from_optical, self._rays
+        assert rays.origins_m is not None
+        around = ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0))
+        directions, origins_m = (
+            np.pad(self._placed(values).astype(np.float32), around)
+            for values in (
+                np.einsum("nj,ij->ni", rays.directions, rig_from_optical),
+                np.einsum("nj,ij->ni", rays.origins_m, rig_from_optical) - self._viewpoint_m,
+            )
+        )
+        return ParallaxRays.interpolated(1, directions, origins_m, rays.valid)
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""

@@ -37,14 +37,7 @@ def sample_rays(
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
     smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
     beside = _all_around(valid, 1)[inner]  # of pixels that may be interpolated there at all
-    found = ParallaxRays(
-        supersampling,
-        directions,
-        origins_m,
-        smooth,
-        np.full((height, width), -1, dtype=np.intp),
-        *_no_rays(supersampling),
-    )
+    found = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
     own = trace(rim[:, None, ::-1] + offsets)
@@ -56,13 +49,6 @@ def sample_rays(
     return replace(
         found, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
     )
-
-
-def _no_rays(
-    supersampling: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    parts = np.zeros((0, supersampling**2, 3), dtype=np.float32)
-    return parts, parts, np.zeros(parts.shape[:2], dtype=np.bool_)
 
 
 def _bent(

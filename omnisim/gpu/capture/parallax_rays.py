@@ -44,6 +44,21 @@ class ParallaxRays:
     rim_origins_m: NDArray[np.float32]
     rim_valid: NDArray[np.bool_]
 
+    @staticmethod
+    def interpolated(
+        supersampling: int,
+        directions: NDArray[np.float32],
+        origins_m: NDArray[np.float32],
+        smooth: NDArray[np.bool_],
+    ) -> ParallaxRays:
+        """Rays of samples of which none has its own, see the attributes."""
+        own = np.zeros((0, supersampling**2, 3), dtype=np.float32)
+        numbers = np.full(smooth.shape, -1, dtype=np.intp)
+        is_valid = np.zeros(own.shape[:2], dtype=np.bool_)
+        return ParallaxRays(
+            supersampling, directions, origins_m, smooth, numbers, own, own, is_valid
+        )
+
     @property
     def shown(self) -> NDArray[np.bool_]:
         """Pixels (height, width) of which some sample has a ray."""
