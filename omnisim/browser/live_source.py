@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.browser.camera_document import FILE_NAME, CameraDocument
-from omnisim.browser.motion import Place
+from omnisim.browser.motion import DIGITS_M, Place
 from omnisim.browser.session import Draw, Shown
 from omnisim.browser.taken import Taken
 from omnisim.cameras import NonCentralCamera
@@ -42,7 +42,7 @@ class LiveSettings:
         document: of the camera.
         vehicle: robot that carries the camera; None: free flight.
         camera_name: of the robot's cameras; None: the first.
-        scene_words: scene and its options, as a command line has them.
+        scene_words: scene, robot and their options, as a command line has them.
         camera_words: options of the camera as it is at the start; None: its file says all.
         device: number of the GPU.
     """
@@ -130,22 +130,18 @@ class LiveSource:
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Shell commands that render the same picture, with the camera's files if it was changed.
-
-        A robot's body is not in it.
-        """
+        """Shell commands that render the same picture, with the camera's file if it was changed."""
         document, words = shown.document, ["omnisim", "render", *self._settings.scene_words]
         lines = []
         given = self._settings.camera_words
-        is_first = document == self._settings.document and self._settings.vehicle is None
-        if is_first and given is not None:
+        if document == self._settings.document and given is not None:
             words += given
         else:
             lines.append(f"cat > {FILE_NAME} <<'END'\n{document.text.rstrip()}\nEND\n")
             words += ["--sensor", FILE_NAME]
             if document.size_px is not None:
                 words += ["--size", str(document.size_px)]
-        at = shown.place if self._settings.vehicle is None else taken.viewpoint
+        at = self._viewpoint(shown.place)
         words += ["--at", *(f"{value!r}" for value in at.position_m)]
         for option, angle in (
             ("--yaw", at.yaw_deg),
@@ -211,10 +207,17 @@ class LiveSource:
             self._scale -= 1
 
     def _base(self, renderer: Renderer, place: Place) -> Any:
-        if self._settings.vehicle is not None:
-            return place.pose
-        angles = (place.yaw_deg, place.pitch_deg, place.roll_deg)
-        return renderer.camera.base_pose(place.position_m, *angles)
+        at = self._viewpoint(place)
+        angles = (at.yaw_deg, at.pitch_deg, at.roll_deg)
+        return renderer.camera.base_pose(at.position_m, *angles)
+
+    def _viewpoint(self, place: Place) -> Place:
+        """Effective viewpoint at a place, in the digits of a command line."""
+        if self._settings.vehicle is None:
+            return place
+        rig = place.pose @ self._camera.base_from_rig
+        x, y, z = (round(float(value), DIGITS_M) + 0.0 for value in rig[:3, 3])
+        return dataclasses.replace(place, position_m=(x, y, z))
 
     def _render(self, renderer: Renderer, draw: Draw, channels: Collection[str]) -> Frame:
         base, time_s = self._base(renderer, draw.shown.place), draw.shown.time_s

@@ -26,7 +26,8 @@ PANORAMA_PX, LOWEST_RAD = 720, math.radians(-45.0)
 PERSPECTIVE_PX = (480, 360)
 BIRDSEYE_PX, EXTENT_PER_HEIGHT = 360, 4.0
 LEAST_HEIGHT_M = 0.02
-_KEPT = 12  # remap tables, coarse and fine
+FINE_SAMPLES = 2  # to a side of a pixel: a table has 24 bytes of each
+_KEPT = 8  # remap tables, coarse and fine
 
 
 class _Key(NamedTuple):
@@ -70,7 +71,7 @@ class ViewMaker:
     def picture(
         self, name: str, taken: Taken, gaze: Gaze, height_m: float, is_fine: bool
     ) -> NDArray[np.uint8]:
-        """Unwarped picture (height, width, 3), see `view`; coarse ones have a sample a pixel.
+        """Unwarped picture (height, width, 3), see `view`; fine ones have four samples a pixel.
 
         Raises:
             OpticsError: the camera sees nothing of it, or its rays do not meet in one point.
@@ -89,7 +90,7 @@ class ViewMaker:
                 taken.model,
                 view.camera,
                 rotation.T @ view.base_from_view,
-                samples=None if is_fine else 1,
+                samples=FINE_SAMPLES if is_fine else 1,
             )
             self._tables[key] = (taken.model, table)
         picture: NDArray[np.uint8] = self._tables[key][1](taken.rgb)

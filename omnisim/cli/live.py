@@ -6,6 +6,8 @@ import dataclasses
 import os
 import sys
 
+import numpy as np
+
 from omnisim.browser.camera_document import CameraDocument
 from omnisim.browser.live import LivePage, run_source
 from omnisim.browser.live import run as run_page
@@ -70,7 +72,7 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         _refuse(request, ROBOT_REFUSES, "a robot has its own: expected none with --robot")
         vehicle = Vehicle.load(request.robot)
         document = CameraDocument.of_camera(vehicle.camera(request.camera_name).sensor)
-        words: tuple[str, ...] | None = None
+        words: tuple[str, ...] | None = _robot_words(request, vehicle, document)
     else:
         document, words = _document(request)
     if request.preset is not None:
@@ -84,9 +86,23 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         scene_words += ["--up-axis", request.up_axis]
     if request.meters_per_unit is not None:
         scene_words += ["--meters-per-unit", repr(request.meters_per_unit)]
+    if request.robot is not None:
+        scene_words += ["--robot", request.robot]
     return LiveSettings(
         scene, document, vehicle, request.camera_name, tuple(scene_words), words, request.device
     )
+
+
+def _robot_words(
+    request: LiveRequest, vehicle: Vehicle, document: CameraDocument
+) -> tuple[str, ...] | None:
+    """Options of the robot's camera; None where its document is another one by rounding."""
+    own, camera = vehicle.camera(request.camera_name).sensor, document.camera()
+    if camera.model.parameters() != own.model.parameters():
+        return None
+    if not np.array_equal(camera.base_from_rig, own.base_from_rig):
+        return None
+    return () if request.camera_name is None else ("--camera-name", request.camera_name)
 
 
 def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...] | None]:

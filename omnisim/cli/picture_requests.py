@@ -35,7 +35,7 @@ from omnisim.cli.arguments import (
     UpOption,
     YawOption,
 )
-from omnisim.cli.completion import complete_channels
+from omnisim.cli.completion import complete_channels, complete_robot
 from omnisim.cli.trajectory_arguments import (
     PictureOrRunOption,
     RigCameraOption,
@@ -83,6 +83,17 @@ class RenderRequest:
     ] = None
     camera_name: RigCameraOption = None
     mirrored: MirroredOption = None
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="NAME|FILE",
+            autocompletion=complete_robot,
+            help="Robot whose body is in the picture, and whose camera takes it where no other is "
+            "given.",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None
     trajectory: TrajectoryOption = None
     trajectory_frame: TrajectoryFrameOption = None
     axes: AxesOption = None

@@ -45,6 +45,7 @@ from omnisim.world import WorldState
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.calibration import Calibration
+    from omnisim.simulation.vehicle import Vehicle
 
 TRAJECTORY_OPTIONS = {
     "--trajectory-frame": "trajectory_frame",
@@ -70,7 +71,8 @@ def run(request: RenderRequest) -> None:
     _check_motion(request)
     is_float = is_float_format(request.output)
     channels = _check_outputs(request)
-    camera = _camera(request)
+    vehicle = _vehicle(request)
+    camera = _camera(request, vehicle)
     _check_channel_options(request, channels)
     channel_format = parse_channel_format(request.channel_format, channels)
     scene = load_labelled_scene(request, channels)
@@ -84,6 +86,8 @@ def run(request: RenderRequest) -> None:
     with Renderer(
         scene,
         camera,
+        body=None if vehicle is None else vehicle.body,
+        hidden=() if vehicle is None else vehicle.camera(_robot_camera(request)).hides,
         unlit=request.unlit,
         device=request.device,
         seed=request.seed,
@@ -195,10 +199,30 @@ def _check_channel_options(request: RenderRequest, channels: Collection[str]) ->
         raise OutputError("--preview: requires --also")
 
 
-def _camera(request: RenderRequest) -> OmniCamera:
-    camera = read_camera(
-        request.sensor, request.camera, request.camera_name, request.mirrored, request.optics
-    )
+def _vehicle(request: RenderRequest) -> Vehicle | None:
+    if request.robot is None:
+        return None
+    from omnisim.simulation.vehicle import Vehicle  # few pictures have one
+
+    return Vehicle.load(request.robot)
+
+
+def _has_own_camera(request: RenderRequest) -> bool:
+    return (request.sensor or request.camera or request.optics) is not None
+
+
+def _robot_camera(request: RenderRequest) -> str | None:
+    """Name of the robot's camera that takes the picture, or whose place another one has."""
+    return None if _has_own_camera(request) else request.camera_name
+
+
+def _camera(request: RenderRequest, vehicle: Vehicle | None) -> OmniCamera:
+    if vehicle is not None and not _has_own_camera(request):
+        camera = vehicle.camera(request.camera_name).sensor
+    else:
+        camera = read_camera(
+            request.sensor, request.camera, request.camera_name, request.mirrored, request.optics
+        )
     if request.faces is not None:
         check_central(camera.model, "--faces")
     if isinstance(camera.model, NonCentralCamera) and (request.also or request.boxes_3d):

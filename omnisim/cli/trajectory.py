@@ -24,6 +24,7 @@ from omnisim.trajectories.formats.parsed_trajectory import Axes
 ALL = "all"
 SINGLE_PICTURE = {
     "--faces": "faces",
+    "--robot": "robot",
     "--backend": "backend",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",

@@ -14,10 +14,12 @@ from websockets.exceptions import InvalidStatus
 
 from omnisim import OmniCamera, Renderer, load_scene
 from omnisim.browser import server
+from omnisim.browser.camera_document import CameraDocument
 from omnisim.browser.server import new_token, page_bytes
 from omnisim.errors import OutputError
 from omnisim.ground_truth import CHANNELS
 from omnisim.image_files import read_image
+from omnisim.simulation.vehicle import Vehicle
 from tests.browser.pages import SIZE_PX, Client, live_settings, served
 
 MAX_PAGE_BYTES = 200_000
@@ -93,6 +95,34 @@ def test_the_picture_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path
         assert words[:2] == ["omnisim", "render"]
         app(words[1:], standalone_mode=False)
         assert (tmp_path / "picture.png").read_bytes() == frame["data"]["camera"]
+
+
+@pytest.mark.parametrize("k", [None, 8.0])
+def test_a_robots_picture_is_that_of_the_command_that_is_shown(tmp_path, monkeypatch, k):
+    from omnisim.cli.app import app
+
+    monkeypatch.chdir(tmp_path)
+    vehicle = Vehicle.load("p2at")
+    document = CameraDocument.of_camera(vehicle.camera().sensor).with_value("size_px", SIZE_PX)
+    settings = live_settings(
+        vehicle=vehicle, document=document, scene_words=("rings", "--robot", "p2at")
+    )
+    with served(settings) as page, Client(page) as client:
+        client.send("place", x=0.31, y=-0.17, z=0.0, yaw_deg=33.3)
+        if k is not None:
+            client.send("set", path="sensor.mirror.k", value=k)
+        frame = client.fine_frame()
+    file, _, command = frame["command"].rpartition("omnisim render")
+    assert bool(file) == (k is not None)
+    if file:
+        (tmp_path / "camera.toml").write_text(file.partition("\n")[2].rpartition("END")[0])
+    app(["render", *shlex.split(command)], standalone_mode=False)
+    assert (tmp_path / "picture.png").read_bytes() == frame["data"]["camera"]
+    bare = OmniCamera().resized(SIZE_PX)  # the body is in it
+    with Renderer(load_scene("rings"), bare) as renderer:
+        base = renderer.camera.base_pose(frame["viewpoint"]["position_m"], 33.3)
+        without_body = renderer.render(base).rgb
+    assert (read_image(tmp_path / "picture.png")[0] != without_body).any()
 
 
 def test_a_saved_camera_renders_the_same_picture(page, tmp_path):
