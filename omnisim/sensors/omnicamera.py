@@ -136,7 +136,7 @@ class OmniCamera:
         """Sensor of whatever names one.
 
         Args:
-            camera: a sensor; a camera model; path of a sensor file or of a calibration file of one
+            camera: a sensor; a camera model; path of a sensor, optics or calibration file of one
                 camera; such a calibration, or one of its cameras; None: the paper's.
 
         Raises:
