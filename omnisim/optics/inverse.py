@@ -22,6 +22,8 @@ from omnisim.optics.surface import Surface
 from omnisim.optics.tracing import Fate, Paths
 
 _GRID = 64  # rays to a side of the picture from which Newton's method starts
+_FAR_TURN = 0.5  # between rays of neighbours, as a chord; more rays are traced between them
+_MOST_CELLS, _PARTS = 256, 8  # of the grid that have more rays, and how many to a side
 _MARGIN = 0.02  # of the picture's side around it
 _STARTS = 4  # nearest rays by direction, of which the best is taken
 _ITERATIONS = 30
@@ -85,7 +87,10 @@ class Inverse:
         grid = _grid(system.camera)
         paths = system.paths(grid.reshape(-1, 2))
         self._seen = (paths.fates == Fate.SEEN).reshape(grid.shape[:2])
-        rows = np.flatnonzero(self._seen)
+        more = _between(grid, paths.directions.reshape(*grid.shape[:2], 3))
+        if len(more):  # behind those of the grid
+            paths = _joined(paths, system.paths(more))
+        rows = np.flatnonzero(paths.fates == Fate.SEEN)
         self._points_m = paths.points_m[1:, rows]  # (surfaces, rays, 3)
         self._directions = paths.directions[rows]
         self._origins_m = paths.points_m[-1, rows]
@@ -107,11 +112,12 @@ class Inverse:
     def all_pixels(self, target: Targets) -> Floats:
         """All pixels (n, 2) that show one point, from each ray that is nearer to it than its
         neighbours."""  # fmt: skip
+        all_misses = self._misses(target)[0]
         misses = np.full(self._seen.shape, np.inf)
-        misses[self._seen] = self._misses(target)[0]
+        misses[self._seen] = all_misses[: int(self._seen.sum())]
         around = scipy.ndimage.minimum_filter(misses, size=3, mode="constant", cval=np.inf)
         is_least = (misses == around)[self._seen]
-        nearest = np.argsort(misses[self._seen])[:_NEAREST]  # beside a fold two are close
+        nearest = np.argsort(all_misses)[:_NEAREST]  # beside a fold two are close
         starts = np.union1d(np.flatnonzero(is_least), nearest)
         many = Targets(np.repeat(target.points, len(starts), axis=0), target.weight)
         pixels, valid = self._from_starts(many, starts)
@@ -260,6 +266,29 @@ def _grid(camera: CentralCamera) -> Floats:
         for size in (camera.width_px, camera.height_px)
     ]
     return np.stack(np.meshgrid(*sides), axis=-1)
+
+
+def _between(grid: Floats, directions: Floats) -> Floats:
+    """Pixels (n, 2) within cells of a grid over which rays turn far: at a cone's tip."""
+    turns = np.zeros((len(grid) - 1, len(grid) - 1))
+    for corner in (directions[1:, :-1], directions[:-1, 1:], directions[1:, 1:]):
+        turn = np.linalg.norm(corner - directions[:-1, :-1], axis=2)
+        turns = np.maximum(turns, np.nan_to_num(turn))  # NaN: one of them is not seen
+    cells = np.argwhere(turns > _FAR_TURN)[:_MOST_CELLS]
+    shares = (np.arange(_PARTS) + 0.5) / _PARTS
+    first, last = grid[cells[:, 0], cells[:, 1]], grid[cells[:, 0] + 1, cells[:, 1] + 1]
+    offsets = np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2)
+    found: Floats = first[:, None] + (last - first)[:, None] * offsets
+    return found.reshape(-1, 2)
+
+
+def _joined(first: Paths, second: Paths) -> Paths:
+    """Ways of both."""
+    return Paths(
+        np.concatenate((first.points_m, second.points_m), axis=1),
+        np.concatenate((first.directions, second.directions)),
+        np.concatenate((first.fates, second.fates)),
+    )
 
 
 def _tangents(normals: Floats) -> Floats:

@@ -50,6 +50,19 @@ def test_all_pixels_of_the_examples(path):
         assert np.abs(found.positions_px - pixels).max() < BOUND_PX
 
 
+def test_pixels_around_a_tip():
+    """Rays turn by half a circle within a few pixels."""
+    system = SYSTEMS["polynomial"]
+    pixels = np.stack(np.meshgrid(np.arange(170.0, 200.0), np.arange(165.0, 195.0)), axis=-1)
+    rays = system.rays(pixels)
+    pixels = pixels[rays.valid]
+    points_m = (rays.origins_m + rays.directions)[rays.valid]
+    found = system.pixel_from_point(points_m)
+    assert len(pixels) > 800
+    assert found.valid.all()
+    assert np.abs(found.positions_px - pixels).max() < BOUND_PX
+
+
 def test_optical_frame_begins_at_the_origin():
     system = SYSTEMS["misaligned hyperbola"]
     moved = replace(system, origin_m=(0.01, 0.02, 0.03))

@@ -208,7 +208,7 @@ def _round_systems() -> Mapping[str, OpticalSystem]:
         port = found[name]
         found[f"fisheye, {name}"] = OpticalSystem(fisheye, port.surfaces)
     found["asphere"] = _system(Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
-    found["polynomial"] = _system(Polynomial((0.0, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
+    found["polynomial"] = _system(Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
     profile = Design(0.1, 20.0).equi_angular(105.0)
     table = TabulatedProfile(profile.radii_m, profile.heights_m)
     found["table, equi-angular"] = _system(table, 0.1, table.domain_m, 494.5)
