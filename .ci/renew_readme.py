@@ -25,6 +25,7 @@ SHOWN = {
             "fig9-detail",
             "convergence",
             "traced-mirror",
+            "traced-optics",
             "orientation-panorama",
             "unwarped",
         ),

@@ -139,7 +139,8 @@ class Inverse:
         found, valid = self._from_starts(targets, starts)
         rest = np.flatnonzero(~valid)
         if len(rest):
-            all_misses = self._misses(targets.take(rest))
+            # of the even grid alone: ranks among dense rays are all at one place
+            all_misses = self._misses(targets.take(rest))[:, : int(self._seen.sum())]
             order = np.argsort(all_misses, axis=1)
             tried = starts[rest]
             for rank in _RETRIES[: order.shape[1]]:
