@@ -27,8 +27,9 @@ from omnisim.validation.oracles.surfaces import opaque_only
 from omnisim.validation.psnr import psnr_db
 
 SCENE = "soccer"
-# A pixel, of Mitsuba: squares, as its sampler wants. Windows need them twice, see `PhysicalOptics`.
-MIRROR_SAMPLES, WINDOW_SAMPLES = 36, 16
+# A pixel, of Mitsuba: squares, as its sampler wants. Pictures in mirrors have more: windows need
+# them twice, see `PhysicalOptics`, and markers are averages over many pixels.
+MIRROR_SAMPLES, SAMPLES = 36, 16
 SPACING_PX = 40  # of markers
 SINGLE_RAYS = 250
 FINE = 6  # supersampling of the picture that shows what of the difference is antialiasing
@@ -81,11 +82,6 @@ class TracedSystem:
         """The real mirrors and windows."""
         return PhysicalOptics(self.system, self.world_from_optical)
 
-    def traced(self, scene: Scene) -> NDArray[np.float32]:
-        """Mitsuba's linear picture."""
-        is_mirror = all(surface.is_mirror for surface in self.system.surfaces)
-        return self.optics.picture(scene, MIRROR_SAMPLES if is_mirror else WINDOW_SAMPLES)
-
     def ours(self, scene: Scene, supersampling: int | None = None) -> NDArray[np.float32]:
         """Our linear picture; by default at default quality."""
         sensor = self.sensor
@@ -99,13 +95,15 @@ class TracedSystem:
         """Compare pictures of a scene of opaque surfaces."""
         around = np.ones((2 * _RIM_PX + 1,) * 2, dtype=np.bool_)
         inside = scipy.ndimage.binary_erosion(self.system.all_rays().valid, around)
-        return Comparison(self.traced(scene), self.ours(scene), inside)
+        is_mirror = all(surface.is_mirror for surface in self.system.surfaces)
+        traced = self.optics.picture(scene, MIRROR_SAMPLES if is_mirror else SAMPLES)
+        return Comparison(traced, self.ours(scene), inside)
 
     def marker_distances_px(self) -> NDArray[np.float64]:
         """Distances (n,) between the middles of markers in both pictures; NaN where one is lost."""
         pixels = marker_pixels(self.system, SPACING_PX)
         scene = markers_on_rays(self.system, pixels, self.world_from_optical)
-        pictures = self.traced(scene), self.ours(scene)
+        pictures = self.optics.picture(scene, SAMPLES), self.ours(scene)
         one, other = (centroids(picture[..., 1].astype(np.float64), pixels) for picture in pictures)
         found: NDArray[np.float64] = np.linalg.norm(one - other, axis=1)
         return found
@@ -156,7 +154,7 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         f"Mitsuba's path tracer follows {MIRROR_SAMPLES} rays a pixel from a pinhole to real "
-        f"mirrors, or {WINDOW_SAMPLES} through real windows; mirrors are meshes of metal, windows "
+        f"mirrors, or {SAMPLES} through real windows; mirrors are meshes of metal, windows "
         "spheres and planes of a smooth dielectric. They go on "
         f"into `{SCENE}`, whose surfaces shine in their base colours. It knows nothing of our "
         "rays; its own, one by one, are off by no more than a tenth of what markers may be: its "
