@@ -15,7 +15,7 @@ from omnisim.gpu.readback_ring import ReadbackRing
 from omnisim.gpu.scene.cube_pass import CubePass
 
 MAX_SLICE_BYTES = 256 * 2**20  # of atlases and pictures: however many poses there are
-_TEXEL_BYTES, _PIXEL_BYTES = 8, 4
+_PIXEL_BYTES = 4
 
 
 class BatchPipeline:
@@ -42,18 +42,22 @@ class BatchPipeline:
         self.context = context
         self._cube, self._picture_pass, self.size_px = cube, picture_pass, size_px
         self._ring = ReadbackRing(context)
-        width, height = size_px
-        plan, limits = cube.plan, context.info
-        texels = plan.width_px * plan.height_px * (2 if plan.max_level else 1)
+        self._atlases: moderngl.TextureArray | None = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Bound the memory of what the virtual cameras have now."""
+        width, height = self.size_px
+        limits = self.context.info
+        layer_bytes = self._cube.bytes_of_layer + _PIXEL_BYTES * width * height
         self.slice_length = max(
             1,
             min(
-                MAX_SLICE_BYTES // (_TEXEL_BYTES * texels + _PIXEL_BYTES * width * height),
+                min(MAX_SLICE_BYTES, limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]) // layer_bytes,
                 int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
                 int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
             ),
         )
-        self._atlases: moderngl.TextureArray | None = None
 
     def begin(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> None:
         """Draw the pictures of poses, and start to read them.

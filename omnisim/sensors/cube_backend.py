@@ -197,6 +197,8 @@ class CubeCamera(CameraBackend):
         self.cube.refresh()
         if "whole_cube" in self.__dict__:
             self.whole_cube.refresh()
+        if "batches" in self.__dict__ and self.batches is not None:
+            self.batches.refresh()
         if self._hit_source is not None:
             self._hit_source.refresh()
         self._refresh_ground_truth()

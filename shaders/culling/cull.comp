@@ -74,12 +74,12 @@ const float DEPTH_TOLERANCE = 1e-4;  // of a depth: what is this close behind a 
 const int MAX_CELLS = 4;             // to a side
 
 // All that it covers is nearer than all of the box.
-bool is_occluded(Bounds bounds, vec2 corner_px) {
+bool is_occluded(Bounds bounds, vec2 corner_px, uint camera) {
     if (bounds.crosses) return false;
     ivec2 first_px = ivec2(corner_px + bounds.first_px);
     ivec2 last_px = ivec2(corner_px + bounds.last_px);
     uvec2 groups = (uvec2(u_atlas_px) + uint(CELL_PX * SIDE - 1)) / uint(CELL_PX * SIDE);
-    uint start = 0u;
+    uint start = camera * groups.x * groups.y * CELLS;
     int level = 0;
     ivec2 first = first_px / CELL_PX, last = last_px / CELL_PX;
     while (any(greaterThanEqual(last - first, ivec2(MAX_CELLS)))) {
@@ -147,7 +147,7 @@ void main() {
         extent += TOLERANCE * (margin + reach(centre) + reach(extent));
         ClipBox box = clip_box(rows, centre, extent);
 #if PASS == 2
-        bool is_kept = !is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy);
+        bool is_kept = !is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles);
 #else
         bool is_kept = is_inside(box);
 #endif
@@ -161,7 +161,7 @@ void main() {
             extent += TOLERANCE * (margin + reach(centre) + reach(extent));
             box = clip_box(rows, centre, extent);
 #if PASS == 2
-            if (!is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy))
+            if (!is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles))
                 show(view, self.first_cluster + child, distance_m + radius_m);
 #else
             bool faces_away = !u_both_sides && dot(cluster.cone_axis, away)

@@ -11,9 +11,10 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(std430, binding = 12) buffer HiZ { float farthest[]; };
 uniform uvec2 u_groups;  // cells of the last level
+// With LAYERED each camera has a layer, and an invocation is of the camera of its z.
 
 uint place(uvec2 cell, int level) {
-    uint first = 0u;
+    uint first = gl_GlobalInvocationID.z * u_groups.x * u_groups.y * CELLS;
     for (int below = 0; below < level; ++below)
         first += u_groups.x * u_groups.y * uint(SIDE >> below) * uint(SIDE >> below);
     return first + cell.y * u_groups.x * uint(SIDE >> level) + cell.x;
@@ -41,11 +42,17 @@ void main() {
     farthest[place(own, 4)] = least;
 }
 #else
+#ifdef LAYERED
+uniform sampler2DArray u_depth;
+#define at_layer(uv) vec3(uv, float(gl_GlobalInvocationID.z))
+#else
 uniform sampler2D u_depth;
+#define at_layer(uv) uv
+#endif
 
 // The four texels around a corner; at the edge they repeat.
 vec4 around(uvec2 corner) {
-    return textureGather(u_depth, vec2(corner) / vec2(textureSize(u_depth, 0)));
+    return textureGather(u_depth, at_layer(vec2(corner) / vec2(textureSize(u_depth, 0).xy)));
 }
 
 void main() {

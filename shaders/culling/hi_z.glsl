@@ -2,4 +2,5 @@
 
 #define CELL_PX 4
 #define LEVELS 5
+#define CELLS 341u  // of all levels, in one of the last
 #define SIDE 16  // cells of the first level in one of the last

@@ -13,7 +13,15 @@ uniform vec3 u_directional_direction[DIRECTIONAL_LIGHTS];  // unit, the way the 
 #endif
 #if PUNCTUAL_LIGHTS > 0
 uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];      // intensity and exposure multiplied in
+#ifdef LAYERED
+// Metres from the effective viewpoint: [camera][light].
+layout(std430, binding = 15) readonly buffer PunctualPositions { vec4 punctual_positions[]; };
+flat in int v_camera;
+#define PUNCTUAL_POSITION(i) punctual_positions[v_camera * PUNCTUAL_LIGHTS + i].xyz
+#else
 uniform vec3 u_punctual_position[PUNCTUAL_LIGHTS];   // metres from the effective viewpoint
+#define PUNCTUAL_POSITION(i) u_punctual_position[i]
+#endif
 uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light travels
 uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone
 #endif
@@ -26,7 +34,7 @@ vec3 light_on_surface(vec3 position, vec3 normal) {
 #endif
 #if PUNCTUAL_LIGHTS > 0
     for (int i = 0; i < PUNCTUAL_LIGHTS; ++i) {
-        vec3 away = position - u_punctual_position[i];
+        vec3 away = position - PUNCTUAL_POSITION(i);
         float distance_m = max(length(away), 1e-3);
         away /= distance_m;
         float share = distance_m / u_punctual_limits[i].x;

@@ -2,7 +2,16 @@
 // vec4 clip_position(): and, of clusters, the distances to the edges of the tile.
 // With CLUSTERED of an object in a view, which are the draw call's base instance: all tiles of the
 // atlas are drawn at once. Otherwise of one item in one tile, which is the viewport.
+// With LAYERED each camera has a layer of the target. Included before all else, for its extensions.
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
+
+#ifdef LAYERED
+#extension GL_ARB_shader_draw_parameters : require
+#extension GL_ARB_shader_viewport_layer_array : require
+uniform uint u_cameras;
+uniform uint u_tiles;  // of a camera
+flat out int v_camera;
+#endif
 
 in vec3 in_position;
 
@@ -17,6 +26,10 @@ vec4 clip_position() {
     gl_ClipDistance[1] = clip.w - clip.x;
     gl_ClipDistance[2] = clip.w + clip.y;
     gl_ClipDistance[3] = clip.w - clip.y;
+#ifdef LAYERED
+    v_camera = int(uint(gl_BaseInstanceARB) % (u_cameras * u_tiles) / u_tiles);
+    gl_Layer = v_camera;
+#endif
     return vec4(clip.xy * in_placement.xy + clip.w * in_placement.zw, clip.zw);
 }
 #else

@@ -38,7 +38,7 @@ class _ShowAll:
 
     def __init__(self, shader, culler):
         self._shader, self._visible = shader, culler._bound[6]
-        self._tiles = np.uint32((1 << culler._views.tiles) - 1)
+        self._tiles = np.uint32((1 << culler.views.tiles) - 1)
 
     def run(self, *groups):
         self._shader.run(*groups)

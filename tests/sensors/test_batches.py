@@ -8,12 +8,15 @@ import pytest
 from omnisim.cameras import EquidistantCamera
 from omnisim.errors import GraphicsError, OmnisimError
 from omnisim.gpu import batch_pipeline
+from omnisim.gpu.scene import cube_pass
 from omnisim.poses import pose
 from omnisim.scene import load_scene
+from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.sensors.degradations import Degradation, Noise
 from omnisim.world import WorldState
 from tests.gpu.sheets import mixed_scene
+from tests.scenes import room, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
@@ -254,3 +257,45 @@ def test_sees_edits_of_the_scene(stage):
 def mixed_like(scene):
     """The same scene without its first instance."""
     return dataclasses.replace(scene, instances=scene.instances[1:])
+
+
+@pytest.mark.parametrize("name", ["mapping", "courtyard"])
+def test_occlusion_is_that_of_each_camera(name):
+    """In `mapping` clusters are tested for occlusion, in the depth of their own camera."""
+    with Stage(name) as stage, Renderer(stage, PAPER) as renderer:
+        start = stage.scene.start
+        poses = np.stack(
+            [PAPER.base_pose(start.position_m, start.yaw_deg + 50.0 * k) for k in range(3)]
+        )
+        poses[1, 0, 3] += 2.0
+        poses[2, 1, 3] += 1.5
+        np.testing.assert_array_equal(
+            renderer.render_batch(poses), [renderer.render(one).rgb for one in poses]
+        )
+
+
+def test_lamps_are_near_each_camera():
+    """Light of a lamp is computed for each fragment, from each camera's own viewpoint."""
+    position_m = np.array([0.5, 0.3, 1.2])
+    lamp = Light(LightKind.POINT, (1.0, 0.8, 0.5), 6.0, position_m=position_m)
+    scene = scene_of([room()], lighting=Lighting(ambient=(0.1, 0.1, 0.1), lights=(lamp,)))
+    with Stage(scene) as stage, Renderer(stage, PAPER) as renderer:
+        pictures = renderer.render_batch(_poses(4))
+        np.testing.assert_array_equal(pictures, [renderer.render(one).rgb for one in _poses(4)])
+        assert pictures.max() > 60
+
+
+def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
+    """Some drivers cannot draw them together."""
+    with Renderer(stage, PAPER) as renderer:
+        together = renderer.render_batch(_poses(3))
+        assert renderer._passes.cube._layers is not None
+        monkeypatch.setattr(cube_pass, "EXTENSIONS", {"GL_NONE_such"})
+        np.testing.assert_array_equal(renderer.render_batch(_poses(3)), together)
+
+
+def test_batches_of_other_sizes_are_the_same(renderer):
+    """Layers of a larger batch stay, and are not drawn."""
+    for count in (6, 4, 1, 5):
+        pictures = renderer.render_batch(_poses(count))
+        np.testing.assert_array_equal(pictures, [renderer.render(one).rgb for one in _poses(count)])

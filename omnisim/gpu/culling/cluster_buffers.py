@@ -113,9 +113,6 @@ class ClusterBuffers:
     def shaders(self) -> CullingShaders:
         """Compiled shaders."""
         context = self._context
-        hi_z = build_compute_shader(context, "culling/hi_z.comp")
-        hi_z["u_depth"] = DEPTH_UNIT
-        coarse = build_compute_shader(context, "culling/hi_z.comp", ["COARSE"])
         return CullingShaders(
             build_compute_shader(context, "culling/instances.comp"),
             tuple(
@@ -123,5 +120,15 @@ class ClusterBuffers:
                 for number in range(3)
             ),
             build_compute_shader(context, "culling/commands.comp"),
-            (hi_z, coarse),
+            self._hi_z(),
         )
+
+    @cached_property
+    def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        """Shaders of the depth of cameras that have a layer each."""
+        return self._hi_z("LAYERED")
+
+    def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
+        fine["u_depth"] = DEPTH_UNIT
+        return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))

@@ -61,7 +61,8 @@ class ClusterCuller:
         context: where.
         buffers: the clusters.
         views: of all cameras.
-        depth: of the atlas, to test for occlusion in two passes; None: there is one.
+        depth: of the atlas, with a layer for each camera if there may be several, to test for
+            occlusion in two passes; None: there is one pass.
         atlas_px: size of the atlas.
         depths_m: of the near and the far plane.
         samples: of a texel.
@@ -82,7 +83,7 @@ class ClusterCuller:
         context: moderngl.Context,
         buffers: ClusterBuffers,
         views: Views,
-        depth: moderngl.Texture | None,
+        depth: moderngl.Texture | moderngl.TextureArray | None,
         atlas_px: tuple[int, int],
         depths_m: tuple[float, float],
         samples: int = 1,
@@ -109,7 +110,7 @@ class ClusterCuller:
             bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
             waiting = context.buffer(reserve=4 * (words if depth else 1))
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
-            hi_z = context.buffer(reserve=4 * (cells if depth else 1))
+            hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
         buckets = np.zeros((len(most), 4), dtype=np.uint32)
         buckets[:, 1] = buffers.clusters_of_bucket
         buckets[:, 0] = np.cumsum(buckets[:, 1]) - buckets[:, 1]
@@ -125,6 +126,7 @@ class ClusterCuller:
         settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
         settings["pass_index"] = np.arange(self.passes)
         self._settings = [context.buffer(one.tobytes()) for one in settings]
+        self._written_cameras = views.cameras
         self._shown = context.buffer(buffers.all_shown)
         self._bound = [
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
@@ -133,10 +135,9 @@ class ClusterCuller:
         ]  # fmt: skip
         self._names = [one.glo for one in self._bound]
         self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
-        self._instance_groups = math.ceil(
-            max(views.count * views.objects, 2 * len(most)) / _GROUP_SIZE
-        )
         self._shaders = buffers.shaders
+        is_layered = isinstance(depth, moderngl.TextureArray)
+        self._layered_hi_z = buffers.layered_hi_z if is_layered else None
 
     def show(self, shown: NDArray[np.bool_]) -> None:
         """Show some clusters (clusters,), and no others."""
@@ -144,6 +145,10 @@ class ClusterCuller:
 
     def bind(self, pass_index: int = 0) -> None:
         """Bind the buffers of shaders/culling/views.glsl."""
+        if self.views.cameras != self._written_cameras:
+            self._written_cameras = self.views.cameras
+            for settings in self._settings:
+                settings.write(np.uint32(self.views.cameras))
         self._settings[pass_index].bind_to_uniform_block(0)
         bind_storage_buffers(self._names)
 
@@ -152,24 +157,27 @@ class ClusterCuller:
 
         The depth of the pass before is there.
         """
-        context, shaders = self._context, self._shaders
+        context, shaders, views = self._context, self._shaders, self.views
         barrier = context.SHADER_STORAGE_BARRIER_BIT
         self.bind(pass_index)
         if pass_index == 0:
-            shaders.instances.run(self._instance_groups)
+            entries = max(views.count * views.objects, 2 * len(self.ranges))
+            shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
         elif self._depth is not None:
             self._depth.use(DEPTH_UNIT)
             columns, rows = self._cells
-            for shader in shaders.hi_z:
+            hi_z = self._layered_hi_z or shaders.hi_z
+            for shader in hi_z:
                 shader["u_groups"] = columns, rows
-            shaders.hi_z[0].run(columns, rows)  # 8 × 8 cells of level 1 in one of the last
+            fine, coarse = hi_z
+            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 in one of the last
             context.memory_barrier(barrier)
-            shaders.hi_z[1].run(math.ceil(columns / 8), math.ceil(rows / 8))
+            coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier)
         cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]
-        cull.run(self._groups, self.views.count)
+        cull.run(self._groups, views.count)
         context.memory_barrier(barrier)
-        shaders.commands.run(len(self.ranges), self.views.cameras)
+        shaders.commands.run(len(self.ranges), views.cameras)
         context.memory_barrier(
             barrier | context.COMMAND_BARRIER_BIT | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
         )

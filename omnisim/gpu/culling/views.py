@@ -27,10 +27,11 @@ class Views:
         near_m, far_m: depth range.
         anchor_m: (3,) origin of the static geometry, world.
         objects: number of objects, the static one included.
-        origins_px: left and top of each camera's tiles in the atlas.
+        cameras: most that there can be.
 
     Attributes:
-        cameras, tiles, objects: their numbers; tiles are of one camera.
+        cameras: number of the last poses.
+        tiles, objects: their numbers; tiles are of one camera.
         poses: buffer, float32 (cameras, 1 + objects, 3, 4): rows of rig_from_viewpoint, then of
             viewpoint_from_object of each object.
         clips_from_rig: buffer, (tiles, 4, 4), columns first.
@@ -44,20 +45,16 @@ class Views:
         depths_m: tuple[float, float],
         anchor_m: NDArray[np.float64],
         objects: int,
-        origins_px: Sequence[tuple[int, int]] = ((0, 0),),
+        cameras: int = 1,
     ):
-        self.cameras, self.tiles, self.objects = len(origins_px), len(plan.tiles), objects
+        self.cameras, self.tiles, self.objects = cameras, len(plan.tiles), objects
         self._anchor_m = anchor_m
         self._poses = np.zeros((self.cameras, 1 + objects, 3, 4), dtype=np.float32)
         self._poses[:, 1, :, :3] = np.eye(3)
         self.poses = context.buffer(self._poses)
         self.clips_from_rig = context.buffer(columns_first(clips_from_rig(plan, *depths_m)))
-        rectangles_px = [
-            (left_px + tile.left_px, top_px + tile.top_px, *tile.size_px)
-            for left_px, top_px in origins_px
-            for tile in plan.tiles
-        ]
-        self.rectangles_px = context.buffer(np.array(rectangles_px, dtype=np.float32))
+        rectangles_px = [(tile.left_px, tile.top_px, *tile.size_px) for tile in plan.tiles]
+        self.rectangles_px = context.buffer(np.array(cameras * rectangles_px, dtype=np.float32))
 
     @property
     def count(self) -> int:
@@ -72,11 +69,13 @@ class Views:
         """Write the poses of one frame.
 
         Args:
-            worlds_from_rigs: (cameras, 4, 4), or (4, 4) of one camera.
+            worlds_from_rigs: (cameras, 4, 4), at most as many as there can be; or (4, 4) of one.
             worlds_from_objects: (cameras, dynamic objects, 4, 4), or (dynamic objects, 4, 4) for
                 all cameras.
         """
-        poses, rigs = self._poses, worlds_from_rigs.reshape(-1, 4, 4)
+        rigs = worlds_from_rigs.reshape(-1, 4, 4)
+        self.cameras = len(rigs)
+        poses = self._poses[: self.cameras]
         viewpoints_m = rigs[:, :3, 3]
         poses[:, 0, :, :3] = rigs[:, :3, :3].transpose(0, 2, 1)
         # in float64: far from the origin counts too

@@ -54,6 +54,15 @@ def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
     )
 
 
+def begin_blending(context: moderngl.Context, target: moderngl.Framebuffer) -> None:
+    """Blend what is drawn next, without depth of its own."""
+    context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
+        moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
+    )  # fmt: skip
+    target.depth_mask = False
+    context.enable(moderngl.BLEND)
+
+
 class BlendedDrawer:
     """Sorts and draws blended items of a scene.
 
@@ -82,9 +91,10 @@ class BlendedDrawer:
         views, total = culler.views, len(triangles)
         centres = np.zeros((total, 4), dtype=np.float32)
         centres[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
-        self._cameras, self._items = views.cameras, len(items)
+        self._items = len(items)
         self._commands = context.buffer(reserve=COMMAND_BYTES * views.count * len(items))
-        self._count = context.buffer(np.array([views.count * len(items)], dtype="<u4"))
+        self._written = views.count * len(items)
+        self._count = context.buffer(np.array([self._written], dtype="<u4"))
         indices = context.buffer(reserve=12 * total * views.cameras)
         self._vertices = cluster_vertex_array(
             context, program, context.buffer(vertices), indices, culler.instances
@@ -99,10 +109,14 @@ class BlendedDrawer:
 
     def draw(self) -> None:
         """Sort and draw, by the culler's last run; target, depth and blending are set."""
-        context, draws = self._context, self._draws
+        context, draws, views = self._context, self._draws, self._culler.views
+        commands = views.count * self._items
+        if commands != self._written:
+            self._written = commands
+            self._count.write(np.uint32(commands))
         self._culler.bind()
         bind_storage_buffers([one.glo for one in self._bound], _COMMANDS_BINDING)
-        self._shader.run(self._items, self._cameras)
+        self._shader.run(self._items, views.cameras)
         context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
         for unit, array in enumerate(self._arrays):
             array.array.use(unit)
@@ -112,7 +126,7 @@ class BlendedDrawer:
             draws.bind(self._commands.glo, self._count.glo)
             draws.use_program(self._program.glo)
             draws.bind_vertex_array(self._vertices.glo)
-            draws.draw(0, 0, self._culler.views.count * self._items)
+            draws.draw(0, 0, commands)
 
     def _kind(self, item: DrawItem) -> int:
         array = item.texture_layer.array

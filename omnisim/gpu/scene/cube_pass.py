@@ -13,9 +13,10 @@ from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, fits
+from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, begin_blending, fits
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
+from omnisim.gpu.scene.cube_layers import EXTENSIONS, CubeLayers
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import depth_texture, float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
@@ -27,6 +28,8 @@ from omnisim.gpu.scene.surface_program import (
     variant_of_bucket,
 )
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
+
+_LAYER_TEXEL_BYTES = 12  # colours and depth
 
 
 class CubePass:
@@ -110,6 +113,7 @@ class CubePass:
         self.tiles = TileRenderer(
             buffers, self.plan, cameras, opaque, find_program, self._depth, self._samples
         )
+        self._layers: CubeLayers | None = None
         self._blended_drawer = self._make_blended_drawer()
 
     def _make_blended_drawer(self) -> BlendedDrawer | None:
@@ -142,6 +146,42 @@ class CubePass:
 
         The layers are as large as the atlas, which keeps what it has.
         """
+        layers = self._layers_of(atlases)
+        if layers is None:
+            self._draw_each(poses, atlases)
+        else:
+            layers.draw(poses)
+        if self.plan.max_level:
+            atlases.build_mipmaps(0, self.plan.max_level)
+
+    @property
+    def bytes_of_layer(self) -> int:
+        """Memory of a layer, and of the draw commands for it: the larger buffer of a batch."""
+        plan = self.plan
+        texels = plan.width_px * plan.height_px * (2 if plan.max_level else 1)
+        return _LAYER_TEXEL_BYTES * texels + self.tiles.command_bytes
+
+    def _layers_of(self, atlases: moderngl.TextureArray) -> CubeLayers | None:
+        """Draws all layers together; None: here they are drawn one after the other."""
+        has_drawers = self.tiles.culler is not None and not self.tiles.has_items
+        if self._blended.size and self._blended_drawer is None:
+            has_drawers = False
+        if self._is_multisampled or not has_drawers or not self._context.extensions >= EXTENSIONS:
+            return None
+        if self._layers is None or self._layers.atlases is not atlases:
+            self._layers = None  # frees its memory first
+            items = [self._buffers.draw_items[index] for index in self._blended.tolist()]
+            self._layers = CubeLayers(
+                self._buffers, self._programs, self.plan, self._cameras, items, atlases
+            )
+        return self._layers
+
+    def _draw_each(
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
+    ) -> None:
+        """Draw layers one after the other."""
         target = self._resolved if self._is_multisampled else self._target
         try:
             for layer, (world_from_rig, world_from_objects) in enumerate(poses):
@@ -149,8 +189,6 @@ class CubePass:
                 self._draw(world_from_rig, world_from_objects)
         finally:
             attach_texture(target.glo, self.atlas.glo)
-        if self.plan.max_level:
-            atlases.build_mipmaps(0, self.plan.max_level)
 
     def _draw(
         self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
@@ -196,12 +234,8 @@ class CubePass:
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the blended items."""
-        context, target, tiles = self._context, self._target, self.tiles
-        context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
-            moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
-        )  # fmt: skip
-        target.depth_mask = False
-        context.enable(moderngl.BLEND)
+        target, tiles = self._target, self.tiles
+        begin_blending(self._context, target)
         if self._blended_drawer is not None:
             self._blended_drawer.draw()
             return

@@ -29,6 +29,7 @@ class SurfaceVariant(NamedTuple):
     textured: bool
     shading: Shading = Shading.UNKNOWN
     clustered: bool = False
+    layered: bool = False
     blended_arrays: int | None = None
 
     @property
@@ -59,6 +60,8 @@ class SurfaceVariant(NamedTuple):
             defines.append(f"ALPHA_{self.alpha_mode.name}")
         if self.clustered:
             defines.append("CLUSTERED")
+        if self.layered:
+            defines.append("LAYERED")
         if self.blended_arrays is not None:
             defines.append(f"BLENDED_ARRAYS {self.blended_arrays}")
         return tuple(defines)
@@ -179,6 +182,12 @@ class SurfacePrograms:
             )
         self._context, self._lighting = buffers.context, lighting
         self._programs: dict[SurfaceVariant, SurfaceProgram] = {}
+
+    @property
+    def punctual_positions_m(self) -> NDArray[np.float64]:
+        """Positions (n, 3) of the punctual lights, world."""
+        positions_m = [light.position_m for light in _by_kind(self._lighting)[1]]
+        return np.array(positions_m, dtype=np.float64).reshape(-1, 3)
 
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
         if variant not in self._programs:

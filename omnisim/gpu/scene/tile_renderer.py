@@ -59,6 +59,7 @@ class TileRenderer:
         find_program: of a bucket of clusters.
         depth: of the atlas; None where shaders cannot read it.
         samples: of a texel.
+        most_cameras: that are drawn together, each into a layer of the target and its depth.
 
     Attributes:
         views: of the tiles.
@@ -72,8 +73,9 @@ class TileRenderer:
         cameras: VirtualCameras,
         items: NDArray[np.intp],
         find_program: Callable[[Bucket], BucketProgram],
-        depth: moderngl.Texture | None,
+        depth: moderngl.Texture | moderngl.TextureArray | None,
         samples: int = 1,
+        most_cameras: int = 1,
     ):
         self._context, self._buffers, self._items = buffers.context, buffers, items
         self.views = TileViews(plan, cameras.near_m, cameras.far_m)
@@ -82,7 +84,9 @@ class TileRenderer:
         if geometry is None:
             return
         context, depths_m = buffers.context, (cameras.near_m, cameras.far_m)
-        self._cluster_views = Views(context, plan, depths_m, geometry.anchor_m, geometry.objects)
+        self._cluster_views = Views(
+            context, plan, depths_m, geometry.anchor_m, geometry.objects, most_cameras
+        )
         self.culler = ClusterCuller(
             context,
             geometry.buffers,
@@ -104,6 +108,16 @@ class TileRenderer:
             [find_program(bucket) for bucket in geometry.buckets],
             cameras.both_sides,
         )
+
+    @property
+    def command_bytes(self) -> int:
+        """Memory of the draw commands."""
+        return 0 if self.culler is None else self.culler.commands.size
+
+    @property
+    def has_items(self) -> bool:
+        """There are items to draw one by one."""
+        return bool(self._items.size)
 
     def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
         """Clear a target and use it, with depth."""
@@ -132,11 +146,7 @@ class TileRenderer:
             world_from_objects: (4, 4) each, of the dynamic objects.
             drawer: draws one item.
         """
-        if self.culler is not None:
-            self._cluster_views.write(world_from_rig, world_from_objects)
-            for pass_index in range(self.culler.passes):
-                self.culler.run(pass_index)
-                self._clusters.draw(pass_index)
+        self.draw_clusters(world_from_rig, world_from_objects)
         if not self._items.size:
             return
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
@@ -145,6 +155,18 @@ class TileRenderer:
         for view in self.views.at(world_from_rig):
             self.draw_items(target, view, transforms, order, drawer)
         _draw_everywhere(target)
+
+    def draw_clusters(
+        self,
+        worlds_from_rigs: NDArray[np.float64],
+        worlds_from_objects: NDArray[np.float64] | Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the clusters of all tiles, of one camera or of several, see `Views.write`."""
+        if self.culler is not None:
+            self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
+            for pass_index in range(self.culler.passes):
+                self.culler.run(pass_index)
+                self._clusters.draw(pass_index)
 
     def draw_items(
         self,

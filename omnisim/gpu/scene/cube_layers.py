@@ -1,0 +1,102 @@
+"""Atlases of many cameras, drawn in one submission: each into a layer of a texture array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.atlas.tile_plan import TilePlan
+from omnisim.gpu.layer_targets import layered_target
+from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, begin_blending
+from omnisim.gpu.scene.cluster_drawer import BucketProgram
+from omnisim.gpu.scene.clustered_geometry import Bucket
+from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.surface_program import (
+    SurfacePrograms,
+    SurfaceVariant,
+    variant_of_blended,
+    variant_of_bucket,
+)
+from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.gpu.uniforms import uniform
+
+EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
+_POSITIONS = 15  # binding, as in `scene/lighting.glsl`
+
+
+class CubeLayers:
+    """Culls and draws the clusters of many cameras together, and the blended items.
+
+    Viewport and matrices of a layer are those of a single atlas, and so are its bytes.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        programs: lit by the scene's lights.
+        plan: the tiles of each camera.
+        cameras: the virtual cameras.
+        blended: items that `blended_drawer.fits`, or none.
+        atlases: a layer for each camera.
+
+    Attributes:
+        atlases: as given.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        blended: Sequence[DrawItem],
+        atlases: moderngl.TextureArray,
+    ):
+        self.atlases, self._background = atlases, cameras.background
+        self._context = buffers.context
+        self._target, self._depth = layered_target(buffers.context, atlases)
+        used: dict[int, moderngl.Program] = {}
+
+        def layered(variant: SurfaceVariant) -> moderngl.Program:
+            program = programs[variant._replace(layered=True)].program
+            used[program.glo] = program
+            return program
+
+        def find_program(bucket: Bucket) -> BucketProgram:
+            return BucketProgram(layered(variant_of_bucket(bucket, cameras.unlit)))
+
+        nothing, count = np.empty(0, dtype=np.intp), atlases.layers
+        self._tiles = TileRenderer(
+            buffers, plan, cameras, nothing, find_program, self._depth, most_cameras=count
+        )
+        self._blended: BlendedDrawer | None = None
+        geometry, culler = buffers.clustered_geometry, self._tiles.culler
+        if blended and geometry is not None and culler is not None:
+            program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit))
+            self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
+        self._programs, self._tile_count = list(used.values()), len(plan.tiles)
+        self._lights_m = programs.punctual_positions_m
+        self._positions = buffers.context.buffer(reserve=16 * max(1, count * len(self._lights_m)))
+
+    def draw(
+        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
+    ) -> None:
+        """Draw all from poses of the cameras' rigs and of the dynamic objects."""
+        rigs = np.array([rig for rig, _ in poses])
+        objects = np.array([objects for _, objects in poses])
+        if len(self._lights_m):
+            positions = np.zeros((len(poses), len(self._lights_m), 4), dtype=np.float32)
+            positions[..., :3] = self._lights_m - rigs[:, None, :3, 3]
+            self._positions.write(positions)
+        for program in self._programs:  # which cameras of other plans use, too
+            uniform(program, "u_cameras").value = len(poses)
+            uniform(program, "u_tiles").value = self._tile_count
+        self._tiles.begin(self._target, (*self._background, 1.0))
+        self._positions.bind_to_storage_buffer(_POSITIONS)
+        self._tiles.draw_clusters(rigs, objects)
+        if self._blended is not None:
+            begin_blending(self._context, self._target)
+            self._blended.draw()
+        self._tiles.end(self._target)
