@@ -47,8 +47,8 @@ class Residuals:
         max_px: largest, on the edge too.
         theta_max_rad: largest angle from the lens's axis that both see.
         source_model: model of the source.
-        at_distances: residuals for points at distances from the viewpoint, where the source has
-            none and a point's pixel depends on its distance.
+        at_distances: residuals for points at distances from the viewpoint, where the source, or
+            what that was fitted to, has none and a point's pixel depends on its distance.
     """
 
     rms_px: float

@@ -114,7 +114,11 @@ def encode(
         )
     fit = _best_fit(source, form, place, target, reasons)
     limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
-    fitted = dataclasses.replace(fit.residuals, source_model=source.model_name)
+    # what the source itself was off from optics without one viewpoint stays
+    at_distances = () if camera.residuals is None else camera.residuals.at_distances
+    fitted = dataclasses.replace(
+        fit.residuals, source_model=source.model_name, at_distances=at_distances
+    )
     metadata = camera_metadata(camera.name, source, limit_rad, fitted)
     return Encoded(fit.camera, metadata, fitted)
 

@@ -135,3 +135,13 @@ def test_axis_of_a_ball_that_is_aside_in_a_wide_picture():
     ball = Surface(Conic(0.02), poses.pose((0.0012, -0.0008, 0.0815)))
     (fitted,) = fit_central(OpticalSystem(camera, (ball,)), "opencv_fisheye").cameras
     assert fitted.residuals.max_px < 1.0
+
+
+def test_residuals_stay_with_a_camera_that_is_fitted_again(tmp_path):
+    system = dataclasses.replace(SYSTEMS["dome"], camera=FISHEYE.scaled(0.5))
+    first = fit_central(system, "opencv_fisheye")
+    again = first.save(tmp_path / "again.yaml", "kalibr", "eucm").cameras[0]
+    assert again.residuals.source_model == "kannala_brandt"
+    (loaded,) = load_calibration(tmp_path / "again.yaml").cameras
+    assert loaded.residuals.at_distances == first.cameras[0].residuals.at_distances
+    assert find_pose(loaded.poses, "optics", loaded.name) is not None
