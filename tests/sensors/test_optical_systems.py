@@ -333,7 +333,7 @@ def test_same_triangles_as_exact_rays(embree, source, name):
 
 
 def test_ground_truth_follows_an_edit(embree):
-    """Boxes of which one goes and another comes, beside what stays."""
+    """A box goes, beside others that stay."""
     system, frames = SYSTEMS["sphere"].scaled(0.3), []
     scene = _near_boxes()
     edited = dataclasses.replace(scene, instances=(*scene.instances[:2], *scene.instances[3:]))
