@@ -26,7 +26,7 @@ _FLAT = {"shape": "port", "position_m": [0.0, 0.0, 0.02], "thickness_m": 0.01, "
 _DOME = {"shape": "dome", "position_m": [0.0, 0.0, 0.0], "decenter_m": [0.003, 0.0, 0.004],
          "radius_m": 0.055, "thickness_m": 0.005, "wall": "acrylic", "medium": "water"}  # fmt: skip
 SYSTEMS: Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]] = {
-    "paper's mirror, tilted": (1330.0, (_TILTED,)),
+    "tilted mirror": (1330.0, (_TILTED,)),
     "sphere": (1000.0, (_SPHERE,)),
     "cone": (340.0, (_CONE,)),
     "folded": (1000.0, _FOLDED),

@@ -20,7 +20,7 @@ from omnisim.validation.same_triangles import (
 )
 
 SCENES = ("soccer", "mapping")
-SYSTEMS = ("paper's mirror, tilted", "sphere", "cone")
+SYSTEMS = ("tilted mirror", "sphere", "cone")
 CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
 
 
