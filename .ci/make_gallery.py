@@ -74,7 +74,8 @@ def page(cameras: dict[str, CentralCamera]) -> str:
         "# Gallery\n\n"
         f"The scene `{SCENE}` from one viewpoint, through every camera model. Made by "
         "`make gallery` from the models' docstrings. Lenses look ahead, and cameras with a mirror "
-        "look up into it: letters are readable in the one and mirrored in the other.\n\n"
+        "look up into it: letters are readable in the one and mirrored in the other. `omnisim live "
+        f"{SCENE}` has each one click away, [in a browser](../../../docs/how-to/live.md).\n\n"
         f"![all models]({SHEET})\n"
     ]
     for model, camera in cameras.items():

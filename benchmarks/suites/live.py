@@ -7,11 +7,13 @@ soon as it has one, as a page does, but does not draw it.
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -59,7 +61,7 @@ def run(options: Options) -> dict[str, Any]:
             _mirror_ms(client, 8.0 + 0.1 * at) for at in _rounds(options, "change of the mirror")
         ]
     rows = [
-        *({"what": name, "unit": "1/s", "value": rate} for name, rate in rates.items()),
+        *({"what": name, "unit": "1/s", **rate} for name, rate in rates.items()),
         _row("key to picture", keys),
         _row("change of the mirror", mirrors),
         {"what": "first picture", "unit": "s", "value": first_s},
@@ -75,7 +77,11 @@ def run(options: Options) -> dict[str, Any]:
 
 def lines(report: dict[str, Any]) -> list[str]:
     """Text of the report."""
-    text = [f"{row['what']:24} {row['value']:8.1f} {row['unit']}" for row in report["rows"]]
+    text = [
+        f"{row['what']:24} {row['value']:8.1f} {row['unit']}"
+        + (f", {row['processor_ms']:.1f} ms of processor each" if "processor_ms" in row else "")
+        for row in report["rows"]
+    ]
     return text + bound_lines(report)
 
 
@@ -96,8 +102,15 @@ def figure(report: dict[str, Any]) -> Figure:
 class _Client:
     """A page that draws nothing."""
 
-    def __init__(self, socket: ClientConnection):
-        self._socket = socket
+    def __init__(self, socket: ClientConnection, process: int):
+        self._socket, self._process = socket, process
+
+    @property
+    def processor_s(self) -> float:
+        """Processor time of the server, all its threads."""
+        text = Path(f"/proc/{self._process}/stat").read_text(encoding="utf-8")
+        ticks = text.rpartition(")")[2].split()[11:13]
+        return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
 
     def send(self, message_type: str, /, **content: Any) -> None:
         """Send a message."""
@@ -141,7 +154,7 @@ def _served(scene: str, options: Options) -> Iterator[_Client]:
                 raise BenchmarkError(f"omnisim live: expected an address, got {line!r}")
             address = line.split()[1].replace("http", "ws", 1) + "stream"
             with connect(address, max_size=None, proxy=None) as socket:
-                yield _Client(socket)
+                yield _Client(socket, process.pid)
         finally:
             process.terminate()
 
@@ -150,19 +163,20 @@ def _rounds(options: Options, what: str) -> Iterator[int]:
     return iter(options.progress(range(options.rounds), what, options.rounds))
 
 
-def _rate(client: _Client, views: tuple[str, ...]) -> float:
-    """Pictures a second while a key is held, on a circle."""
+def _rate(client: _Client, views: tuple[str, ...]) -> dict[str, float]:
+    """Pictures a second while a key is held, on a circle, and processor time of each."""
     client.send("views", names=views)
     client.rest()
-    count, begin_s = 0, time.perf_counter()
+    count, begin_s, processor_s = 0, time.perf_counter(), client.processor_s
     while time.perf_counter() - begin_s < DRIVE_S:
         client.send("drive", ahead=0.5, turn=1.0)
         client.frame()
         count += 1
     seconds = time.perf_counter() - begin_s
+    processor_s = client.processor_s - processor_s
     client.send("drive")
     client.rest()
-    return count / seconds
+    return {"value": count / seconds, "processor_ms": 1e3 * processor_s / count}
 
 
 def _key_ms(client: _Client) -> float:
