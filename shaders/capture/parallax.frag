@@ -15,7 +15,13 @@ layout(location = 1) out uvec2 out_left;  // bits of the samples, row by row
 #include "capture/parallax_color.glsl"
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
-const float GUTTER_TEXELS = 1.0;   // past a tile of which look-ups still find its own
+// Past a tile of which look-ups still find its own, by the gutter of parallax_plan.py less what they
+// mix.
+#ifdef MIP_LEVELS
+const float GUTTER_TEXELS = 1.0;
+#else
+const float GUTTER_TEXELS = 1.5;
+#endif
 const float STRAIGHT_TEXELS = 1.0;  // surfaces that differ from a plane by less, per pixel
 
 // Tangents and inverse depth of the surface of a neighbour, as the pixel's own face has them.
@@ -52,7 +58,7 @@ void main() {
                      abs(ends[2].xy + ends[3].xy - 2.0 * here.xy));
     straight = straight && max(bends.x, bends.y) * place.cell.z < STRAIGHT_TEXELS;
     // past its gutter a tile has nothing: where the sky is seen, no depth tells
-    vec2 reach = 0.5 * (abs(right.xy) + abs(down.xy));
+    vec2 reach = abs(offset_of(0).x) * (abs(right.xy) + abs(down.xy));
     vec2 past = max(reach - GUTTER_TEXELS / abs(place.cell.zw), 0.0);
     straight = straight && in_tile(place, here.xy + past) && in_tile(place, here.xy - past);
     float level = level_at(pixel, place);
