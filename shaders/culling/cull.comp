@@ -1,7 +1,7 @@
 // Culls a group of clusters for one view, then its clusters: outside of the frustum, turned away, or
 // too small to cover a sample.
-// PASS 0: all; 1: only what occludes others is drawn, the rest waits; 2: what waits, but for what is
-// behind the depth of pass 1. Bounds are conservative: what is drawn differs by nothing that shows.
+// PASS 0: the only one; 1: only what occludes others is drawn, the rest waits; 2: of what waits, but
+// for what is behind the depth of the passes before, in the same way. Bounds are conservative: what is drawn differs by nothing that shows.
 #version 430 core
 
 layout(local_size_x = 64) in;
@@ -100,12 +100,8 @@ bool is_occluded(Bounds bounds, vec2 corner_px, uint camera) {
 #endif
 
 #if PASS > 0
-// What the first pass left to the second: as masks.
+// Bits of a group's clusters that wait for a later pass: [camera][group][tile].
 layout(std430, binding = 11) buffer Waiting { uint waiting[]; };
-#endif
-
-#if PASS == 1
-const float OCCLUDERS_RAD = 0.05;  // clusters whose triangles look wider occlude others
 #endif
 
 ClipBox clip_box(mat4 rows, vec3 centre, vec3 extent) {
@@ -161,24 +157,24 @@ void main() {
             extent += TOLERANCE * (margin + reach(centre) + reach(extent));
             box = clip_box(rows, centre, extent);
 #if PASS == 2
-            if (!is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles))
-                show(view, self.first_cluster + child, distance_m + radius_m);
+            if (is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles))
+                continue;
 #else
             bool faces_away = !u_both_sides && dot(cluster.cone_axis, away)
                 > (cluster.cone_sine + CONE_TOLERANCE) * distance_m + radius_m;
             if (faces_away || !is_inside(box)) continue;
             if (!covers_texel(bounds_of(box, rectangle_px.zw))) continue;
-#if PASS == 1
-            if (cluster.width <= OCCLUDERS_RAD * max(distance_m - radius_m, 1e-3)) {
+#endif
+#if PASS > 0
+            if (cluster.width <= u_occluder_rad * max(distance_m - radius_m, 1e-3)) {
                 left |= 1u << child;
                 continue;
             }
 #endif
             show(view, self.first_cluster + child, distance_m + radius_m);
-#endif
         }
     }
-#if PASS == 1
+#if PASS > 0
     waiting[place] = left;
 #endif
 }

@@ -52,7 +52,8 @@ layout(std140, binding = 0) uniform Settings {
     bool u_both_sides;  // back faces are seen, too
     float u_radius_px;  // distance from a texel's centre up to which it is covered
     uint u_clusters;
-    uint u_pass;        // of two that draw: the second draws what the first does not occlude
+    uint u_pass;        // of those that draw: each leaves out what those before it occlude
+    float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits
 };
 
 // Words of a cluster's tiles.

@@ -213,7 +213,7 @@ def test_culling_changes_no_channel(monkeypatch):
     also = tuple(CHANNELS)
     found = []
     for worth in (0, 10**9):  # triangles from which on it is worth a test what is hidden
-        monkeypatch.setattr("omnisim.gpu.scene.tile_renderer.MIN_TRIANGLES_OF_PASSES", worth)
+        monkeypatch.setattr("omnisim.gpu.scene.tile_renderer.MIN_TRIANGLES_OF_PASSES", (worth,) * 2)
         with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
             found.append(_render_all(renderer).channels)
     for name in also:

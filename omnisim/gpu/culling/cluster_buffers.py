@@ -43,7 +43,7 @@ class CullingShaders(NamedTuple):
 
     Attributes:
         instances: matrices.
-        cull: in one pass, or the first and the second of two.
+        cull: in one pass, or the first and a later one.
         commands: of what is left.
         hi_z: depth between two passes: fine and coarse levels.
     """

@@ -22,10 +22,13 @@ from omnisim.gpu.memory import gpu_allocation
 # Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
 EDGE_PX = 0.125
 _INSTANCE_BYTES = 128
+_MAX_PASSES = 3
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
-# Triangles from which on it pays to draw in two passes.
-MIN_TRIANGLES_OF_PASSES = 50_000
+# Triangles from which on it pays to draw in two passes, and in three.
+MIN_TRIANGLES_OF_PASSES = (50_000, 200_000)
+# Clusters whose triangles look wider occlude others: they are drawn in the passes before the last.
+OCCLUDERS_RAD = ((), (0.05,), (0.025, 0.007))
 _SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
     [
         ("counts", "<u4", 4),
@@ -37,7 +40,7 @@ _SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
         ("radius_px", "<f4"),
         ("clusters", "<u4"),
         ("pass_index", "<u4"),
-        ("unused", "<u4"),
+        ("occluder_rad", "<f4"),
     ]
 )
 
@@ -62,7 +65,8 @@ class ClusterCuller:
         buffers: the clusters.
         views: of all cameras.
         depth: of the atlas, with a layer for each camera if there may be several, to test for
-            occlusion in two passes; None: there is one pass.
+            occlusion between passes; None: there is one pass.
+        passes: how many there are where depth can be read.
         atlas_px: size of the atlas.
         depths_m: of the near and the far plane.
         samples: of a texel.
@@ -71,7 +75,7 @@ class ClusterCuller:
     Attributes:
         views: as given.
         passes: how many there are.
-        ranges: of each bucket's commands. The second pass has them anew: those of the first were
+        ranges: of each bucket's commands. Each pass has them anew: those of the one before were
             drawn before their depth is there.
         commands: buffer of them; base instances are entries of `instances`.
         counts: buffer of the number of commands of each bucket, pass by pass.
@@ -84,13 +88,14 @@ class ClusterCuller:
         buffers: ClusterBuffers,
         views: Views,
         depth: moderngl.Texture | moderngl.TextureArray | None,
+        passes: int,
         atlas_px: tuple[int, int],
         depths_m: tuple[float, float],
         samples: int = 1,
         both_sides: bool = False,
     ):
         self._context, self._buffers, self.views = context, buffers, views
-        self.passes, self._depth = (1 if depth is None else 2), depth
+        self.passes, self._depth = (1 if depth is None else passes), depth
         most = [views.count * clusters for clusters in buffers.clusters_of_bucket]
         first = np.cumsum([0, *most]).tolist()
         self.ranges = [CommandRange(*pair) for pair in zip(first, most, strict=False)]
@@ -102,7 +107,7 @@ class ClusterCuller:
             "make the scene smaller, or the cameras fewer",
         ):
             self.commands = context.buffer(reserve=COMMAND_BYTES * first[-1])
-            self.counts = context.buffer(reserve=8 * len(most))
+            self.counts = context.buffer(reserve=4 * _MAX_PASSES * len(most))
             self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
             visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
@@ -125,6 +130,7 @@ class ClusterCuller:
         settings["clusters"] = buffers.cluster_count
         settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
         settings["pass_index"] = np.arange(self.passes)
+        settings["occluder_rad"][:-1] = OCCLUDERS_RAD[self.passes - 1]
         self._settings = [context.buffer(one.tobytes()) for one in settings]
         self._written_cameras = views.cameras
         self._shown = context.buffer(buffers.all_shown)
@@ -161,7 +167,7 @@ class ClusterCuller:
         barrier = context.SHADER_STORAGE_BARRIER_BIT
         self.bind(pass_index)
         if pass_index == 0:
-            entries = max(views.count * views.objects, 2 * len(self.ranges))
+            entries = max(views.count * views.objects, _MAX_PASSES * len(self.ranges))
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
         elif self._depth is not None:
             self._depth.use(DEPTH_UNIT)
@@ -174,7 +180,7 @@ class ClusterCuller:
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier)
-        cull = shaders.cull[0 if self.passes == 1 else 1 + pass_index]
+        cull = shaders.cull[0 if self.passes == 1 else 1 + min(pass_index, 1)]
         cull.run(self._groups, views.count)
         context.memory_barrier(barrier)
         shaders.commands.run(len(self.ranges), views.cameras)

@@ -70,7 +70,7 @@ def _culler(context, buffers, far_m):
     geometry, depths_m = buffers.clustered_geometry, (NEAR_M, far_m)
     views = Views(context, PLAN, depths_m, geometry.anchor_m, geometry.objects)
     size_px = (PLAN.width_px, PLAN.height_px)
-    return ClusterCuller(context, geometry.buffers, views, None, size_px, depths_m), views
+    return ClusterCuller(context, geometry.buffers, views, None, 1, size_px, depths_m), views
 
 
 def _drawn(culler, geometry):

@@ -52,7 +52,7 @@ def _pass(buffers, albedo=False):
 @pytest.mark.parametrize("min_triangles", [0, 10**9], ids=["occlusion passes", "one pass"])
 @pytest.mark.parametrize("albedo", [False, True])
 def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, albedo):
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", min_triangles)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 2)
     scene = _scene()
     clustered = SceneBuffers(context, scene)
     reference = SceneBuffers(context, scene, uses_clusters=False)

@@ -50,7 +50,7 @@ class Pictures:
             world_from_base = camera.base_pose(start.position_m, start.yaw_deg)
         with self._monkeypatch.context() as patch:
             if min_triangles is not None:
-                patch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", min_triangles)
+                patch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 2)
             with Renderer(self._stage, camera) as renderer:
                 culler = renderer._passes.cube.tiles.culler
                 if shows_occluded:
@@ -122,7 +122,7 @@ def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_picture_does_not_depend_on_the_one_before(monkeypatch):
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", 0)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0, 0))
     camera = FAST.resized(100)
     poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:
