@@ -1,5 +1,6 @@
 """Server without a browser: pictures are the renderer's, and no client can end it."""
 
+import dataclasses
 import http.client
 import io
 import json
@@ -19,8 +20,11 @@ from omnisim.browser.server import new_token, page_bytes
 from omnisim.errors import OutputError
 from omnisim.ground_truth import CHANNELS
 from omnisim.image_files import read_image
+from omnisim.scene.model import DynamicObject
+from omnisim.scene.object_motion import Orbit
 from omnisim.simulation.vehicle import Vehicle
 from tests.browser.pages import SIZE_PX, Client, live_settings, served
+from tests.scenes import room, scene_of, square
 
 MAX_PAGE_BYTES = 200_000
 
@@ -207,6 +211,22 @@ def test_a_picture_of_100_000_px_is_refused(page):
             client.send("ask")
             assert "expected" in client.receive("error")["text"]
         assert client.fine_frame()["data"]["camera"]
+
+
+def test_objects_move_while_the_clock_runs():
+    shape = scene_of([square(0.3, 1.2)])
+    ball = DynamicObject("ball", shape, Orbit((0.5, 0.0, 0.0), 0.5, 4.0))
+    moving = dataclasses.replace(scene_of([room()]), objects=(ball,))
+    settings = dataclasses.replace(live_settings(), scene=moving)
+    with served(settings) as page, Client(page) as client:
+        assert client.receive("hello")["has_clock"]
+        first = client.fine_frame()
+        client.send("clock", running=True)
+        times = [client.frame()["time_s"] for _ in range(3)]
+        assert times == sorted(times)
+        assert times[-1] > first["time_s"]
+        client.send("clock", running=False, time_s=0.0)
+        assert client.fine_frame()["data"]["camera"] == first["data"]["camera"]
 
 
 def test_rubbish_is_answered_in_words(page):

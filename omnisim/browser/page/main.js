@@ -46,6 +46,7 @@ function showAbout(about) {
   byId("title").textContent = about.steps === null ? `${about.scene} · ${who}` : who;
   document.title = `${about.scene} – omnisim live`;
   byId("side").hidden = !about.is_editable;
+  byId("clock").hidden = !about.has_clock;
   byId("pad").hidden = about.steps !== null;
   document.querySelector("main").style.gridTemplateColumns = about.is_editable ? "" : "minmax(0, 1fr)";
   if (about.is_editable) showPresets(about.presets, (kind, name) => send("preset", { kind, name }));
@@ -322,6 +323,11 @@ function listen() {
   byId("step").oninput = () => {
     setPlaying(false);
     send("replay", { step: Number(byId("step").value) });
+  };
+  byId("clock").onclick = () => {
+    const running = byId("clock").getAttribute("aria-pressed") === "false";
+    byId("clock").setAttribute("aria-pressed", String(running));
+    send("clock", { running });
   };
   byId("play").onclick = () => setPlaying(!state.playing);
   addEventListener("keydown", (event) => {
