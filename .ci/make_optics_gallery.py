@@ -24,6 +24,7 @@ from omnisim.optics import OpticalSystem, measure_centrality, read_optics_file  
 from omnisim.optics.mesh_error import SystemMeshErrors  # noqa: E402
 from omnisim.optics.mesh_rays import has_mesh  # noqa: E402
 from omnisim.optics.tracing import Fate  # noqa: E402
+from omnisim.plots.contact_sheet import save_contact_sheet  # noqa: E402
 from omnisim.plots.optics_plot import optics_figure  # noqa: E402
 from omnisim.scene import load_scene  # noqa: E402
 from omnisim.sensors.auto_mesh import auto_polygons  # noqa: E402
@@ -45,6 +46,7 @@ ORDER = (
 )  # fmt: skip
 STRIP = "cone"  # also shown unrolled
 STRIP_RADII = (0.12, 0.99)  # shares of the mirror's radius in the picture
+SHEET, SHEET_PX, SHEET_COLUMNS = "all.jpg", 220, 5  # also on one sheet, the strip last
 MESHED, MESHED_PX, LABEL_PX = "sphere", 190, 20  # also shown by meshes
 
 
@@ -184,6 +186,18 @@ def _meshes() -> Image.Image:
     return sheet
 
 
+def _save_sheet() -> None:
+    """Save the pictures of all examples on one sheet."""
+    tiles = []
+    for name in (*ORDER, f"{STRIP}-strip"):
+        picture = Image.open(PICTURES / f"{name}.jpg")
+        picture.thumbnail((SHEET_PX, SHEET_PX), Image.Resampling.LANCZOS)
+        cell = Image.new("RGB", (SHEET_PX, SHEET_PX), OUTSIDE)
+        cell.paste(picture, ((SHEET_PX - picture.width) // 2, (SHEET_PX - picture.height) // 2))
+        tiles.append((name, np.asarray(cell)))
+    save_contact_sheet(PICTURES / SHEET, tiles, SHEET_COLUMNS)
+
+
 def main() -> None:
     """Render all pictures and write the page; with --page only that."""
     PICTURES.mkdir(exist_ok=True)
@@ -200,6 +214,7 @@ def main() -> None:
             _save_picture(strip_of(picture, 0.5 * float(exact.sum())), f"{name}-strip")
         print(f"{name}: {picture.width} × {picture.height} px")
     _save_picture(_meshes(), "mesh")
+    _save_sheet()
 
 
 if __name__ == "__main__":
