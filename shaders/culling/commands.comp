@@ -12,7 +12,7 @@ struct Command {  // of glMultiDrawElementsIndirect
 };
 
 struct Bucket {
-    uint first_cluster, clusters, first_command, unused;
+    uint first_group, groups, first_command, unused;
 };
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
@@ -26,12 +26,17 @@ shared uint s_first;
 void main() {
     uint thread = gl_LocalInvocationID.x, camera = gl_WorkGroupID.y;
     Bucket bucket = buckets[gl_WorkGroupID.x];
-    uint last = bucket.first_cluster + bucket.clusters, words = tile_words();
+    uint last = bucket.first_group + bucket.groups, words = tile_words();
     for (uint bin = 0u; bin < BINS; ++bin) s_counts[bin * THREADS + thread] = 0u;
-    for (uint at = bucket.first_cluster + thread; at < last; at += THREADS) {
-        uint first = (camera * u_clusters + at) * words, tiles = 0u;
-        for (uint word = 0u; word < words; ++word) tiles += uint(bitCount(visible_tiles[first + word]));
-        if (tiles > 0u) s_counts[bins[camera * u_clusters + at] * THREADS + thread] += tiles;
+    for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
+        uint children = visible_of_group[camera * u_groups + group];
+        uint first_cluster = camera * u_clusters + groups[group].first_cluster;
+        for (; children != 0u; children &= children - 1u) {
+            uint at = first_cluster + uint(findLSB(children)), tiles = 0u;
+            for (uint word = 0u; word < words; ++word)
+                tiles += uint(bitCount(visible_tiles[at * words + word]));
+            s_counts[bins[at] * THREADS + thread] += tiles;
+        }
     }
     barrier();
     // each thread sums a run of the counts, one sums the runs
@@ -56,22 +61,25 @@ void main() {
         if (total > 0u) s_first += atomicAdd(counts[count], total);
     }
     barrier();
-    for (uint at = bucket.first_cluster + thread; at < last; at += THREADS) {
-        uint first = (camera * u_clusters + at) * words;
-        for (uint word = 0u; word < words; ++word) {
-            uint tiles = visible_tiles[first + word];
-            if (tiles == 0u) continue;
-            visible_tiles[first + word] = 0u;  // for the next pass
-            uint place = bins[camera * u_clusters + at] * THREADS + thread;
+    for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
+        uint children = visible_of_group[camera * u_groups + group];
+        visible_of_group[camera * u_groups + group] = 0u;  // for the next pass
+        uint first_cluster = groups[group].first_cluster;
+        for (; children != 0u; children &= children - 1u) {
+            uint cluster = first_cluster + uint(findLSB(children));
+            uint at = camera * u_clusters + cluster, place = bins[at] * THREADS + thread;
             uint command = s_first + s_sums[place / BINS] + s_counts[place];
-            s_counts[place] += uint(bitCount(tiles));
             Command own = Command(
-                clusters[at].indices, 1u, clusters[at].first_index, 0u,
-                (clusters[at].object * u_cameras + camera) * u_tiles + 32u * word);
-            uint first_instance = own.base_instance;
-            for (; tiles != 0u; tiles &= tiles - 1u) {
-                own.base_instance = first_instance + uint(findLSB(tiles));
-                commands[command++] = own;
+                clusters[cluster].indices, 1u, clusters[cluster].first_index, 0u, 0u);
+            uint first_instance = (clusters[cluster].object * u_cameras + camera) * u_tiles;
+            for (uint word = 0u; word < words; ++word) {
+                uint tiles = visible_tiles[at * words + word];
+                visible_tiles[at * words + word] = 0u;
+                s_counts[place] += uint(bitCount(tiles));
+                for (; tiles != 0u; tiles &= tiles - 1u) {
+                    own.base_instance = first_instance + 32u * word + uint(findLSB(tiles));
+                    commands[command++] = own;
+                }
             }
         }
     }

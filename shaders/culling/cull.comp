@@ -114,11 +114,13 @@ ClipBox clip_box(mat4 rows, vec3 centre, vec3 extent) {
 // Distances double every two bins.
 const float NEAREST_M = 0.25;
 
-void show(uint view, uint cluster, float far_m) {
+void show(uint view, uint group, uint child, float far_m) {
+    uint cluster = groups[group].first_cluster + child;
     uint at = view / u_tiles * u_clusters + cluster, tile = view % u_tiles;
     bins[at] = uint(clamp(2.0 * log2(far_m / NEAREST_M), 0.0, float(BINS - 1u)));
     // the outcome is the same in any order
     atomicOr(visible_tiles[at * tile_words() + tile / 32u], 1u << (tile & 31u));
+    atomicOr(visible_of_group[view / u_tiles * u_groups + group], 1u << child);
 }
 
 void main() {
@@ -126,7 +128,7 @@ void main() {
     if (group >= u_groups) return;
     uint place = (view / u_tiles * u_groups + group) * u_tiles + view % u_tiles;
     Group self = groups[group];
-    uint object = self.clusters_and_object >> 6u, children = self.clusters_and_object & 63u;
+    uint object = self.clusters_and_object >> 6u;
 #if PASS == 2
     uint candidates = waiting[place];
 #else
@@ -147,8 +149,9 @@ void main() {
 #else
         bool is_kept = is_inside(box);
 #endif
-        for (uint child = 0u; is_kept && child < children; ++child) {
-            if (((candidates >> child) & 1u) == 0u) continue;
+        if (!is_kept) candidates = 0u;
+        for (; candidates != 0u; candidates &= candidates - 1u) {
+            uint child = uint(findLSB(candidates));
             Cluster cluster = clusters[self.first_cluster + child];
             centre = 0.5 * (cluster.aabb_min + cluster.aabb_max);
             extent = cluster.aabb_max - centre;
@@ -171,7 +174,7 @@ void main() {
                 continue;
             }
 #endif
-            show(view, self.first_cluster + child, distance_m + radius_m);
+            show(view, group, child, distance_m + radius_m);
         }
     }
 #if PASS > 0

@@ -38,6 +38,9 @@ layout(std430, binding = 6) buffer Visible { uint visible_tiles[]; };
 // Bin of a visible cluster's distance, from near to far: [camera][cluster].
 layout(std430, binding = 13) buffer Bins { uint bins[]; };
 
+// Bits of a group's clusters that are visible in any tile: [camera][group].
+layout(std430, binding = 14) buffer VisibleOfGroup { uint visible_of_group[]; };
+
 #define BINS 32u
 
 layout(std140, binding = 0) uniform Settings {

@@ -37,12 +37,14 @@ class _ShowAll:
     """Shader that culls, and then shows all clusters in all of up to 32 tiles."""
 
     def __init__(self, shader, culler):
-        self._shader, self._visible = shader, culler._bound[6]
+        self._shader, self._visible, self._of_group = shader, culler._bound[6], culler._bound[14]
+        self._shown = culler._buffers.all_shown
         self._tiles = np.uint32((1 << culler.views.tiles) - 1)
 
     def run(self, *groups):
         self._shader.run(*groups)
         self._visible.write(np.full(self._visible.size // 4, self._tiles))
+        self._of_group.write(self._shown)
 
 
 class _NoDepth:

@@ -66,7 +66,7 @@ class ClusterBuffers:
 
     Attributes:
         clusters, groups: buffers.
-        clusters_of_bucket: number of clusters of each bucket.
+        clusters_of_bucket, groups_of_bucket: their number in each bucket.
         cluster_count, group_count: of all.
     """
 
@@ -101,6 +101,7 @@ class ClusterBuffers:
         packed["clusters_and_object"] = groups.children + (objects << _CHILDREN_BITS)
         self.groups = context.buffer(packed)
         self.clusters_of_bucket = np.bincount(buckets, weights=groups.children).astype(int).tolist()
+        self.groups_of_bucket = np.bincount(buckets).tolist()
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
 
     def masks_of_groups(self, clusters: NDArray[np.bool_]) -> NDArray[np.uint32]:

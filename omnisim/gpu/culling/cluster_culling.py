@@ -112,12 +112,14 @@ class ClusterCuller:
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
             visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
             visible_tiles = context.buffer(visible)
+            groups_visible = np.zeros(views.cameras * buffers.group_count, dtype=np.uint32)
+            visible_of_group = context.buffer(groups_visible)
             bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
             waiting = context.buffer(reserve=4 * (words if depth else 1))
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
             hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
         buckets = np.zeros((len(most), 4), dtype=np.uint32)
-        buckets[:, 1] = buffers.clusters_of_bucket
+        buckets[:, 1] = buffers.groups_of_bucket
         buckets[:, 0] = np.cumsum(buckets[:, 1]) - buckets[:, 1]
         buckets[:, 2] = first[:-1]
         near_m, far_m = depths_m
@@ -138,6 +140,7 @@ class ClusterCuller:
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
             buffers.groups, buffers.clusters, visible_tiles, self.commands, self.counts,
             context.buffer(buckets), self._shown, waiting, hi_z, bins,
+            visible_of_group,
         ]  # fmt: skip
         self._names = [one.glo for one in self._bound]
         self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
