@@ -12,16 +12,16 @@ struct Command {  // of glMultiDrawElementsIndirect
 };
 
 struct Bucket {
-    uint first_group, groups, first_command, unused;
+    uint first_group, groups, first_command, most_commands;  // of a band
 };
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
-layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][bucket]
+layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][bucket]
 layout(std430, binding = 9) readonly buffer Buckets { Bucket buckets[]; };
 
 shared uint s_counts[BINS * THREADS];  // [bin][thread]
 shared uint s_sums[THREADS];
-shared uint s_first;
+shared uint s_first[2];  // by band, without the commands of the band before
 
 void main() {
     uint thread = gl_LocalInvocationID.x, camera = gl_WorkGroupID.y;
@@ -56,9 +56,12 @@ void main() {
             total += count;
         }
         // the order of cameras, which share nothing in the atlas, does not show
-        uint count = u_pass * u_buckets + gl_WorkGroupID.x;
-        s_first = bucket.first_command;
-        if (total > 0u) s_first += atomicAdd(counts[count], total);
+        uint near = s_sums[FAR_BIN * THREADS / BINS];
+        uint count = BANDS * u_pass * u_buckets + gl_WorkGroupID.x;
+        s_first[0] = bucket.first_command;
+        s_first[1] = bucket.first_command + bucket.most_commands - near;
+        if (near > 0u) s_first[0] += atomicAdd(counts[count], near);
+        if (total > near) s_first[1] += atomicAdd(counts[count + u_buckets], total - near);
     }
     barrier();
     for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
@@ -68,7 +71,8 @@ void main() {
         for (; children != 0u; children &= children - 1u) {
             uint cluster = first_cluster + uint(findLSB(children));
             uint at = camera * u_clusters + cluster, place = bins[at] * THREADS + thread;
-            uint command = s_first + s_sums[place / BINS] + s_counts[place];
+            uint band = bins[at] < FAR_BIN ? 0u : 1u;
+            uint command = s_first[band] + s_sums[place / BINS] + s_counts[place];
             Command own = Command(
                 clusters[cluster].indices, 1u, clusters[cluster].first_index, 0u, 0u);
             uint first_instance = (clusters[cluster].object * u_cameras + camera) * u_tiles;

@@ -42,6 +42,8 @@ layout(std430, binding = 13) buffer Bins { uint bins[]; };
 layout(std430, binding = 14) buffer VisibleOfGroup { uint visible_of_group[]; };
 
 #define BINS 32u
+#define BANDS 2u  // of distance: all buckets are drawn band by band
+#define FAR_BIN 10u  // first of the far band, from 8 m on
 
 layout(std140, binding = 0) uniform Settings {
     uint u_cameras;

@@ -2,15 +2,18 @@
 
 import numpy as np
 
+from omnisim.gpu.culling.cluster_culling import BANDS
 
-def submitted_commands(culler):
-    """Commands (n, 5) of a culler of one pass, whose context is current."""
-    counts = np.frombuffer(culler.counts.read(), "<u4")[: len(culler.ranges)]
+
+def submitted_commands(culler, pass_index=0):
+    """Commands (n, 5) of a culler's pass as they are drawn; its context is current."""
+    counts = np.frombuffer(culler.counts.read(), "<u4").reshape(-1, BANDS, len(culler.ranges))
     commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
     return np.concatenate(
         [
-            commands[one.first : one.first + count]
-            for one, count in zip(culler.ranges, counts, strict=True)
+            commands[one.first + band * one.most :][:count]
+            for band in range(BANDS)
+            for one, count in zip(culler.ranges, counts[pass_index, band], strict=True)
         ]
     )
 
@@ -21,13 +24,7 @@ def count_triangles(culler):
 
     def counted(pass_index):
         run(pass_index)
-        counts = np.frombuffer(culler.counts.read(), "<u4")[pass_index * len(culler.ranges) :]
-        commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
-        indices = [
-            commands[one.first : one.first + count, 0].sum()
-            for one, count in zip(culler.ranges, counts, strict=False)
-        ]
-        submitted.append(int(sum(indices)) // 3)
+        submitted.append(int(submitted_commands(culler, pass_index)[:, 0].sum()) // 3)
 
     culler.run = counted
     return submitted

@@ -55,7 +55,7 @@ def test_lookups_are_those_of_the_sampler(context, mode, size, wrap):
     lookups = np.column_stack(
         (random.uniform(-2.0, 2.0, (COUNT, 2)), random.uniform(-1.0, 8.0, COUNT))
     ).astype(np.float32)
-    expected = _sampled(context, MaterialTextures(context).find(material, mesh), lookups)
+    expected = _sampled(context, MaterialTextures(context).find(material, mesh).texture, lookups)
     found = table.lookup(np.ones(COUNT, dtype=np.intp), lookups[:, :2], lookups[:, 2])
     # OpenGL counts positions between texels and between levels in 256ths; llvmpipe decodes sRGB
     # by a polynomial

@@ -23,6 +23,7 @@ from omnisim.gpu.memory import gpu_allocation
 EDGE_PX = 0.125
 _INSTANCE_BYTES = 128
 _MAX_PASSES = 3
+BANDS = 2  # of distance, in shaders/culling/views.glsl
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
 # Triangles from which on it pays to draw in two passes, and in three.
@@ -46,11 +47,11 @@ _SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
 
 
 class CommandRange(NamedTuple):
-    """Draw commands of one bucket.
+    """Draw commands of one bucket, near ones and far ones.
 
     Attributes:
-        first: in the buffer of commands.
-        most: as many as there can be.
+        first: of the near ones in the buffer of commands; the far ones begin `most` later.
+        most: as many as there can be of either.
     """
 
     first: int
@@ -78,7 +79,7 @@ class ClusterCuller:
         ranges: of each bucket's commands. Each pass has them anew: those of the one before were
             drawn before their depth is there.
         commands: buffer of them; base instances are entries of `instances`.
-        counts: buffer of the number of commands of each bucket, pass by pass.
+        counts: buffer of the number of commands of each bucket, pass by pass, band by band.
         instances: buffer of an object in a view each: `vertex_format.INSTANCE`.
     """
 
@@ -97,7 +98,7 @@ class ClusterCuller:
         self._context, self._buffers, self.views = context, buffers, views
         self.passes, self._depth = (1 if depth is None else passes), depth
         most = [views.count * clusters for clusters in buffers.clusters_of_bucket]
-        first = np.cumsum([0, *most]).tolist()
+        first = (BANDS * np.cumsum([0, *most])).tolist()
         self.ranges = [CommandRange(*pair) for pair in zip(first, most, strict=False)]
         _check_size(context, views.count, COMMAND_BYTES * first[-1])
         words = buffers.group_count * views.count
@@ -107,7 +108,7 @@ class ClusterCuller:
             "make the scene smaller, or the cameras fewer",
         ):
             self.commands = context.buffer(reserve=COMMAND_BYTES * first[-1])
-            self.counts = context.buffer(reserve=4 * _MAX_PASSES * len(most))
+            self.counts = context.buffer(reserve=4 * _MAX_PASSES * BANDS * len(most))
             self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
             visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
@@ -121,7 +122,7 @@ class ClusterCuller:
         buckets = np.zeros((len(most), 4), dtype=np.uint32)
         buckets[:, 1] = buffers.groups_of_bucket
         buckets[:, 0] = np.cumsum(buckets[:, 1]) - buckets[:, 1]
-        buckets[:, 2] = first[:-1]
+        buckets[:, 2], buckets[:, 3] = first[:-1], most
         near_m, far_m = depths_m
         slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
         settings = np.zeros(self.passes, dtype=_SETTINGS)
@@ -170,7 +171,7 @@ class ClusterCuller:
         barrier = context.SHADER_STORAGE_BARRIER_BIT
         self.bind(pass_index)
         if pass_index == 0:
-            entries = max(views.count * views.objects, _MAX_PASSES * len(self.ranges))
+            entries = max(views.count * views.objects, _MAX_PASSES * BANDS * len(self.ranges))
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
         elif self._depth is not None:
             self._depth.use(DEPTH_UNIT)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import moderngl
 
-from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.culling.cluster_culling import BANDS, ClusterCuller
 from omnisim.gpu.gl_functions import IndirectDraws
 from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
@@ -71,9 +71,11 @@ class ClusterDrawer:
     def _draw_buckets(self, pass_index: int) -> None:
         context, draws = self._context, self._draws
         program = array = double_sided = None
-        first_count = pass_index * len(self._buckets)
-        for number, (one, vertices, shows_back, textures) in enumerate(self._buckets):
-            commands = self._culler.ranges[number]
+        buckets = enumerate(BANDS * self._buckets, pass_index * BANDS * len(self._buckets))
+        for number, (one, vertices, shows_back, textures) in buckets:
+            band, bucket = divmod(number, len(self._buckets))
+            commands = self._culler.ranges[bucket]
+            first = commands.first + band % BANDS * commands.most
             if one.program is not program:
                 program = one.program
                 draws.use_program(program.glo)
@@ -87,5 +89,5 @@ class ClusterDrawer:
             if one.sampler is not None:
                 one.sampler.use(0)
             if one.first_command is not None:
-                one.first_command.value = commands.first
-            draws.draw(commands.first, first_count + number, commands.most)
+                one.first_command.value = first
+            draws.draw(first, number, commands.most)
