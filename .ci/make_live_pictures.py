@@ -43,6 +43,7 @@ def main() -> None:
         page.wait_for_timeout(3000)
         count = write_video(TARGET / "live.mp4", film(page), RATE_HZ)
         page.wait_for_timeout(2000)
+        page.wait_for_selector(FINE)
         data = io.BytesIO(page.screenshot())
         Image.open(data).convert("RGB").save(TARGET / "live.jpg", quality=86, optimize=True)
         browser.close()

@@ -61,7 +61,10 @@ def test_the_right_picture_of_a_chain_is_a_single_picture_at_the_composed_pose(r
         for step in range(2):
             frame = renderer.render(world_from_optical[step] @ inverse(rig_from_optical))
             pixels, _ = read_image(Path(f"run/cam1/{step:06d}.png"))
-            assert pixels.tobytes() == frame.rgb.tobytes()
+            off = np.abs(pixels.astype(int) - frame.rgb)
+            # poses that were composed in another order differ in their last bits
+            assert off.max() <= 1
+            assert np.count_nonzero(off) <= 1e-3 * off.size
     assert frame.rgb.std() > 20.0
 
 
