@@ -77,6 +77,7 @@ def page(browser, live):
     page.goto(live)
     page.wait_for_selector(FINE)
     wait_until(lambda: page.evaluate("omnisim.state.drives"), "it drives")
+    rest(page, -1)
     yield page
     assert faults == []
     context.close()
@@ -97,14 +98,17 @@ def change(page):
     return int(page.get_attribute("body", "data-change"))
 
 
-def rest(page, after):
-    """Wait for a fine picture of a state after another."""
-    wait_until(
-        lambda: change(page) > after and page.get_attribute("body", "data-fine") == "true",
-        f"a fine picture after {after}",
-    )
-    time.sleep(0.3)
-    wait_until(lambda: page.get_attribute("body", "data-fine") == "true", "at rest")
+def rest(page, after, still_s=0.8):
+    """Wait for a fine picture of a state after another, which stays for a while."""
+    deadline_s, since_s, last = time.monotonic() + 30.0, 0.0, None
+    while last is None or time.monotonic() - since_s < still_s:
+        now = (change(page), page.get_attribute("body", "data-fine"), len(shown_png(page)))
+        if now[0] <= after or now[1] != "true":
+            now = None
+        if now is None or now != last:
+            last, since_s = now, time.monotonic()
+        assert time.monotonic() < deadline_s, f"never: a fine picture after {after}"
+        time.sleep(0.02)
 
 
 def shown_png(page):

@@ -28,6 +28,7 @@ def test_check(omnisim):
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0.5", "2"]
 
 
+@pytest.mark.slow
 def test_check_tells_lateral_color(omnisim, tmp_path):
     port = (EXAMPLES / "flat-port.toml").read_text()
     (tmp_path / "port.toml").write_text(port)

@@ -90,6 +90,7 @@ def test_misalignment_is_found(name):
     np.testing.assert_allclose(rays.directions, exact.directions, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_standard_deviations_are_those_of_the_errors():
     """Fits to different noise spread as each of them says."""
     table, changes, _ = SYSTEMS["ball"]

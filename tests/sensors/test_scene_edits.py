@@ -254,6 +254,7 @@ def test_a_vehicle_is_moved_by_the_state():
         renderer.move("body", HERE)
 
 
+@pytest.mark.slow
 def test_rays_see_edits_too():
     pytest.importorskip("embreex")
     with Renderer(yard(), LENS, backend="rays") as renderer:

@@ -5,13 +5,13 @@ import sys
 
 import pytest
 
-from tests.slow import slow_but
 from tests.soak.kills import kills
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
-@pytest.mark.parametrize("seed", slow_but(range(4), 0))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
 def test_killed_at_any_moment_a_drive_resumes_and_ends_the_same(tmp_path, seed):
     kills(tmp_path, 3, seed)
 
