@@ -8,7 +8,8 @@ from types import FrameType
 
 from omnisim.cli import INTERRUPTED
 
-_IMPORTLIB = "<frozen importlib._bootstrap>"
+# imports swallow it, or abort; moderngl's C code calls Python and does not expect it
+_NOT_TO_INTERRUPT = {"importlib._bootstrap", "moderngl", "_moderngl"}
 
 
 def main() -> None:
@@ -29,10 +30,10 @@ def main() -> None:
 
 
 def _interrupt(signal_number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, but end at once during imports: libraries swallow it, or abort."""
+    """Raise KeyboardInterrupt, but end at once inside of what does not stand it."""
     signal.signal(signal.SIGINT, _end)  # whoever presses again does not want to wait
     while frame is not None:
-        if frame.f_code.co_filename == _IMPORTLIB:
+        if frame.f_globals.get("__name__") in _NOT_TO_INTERRUPT:
             _end(signal_number, frame)
         frame = frame.f_back
     raise KeyboardInterrupt
