@@ -164,3 +164,15 @@ def test_textures_without_coordinates_are_noticed(make, tmp_path):
     assert scene.materials[0].texture is not None
     (notice,) = scene.notices
     assert notice.endswith("is not drawn on 1 mesh without texture coordinates")
+
+
+def test_a_name_of_two_lines_is_told_in_one(tmp_path):
+    gltf = GltfBuilder()
+    gltf.node(mesh=gltf.triangle())
+    path = gltf.write(tmp_path / "a.gltf")
+    tree = json.loads(path.read_text())
+    tree["buffers"][0]["uri"] = "a\nb"
+    path.write_text(json.dumps(tree))
+    with pytest.raises(SceneError, match=r"buffers\[0\].uri: a\\nb is not there") as caught:
+        load_scene(path)
+    assert "\n" not in str(caught.value)

@@ -10,7 +10,7 @@ from urllib.parse import unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import SceneError
+from omnisim.errors import SceneError, printable
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.gltf.json_object import JsonObject
 
@@ -51,7 +51,7 @@ class Accessors:
                 try:
                     data = memoryview(read_uri(uri, assets))
                 except OSError as reason:
-                    raise SceneError(f"{buffer.place}.uri: {uri:.80} {reason}") from None
+                    raise SceneError(f"{buffer.place}.uri: {printable(uri, 80)} {reason}") from None
                 except ValueError as reason:
                     raise SceneError(f"{buffer.place}: cannot be read: {reason!s:.80}") from None
             self._buffers.append(data[: buffer.integer("byteLength")])
