@@ -125,6 +125,16 @@ PolygonsOption = Annotated[
         rich_help_panel=CAMERA,
     ),
 ]
+SensorOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--sensor",
+        metavar="FILE",
+        help="Sensor file: .toml.",
+        show_default="the paper's camera",
+        rich_help_panel=CAMERA,
+    ),
+]
 SizeOption = Annotated[
     int | None,
     typer.Option(

@@ -13,6 +13,7 @@ from omnisim.cli.arguments import (
     DeviceOption,
     MirroredOption,
     PresetOption,
+    SensorOption,
     SizeOption,
     TimeOption,
     UnitOption,
@@ -52,16 +53,7 @@ class LiveRequest:
             "--run", metavar="DIR", help="Replay a recorded run instead, with its pictures."
         ),
     ] = None
-    sensor: Annotated[
-        Path | None,
-        typer.Option(
-            "--sensor",
-            metavar="FILE",
-            help="Sensor file: .toml.",
-            show_default="the paper's camera",
-            rich_help_panel=CAMERA,
-        ),
-    ] = None
+    sensor: SensorOption = None
     optics: Annotated[
         Path | None,
         typer.Option(

@@ -28,6 +28,7 @@ from omnisim.cli.arguments import (
     QualityOption,
     RollOption,
     SceneArgument,
+    SensorOption,
     SizeOption,
     TimeOption,
     UnitOption,
@@ -51,16 +52,7 @@ class RenderRequest:
 
     scene: SceneArgument
     output: PictureOrRunOption
-    sensor: Annotated[
-        Path | None,
-        typer.Option(
-            "--sensor",
-            metavar="FILE",
-            help="Sensor file: .toml.",
-            show_default="the paper's camera",
-            rich_help_panel=CAMERA,
-        ),
-    ] = None
+    sensor: SensorOption = None
     optics: Annotated[
         Path | None,
         typer.Option(
