@@ -28,6 +28,7 @@ EXTRAS = {
     "video": {"av": "av"},
     "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
     "live": {"websockets": "websockets"},
+    "mujoco": {"mujoco-core": "mujoco"},
     "oracles": {
         "embreex": "embreex",
         "mitsuba": "mitsuba",
