@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -27,18 +27,27 @@ class AlphaMode(Enum):
     BLEND = "blend"
 
 
+IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """Image with sRGB-encoded colours.
+    """Image with sRGB-encoded colours, or with linear values.
 
     Attributes:
         pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
         wrap_u, wrap_v: wrapping modes.
+        is_linear: values, not colours.
+        uv_set: 0: the mesh's texture coordinates; 1: its second ones. A base colour has 0.
+        uv_transform: (2, 3) affine, of those coordinates; a base colour has the identity.
     """
 
     pixels: NDArray[np.uint8]
     wrap_u: Wrap = Wrap.REPEAT
     wrap_v: Wrap = Wrap.REPEAT
+    is_linear: bool = False
+    uv_set: int = 0
+    uv_transform: tuple[tuple[float, float, float], tuple[float, float, float]] = IDENTITY_UV
 
     def __repr__(self) -> str:
         height, width = self.pixels.shape[:2]
@@ -51,7 +60,10 @@ BLENDED_CUTOFF = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Appearance of a surface: base colour, alpha, sides.
+    """Appearance of a surface: base colour, alpha, sides, and glTF 2.0's reflectance.
+
+    By default it is matte: by Lambert's law, without any gloss. A dielectric's gloss needs
+    `specular`, which is 1 for one of glTF's.
 
     Attributes:
         name: name in the file.
@@ -61,6 +73,16 @@ class Material:
         alpha_cutoff: with MASK, alpha below this is a hole.
         double_sided: both sides are drawn.
         unlit: drawn without lights, always.
+        metallic, roughness: 0 to 1, which multiply blue and green of `metallic_roughness_map`.
+        specular, specular_color: strength and tint, linear RGB, of a dielectric's gloss.
+        ior: refractive index of a dielectric.
+        clearcoat, clearcoat_roughness: strength and roughness of a clear layer on top.
+        emissive: light that it emits, linear RGB from 0; it multiplies `emissive_map`.
+        normal_scale, occlusion_strength: of their maps.
+        metallic_roughness_map, normal_map, occlusion_map: linear textures.
+        emissive_map: texture of colours.
+
+    Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat.
     """
 
     name: str = ""
@@ -70,6 +92,40 @@ class Material:
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     unlit: bool = False
+    metallic: float = 0.0
+    roughness: float = 1.0
+    specular: float = 0.0
+    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ior: float = 1.5
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
+    metallic_roughness_map: Texture | None = None
+    normal_map: Texture | None = None
+    occlusion_map: Texture | None = None
+    emissive_map: Texture | None = None
+
+    @property
+    def maps(self) -> tuple[Texture | None, ...]:
+        """Textures beside that of the base colour."""
+        return (
+            self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map
+        )  # fmt: skip
+
+    @property
+    def is_matte(self) -> bool:
+        """Base colour and lights are all that counts: no gloss, no metal, no maps, no emission."""
+        strengths = (self.metallic, self.specular, self.clearcoat, *self.emissive)
+        return self.unlit or not (any(strengths) or any(one is not None for one in self.maps))
+
+    def matte(self) -> Material:
+        """Material without gloss, metal, maps and emission."""
+        return replace(
+            self, metallic=0.0, specular=0.0, clearcoat=0.0, emissive=(0.0, 0.0, 0.0),
+            metallic_roughness_map=None, normal_map=None, occlusion_map=None, emissive_map=None,
+        )  # fmt: skip
 
     @property
     def is_blended(self) -> bool:
@@ -100,6 +156,7 @@ class Mesh:
         normals: (n, 3) float32, or None: flat triangles.
         texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left, or None.
         colors: (n, 4) float32 linear RGBA, or None.
+        second_texture_coordinates: (n, 2) float32, or None.
     """
 
     name: str
@@ -109,6 +166,7 @@ class Mesh:
     normals: NDArray[np.float32] | None = None
     texture_coordinates: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
+    second_texture_coordinates: NDArray[np.float32] | None = None
 
     def __repr__(self) -> str:
         vertices = counted(len(self.positions), "vertex", "vertices")

@@ -1,4 +1,5 @@
 // vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
+// Lamp directional_lamp(int i), punctual_lamp(int i, vec3 position): one light, for any reflectance.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights; known when
@@ -26,25 +27,45 @@ uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light 
 uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone
 #endif
 
+struct Lamp {
+    vec3 color;
+    float level;     // of the colour, on a surface that faces the lamp
+    vec3 direction;  // unit, towards the lamp
+};
+
+#if DIRECTIONAL_LIGHTS > 0
+Lamp directional_lamp(int i) {
+    return Lamp(u_directional_color[i], 1.0, -u_directional_direction[i]);
+}
+#endif
+#if PUNCTUAL_LIGHTS > 0
+Lamp punctual_lamp(int i, vec3 position) {
+    vec3 away = position - PUNCTUAL_POSITION(i);
+    float distance_m = max(length(away), 1e-3);
+    away /= distance_m;
+    float share = distance_m / u_punctual_limits[i].x;
+    share *= share;
+    float level = clamp(1.0 - share * share, 0.0, 1.0) / (distance_m * distance_m);
+    float inside = (dot(away, u_punctual_direction[i]) - u_punctual_limits[i].z)
+        / max(u_punctual_limits[i].y - u_punctual_limits[i].z, 1e-3);
+    float cone = clamp(inside, 0.0, 1.0);
+    return Lamp(u_punctual_color[i], level * cone * cone, -away);
+}
+#endif
+
+vec3 illuminance(Lamp lamp, vec3 normal) {
+    return lamp.color * (lamp.level * max(dot(normal, lamp.direction), 0.0));
+}
+
 vec3 light_on_surface(vec3 position, vec3 normal) {
     vec3 total = u_ambient;
 #if DIRECTIONAL_LIGHTS > 0
     for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
-        total += u_directional_color[i] * max(dot(normal, -u_directional_direction[i]), 0.0);
+        total += illuminance(directional_lamp(i), normal);
 #endif
 #if PUNCTUAL_LIGHTS > 0
-    for (int i = 0; i < PUNCTUAL_LIGHTS; ++i) {
-        vec3 away = position - PUNCTUAL_POSITION(i);
-        float distance_m = max(length(away), 1e-3);
-        away /= distance_m;
-        float share = distance_m / u_punctual_limits[i].x;
-        share *= share;
-        float level = clamp(1.0 - share * share, 0.0, 1.0) / (distance_m * distance_m);
-        float inside = (dot(away, u_punctual_direction[i]) - u_punctual_limits[i].z)
-            / max(u_punctual_limits[i].y - u_punctual_limits[i].z, 1e-3);
-        float cone = clamp(inside, 0.0, 1.0);
-        total += u_punctual_color[i] * (level * cone * cone * max(dot(normal, -away), 0.0));
-    }
+    for (int i = 0; i < PUNCTUAL_LIGHTS; ++i)
+        total += illuminance(punctual_lamp(i, position), normal);
 #endif
     return total;
 }
