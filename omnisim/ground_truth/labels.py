@@ -14,6 +14,7 @@ from omnisim.short_repr import counted, short_repr
 
 NOTHING = 0  # ID of class and instance where nothing is hit
 _GOLDEN = 0.61803398875  # hues that far apart never come close to one another
+_LARGEST_ID = 2**32 - 1  # of the channels' type
 
 
 @dataclass(frozen=True)
@@ -105,12 +106,12 @@ class Labels:
             KeyError, TypeError, ValueError: it is no such table.
         """
         classes = [
-            ClassLabel(int(one["id"]), str(one["name"]), _color(one["color"]))
+            ClassLabel(_id(one["id"]), str(one["name"]), _color(one["color"]))
             for one in content["classes"]
             if one["id"] != NOTHING
         ]
         instances = [
-            InstanceLabel(int(one["id"]), str(one["name"]), int(one["class"]), one.get("object"))
+            InstanceLabel(_id(one["id"]), str(one["name"]), _id(one["class"]), one.get("object"))
             for one in content["instances"]
         ]
         if [one.id for one in instances] != list(range(1, 1 + len(instances))):
@@ -133,9 +134,15 @@ class Labels:
         }
 
 
+def _id(value: Any) -> int:
+    if not isinstance(value, int) or not 0 <= value <= _LARGEST_ID:
+        raise ValueError("expected a whole number")
+    return value
+
+
 def _color(values: Any) -> tuple[int, int, int]:
-    red, green, blue = values
-    return int(red), int(green), int(blue)
+    red, green, blue = map(_id, values)
+    return red, green, blue
 
 
 def distinct_color(number: int) -> tuple[int, int, int]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import RunError
+from omnisim.ground_truth.labels import Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.color_model import Costs
 from omnisim.perception.color_training import (
@@ -125,17 +126,14 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]
         for name in _node_names(landmark, color)
     }
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))["instances"]
-        found = np.zeros(1 + max((int(entry["id"]) for entry in table), default=0), np.uint8)
-        for entry in table:
-            # what moves with the vehicle is no landmark, whatever its name
-            if "object" not in entry:
-                found[int(entry["id"])] = classes.get(str(entry["name"]), 0)
+        labels = Labels.from_json(json.loads(path.read_text(encoding="utf-8")))
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
-    except (KeyError, TypeError, ValueError, IndexError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not a table of labels") from None
-    return found
+    # what moves with the vehicle is no landmark, whatever its name
+    fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
+    return np.array([0, *fixed], dtype=np.uint8)
 
 
 def _node_names(landmark: Landmark, color: str) -> tuple[str, ...]:

@@ -203,6 +203,16 @@ def test_a_run_without_labels_teaches_nothing(run, tmp_path):
         train_on_run(read_run(plain), Costs())
 
 
+@pytest.mark.parametrize("number", ["1e999", "-1", "1.5", "99999999999999999999"])
+def test_labels_with_other_ids_are_damaged(run, tmp_path, number):
+    copy = shutil.copytree(run, tmp_path / "copy")
+    table = json.loads((copy / "labels.json").read_text())
+    table["instances"][0]["id"] = "NUMBER"
+    (copy / "labels.json").write_text(json.dumps(table).replace('"NUMBER"', number))
+    with pytest.raises(OmnisimError, match=r"labels\.json: is damaged: not a table of labels"):
+        train_on_run(read_run(copy), Costs())
+
+
 def test_a_picture_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_path):
     pixels, _ = read_image(run / "omnicam" / "000001.png")
     write_image(tmp_path / "plain.png", pixels, None)
