@@ -1,5 +1,6 @@
 // vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
-// Lamp directional_lamp(int i), punctual_lamp(int i, vec3 position): one light, for any reflectance.
+// Lamp directional_lamp(int i, vec3 position, vec3 normal), punctual_lamp likewise: one light, for any
+// reflectance; the normal is that of the surface's shape, which its shadow is looked up beside.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights; known when
@@ -27,6 +28,8 @@ uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light 
 uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone
 #endif
 
+#include "scene/shadow.glsl"
+
 struct Lamp {
     vec3 color;
     float level;     // of the colour, on a surface that faces the lamp
@@ -34,12 +37,13 @@ struct Lamp {
 };
 
 #if DIRECTIONAL_LIGHTS > 0
-Lamp directional_lamp(int i) {
-    return Lamp(u_directional_color[i], 1.0, -u_directional_direction[i]);
+Lamp directional_lamp(int i, vec3 position, vec3 normal) {
+    float level = directional_visibility(i, position, normal);
+    return Lamp(u_directional_color[i], level, -u_directional_direction[i]);
 }
 #endif
 #if PUNCTUAL_LIGHTS > 0
-Lamp punctual_lamp(int i, vec3 position) {
+Lamp punctual_lamp(int i, vec3 position, vec3 normal) {
     vec3 away = position - PUNCTUAL_POSITION(i);
     float distance_m = max(length(away), 1e-3);
     away /= distance_m;
@@ -49,7 +53,8 @@ Lamp punctual_lamp(int i, vec3 position) {
     float inside = (dot(away, u_punctual_direction[i]) - u_punctual_limits[i].z)
         / max(u_punctual_limits[i].y - u_punctual_limits[i].z, 1e-3);
     float cone = clamp(inside, 0.0, 1.0);
-    return Lamp(u_punctual_color[i], level * cone * cone, -away);
+    float visibility = punctual_visibility(i, distance_m * away, normal);
+    return Lamp(u_punctual_color[i], level * cone * cone * visibility, -away);
 }
 #endif
 
@@ -61,11 +66,11 @@ vec3 light_on_surface(vec3 position, vec3 normal) {
     vec3 total = u_ambient;
 #if DIRECTIONAL_LIGHTS > 0
     for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
-        total += illuminance(directional_lamp(i), normal);
+        total += illuminance(directional_lamp(i, position, normal), normal);
 #endif
 #if PUNCTUAL_LIGHTS > 0
     for (int i = 0; i < PUNCTUAL_LIGHTS; ++i)
-        total += illuminance(punctual_lamp(i, position), normal);
+        total += illuminance(punctual_lamp(i, position, normal), normal);
 #endif
     return total;
 }
