@@ -1,0 +1,176 @@
+"""Triangles of primitive solids, fine enough for ranges.
+
+Round surfaces are cut so that no point of a triangle is farther from the true one than
+`MAX_DEVIATION` of its radius, or `MIN_DEVIATION_M`. Corners lie a little outside of it and the
+middles of triangles a little inside, so that ranges are right in the mean.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+MAX_DEVIATION = 2e-4
+MIN_DEVIATION_M = 5e-5
+LEAST_SEGMENTS, MOST_SEGMENTS = 16, 160
+
+
+class Surface(NamedTuple):
+    """Triangles with normals.
+
+    Attributes:
+        positions: (n, 3) float64.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        normals: (n, 3) unit; None: flat triangles.
+    """
+
+    positions: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    normals: NDArray[np.float64] | None
+
+
+def segments(radius_m: float) -> int:
+    """Segments of a circle, a multiple of four."""
+    deviation = max(MAX_DEVIATION, MIN_DEVIATION_M / max(radius_m, MIN_DEVIATION_M))
+    count = 4 * math.ceil(math.pi / math.acos(1.0 - min(deviation, 1.0)) / 4.0)
+    return min(max(count, LEAST_SEGMENTS), MOST_SEGMENTS)
+
+
+def rectangle(half_x: float, half_y: float) -> Surface:
+    """Rectangle in the plane z = 0, seen from above."""
+    positions = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    positions *= (half_x, half_y, 1.0)
+    return Surface(positions, np.array([(0, 1, 2), (0, 2, 3)]), None)
+
+
+def box(half_sizes: ArrayLike) -> Surface:
+    """Box about the origin, of half sizes (3,)."""
+    corners: list[NDArray[np.float64]] = []
+    triangles: list[NDArray[np.int64]] = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            face = np.zeros((4, 3))
+            face[:, axis] = sign
+            face[:, u] = (-1.0, 1.0, 1.0, -1.0)
+            face[:, v] = (-1.0, -1.0, 1.0, 1.0)
+            order = ((0, 1, 2), (0, 2, 3)) if sign > 0 else ((0, 2, 1), (0, 3, 2))
+            triangles.append(np.array(order) + 4 * len(corners))
+            corners.append(face)
+    return Surface(
+        np.concatenate(corners) * np.asarray(half_sizes, float), np.concatenate(triangles), None
+    )
+
+
+def ellipsoid(radii: ArrayLike) -> Surface:
+    """Ellipsoid about the origin, of radii (3,)."""
+    sizes = np.asarray(radii, dtype=np.float64)
+    count = segments(float(sizes.max()))
+    unit = _dome(count, 0.0, math.pi)
+    normals = unit.positions / sizes
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    outside = 2.0 - math.cos(math.pi / count)
+    return Surface(unit.positions * sizes * outside, unit.triangles, normals)
+
+
+def cylinder(radius_m: float, half_length_m: float) -> Surface:
+    """Closed cylinder about z."""
+    count = segments(radius_m)
+    outer = radius_m * _outside(count)
+    side = _tube(count, outer, half_length_m)
+    caps = [_disc(count, outer, sign * half_length_m) for sign in (-1.0, 1.0)]
+    return join(side, *caps)
+
+
+def capsule(radius_m: float, half_length_m: float) -> Surface:
+    """Cylinder about z between two half spheres; its half length is without them."""
+    count = segments(radius_m)
+    top = _dome(count, 0.0, 0.5 * math.pi)
+    bottom = _dome(count, 0.5 * math.pi, math.pi)
+    offset = np.array([0.0, 0.0, half_length_m])
+    outer = radius_m * (2.0 - math.cos(math.pi / count))
+    return join(
+        _tube(count, outer, half_length_m),
+        top._replace(positions=top.positions * outer + offset),
+        bottom._replace(positions=bottom.positions * outer - offset),
+    )
+
+
+def join(*surfaces: Surface) -> Surface:
+    """All triangles of several surfaces, which all have normals or all have none."""
+    starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])
+    normals = [one.normals for one in surfaces if one.normals is not None]
+    return Surface(
+        np.concatenate([one.positions for one in surfaces]),
+        np.concatenate(
+            [one.triangles + start for one, start in zip(surfaces, starts, strict=False)]
+        ),
+        np.concatenate(normals) if normals else None,
+    )
+
+
+def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+    """Triangles (m, 3) of a grid of vertices, row by row; diagonals from (0, 0) to (1, 1).
+
+    With x along the columns and y along the rows, their fronts are up.
+    """
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
+    return np.concatenate(
+        (first + (0, 1, columns + 1), first + (0, columns + 1, columns)), axis=1
+    ).reshape(-1, 3)
+
+
+def _outside(count: int) -> float:
+    """Radius of the corners of a circle's polygon that is as far outside as inside."""
+    return 2.0 / (1.0 + math.cos(math.pi / count))
+
+
+def _circle(count: int) -> NDArray[np.float64]:
+    """Unit vectors (count + 1, 2), the first again at the end."""
+    angles = np.arange(count + 1) % count * (2.0 * math.pi / count)
+    return np.stack((np.cos(angles), np.sin(angles)), axis=1)
+
+
+def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
+    """Unit sphere between two angles from +z."""
+    steps = max(2, round((last_rad - first_rad) * count / (2.0 * math.pi)))
+    polar = np.linspace(first_rad, last_rad, steps + 1)[:, None]
+    circle = _circle(count)
+    positions = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar) * circle[:, 0], np.sin(polar) * circle[:, 1], np.cos(polar)
+        ),
+        axis=-1,
+    ).reshape(-1, 3)
+    triangles = grid_triangles(steps + 1, count + 1)[:, ::-1]
+    corners = positions[triangles]
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    return Surface(positions, triangles[area > 1e-12], positions)  # none at the poles
+
+
+def _tube(count: int, radius_m: float, half_length_m: float) -> Surface:
+    """Side of a cylinder."""
+    normals = np.concatenate((_circle(count), np.zeros((count + 1, 1))), axis=1)
+    normals = np.concatenate((normals, normals))
+    positions = normals * radius_m
+    positions[: count + 1, 2] = -half_length_m
+    positions[count + 1 :, 2] = half_length_m
+    return Surface(positions, grid_triangles(2, count + 1), normals)
+
+
+def _disc(count: int, radius_m: float, z_m: float) -> Surface:
+    """Disc that is seen from above where z is positive, otherwise from below."""
+    rim = np.concatenate((_circle(count)[:-1] * radius_m, np.full((count, 1), z_m)), axis=1)
+    corners = np.arange(count)
+    triangles = np.stack((np.full(count, count), corners, (corners + 1) % count), axis=1)
+    up = math.copysign(1.0, z_m)
+    return Surface(
+        np.concatenate((rim, [[0.0, 0.0, z_m]])),
+        triangles if up > 0 else triangles[:, ::-1],
+        np.tile((0.0, 0.0, up), (count + 1, 1)),
+    )
