@@ -1,9 +1,10 @@
-"""Atomic writing of files, and checks of their paths."""
+"""Atomic writing of files and folders, and checks of their paths."""
 
 from __future__ import annotations
 
 import os
 import secrets
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,16 +24,59 @@ def atomic_write(path: Path) -> Iterator[Path]:
         OutputError: the file cannot be written.
     """
     target = path.resolve()  # a link stays a link
-    partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
-    partials.add(partial)
+    partial = _partial_beside(target)
     try:
         yield partial
         os.replace(partial, target)
     except OSError as reason:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
     finally:
-        partial.unlink(missing_ok=True)
-        partials.discard(partial)
+        _remove(partial)
+
+
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Yield a new folder of the same name to fill; at the end of the block it becomes `path`.
+
+    It is inside a hidden folder beside `path`, so that files which carry their folder's name have
+    the right one. When the block fails nothing is left.
+
+    Raises:
+        OutputError: a file cannot be written, or something is at `path` at the end.
+    """
+    target = path.resolve()
+    partial = _partial_beside(target)
+    try:
+        folder = partial / target.name
+        folder.mkdir(parents=True)
+        yield folder
+        os.rename(folder, target)
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason.strerror or reason}") from None
+    finally:
+        _remove(partial)
+
+
+def check_new_folder(path: Path) -> None:
+    """Check that a folder can be made, before the work is done.
+
+    Raises:
+        OutputError: something is there, or its parent is missing or cannot be written.
+    """
+    try:
+        if path.exists() or path.is_symlink():
+            raise OutputError(f"{path}: is there already: expected the name of a new folder")
+        if not path.name:
+            raise OutputError(f"{path}: expected the name of a new folder")
+        _check_target(path, may_make_folder=False)
+    except OSError as reason:  # a name too long, a folder without permission
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+
+
+def remove_partials() -> None:
+    """Remove the files and folders that are being written."""
+    for partial in tuple(partials):
+        _remove(partial)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -90,6 +134,20 @@ def check_suffix(path: Path, suffix: str) -> None:
     """
     if path.suffix.lower() != suffix:
         raise OutputError(f"{path}: expected a name that ends in {suffix}")
+
+
+def _partial_beside(target: Path) -> Path:
+    partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
+    partials.add(partial)
+    return partial
+
+
+def _remove(partial: Path) -> None:
+    if partial.is_dir() and not partial.is_symlink():
+        shutil.rmtree(partial, ignore_errors=True)
+    else:
+        partial.unlink(missing_ok=True)
+    partials.discard(partial)
 
 
 def _check_target(path: Path, may_make_folder: bool) -> None:

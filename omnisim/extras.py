@@ -29,8 +29,10 @@ EXTRAS = {
     "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
     "live": {"websockets": "websockets"},
     "mujoco": {"mujoco-core": "mujoco"},
+    "ros": {"rosbags": "rosbags"},
     "oracles": {
         "embreex": "embreex",
+        "mcap-ros2-support": "mcap_ros2",
         "mitsuba": "mitsuba",
         "opencv-contrib-python-headless": "cv2",
         "pycolmap": "pycolmap",

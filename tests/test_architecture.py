@@ -17,6 +17,7 @@ LAYERS = (
     {"validation", "experiments"},
     {"reports"},
     {"plots"},
+    {"exporting"},
     {"simulation"},
     {"localization"},
     {"sensors", "perception", "robot"},
@@ -63,6 +64,7 @@ HOMES = {
     "yaml": {"calibration"},
     "embreex": {"rays"},
     "websockets": {"browser"},
+    "rosbags": {"exporting"},
 }
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path

@@ -91,23 +91,11 @@ def encode(
         CalibrationError: no model is near, with the reason.
     """
     source = camera.camera
-    native = form.native(source)
-    if native is not None and model in (None, source.model_name):
-        metadata = camera_metadata(camera.name, None, None, camera.residuals)
-        return Encoded(native, metadata, camera.residuals)
-    target = model_named(model, form)
-    _check_cone(source, form, place)
-    lens = lens_of(source)
     reasons: list[str] = []
-    for one in form.models:
-        same = equivalent(lens, one) if lens is not None and target in (None, one) else None
-        reason = None if same is None else form.unsupported(same)
-        if same is not None and reason is None:
-            limit_rad, residuals = source.domain_limit_rad, camera.residuals
-            metadata = camera_metadata(camera.name, source, limit_rad, residuals)
-            return Encoded(same, metadata, residuals)
-        if reason is not None and reason not in reasons:
-            reasons.append(reason)
+    exact = _encode_exactly(camera, form, place, model, reasons)
+    if exact is not None:
+        return exact
+    target = model_named(model, form)
     if isinstance(source, CylindricalCamera | EquirectangularCamera):
         raise CalibrationError(
             f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
@@ -121,6 +109,44 @@ def encode(
     )
     metadata = camera_metadata(camera.name, source, limit_rad, fitted)
     return Encoded(fit.camera, metadata, fitted)
+
+
+def encode_exactly(
+    camera: CalibratedCamera, form: Format[LensT], place: str
+) -> Encoded[LensT] | None:
+    """A camera by a model of a format that is the same lens; None: it has none."""
+    try:
+        return _encode_exactly(camera, form, place, None, [])
+    except CalibrationError:  # it ends before the camera does
+        return None
+
+
+def _encode_exactly(
+    camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None, reasons: list[str]
+) -> Encoded[LensT] | None:
+    """The same lens; None where there is none, with the reasons added to `reasons`.
+
+    Raises:
+        CalibrationError: the format ends before the camera does.
+    """
+    source = camera.camera
+    native = form.native(source)
+    if native is not None and model in (None, source.model_name):
+        metadata = camera_metadata(camera.name, None, None, camera.residuals)
+        return Encoded(native, metadata, camera.residuals)
+    target = model_named(model, form)
+    _check_cone(source, form, place)
+    lens = lens_of(source)
+    for one in form.models:
+        same = equivalent(lens, one) if lens is not None and target in (None, one) else None
+        reason = None if same is None else form.unsupported(same)
+        if same is not None and reason is None:
+            limit_rad, residuals = source.domain_limit_rad, camera.residuals
+            metadata = camera_metadata(camera.name, source, limit_rad, residuals)
+            return Encoded(same, metadata, residuals)
+        if reason is not None and reason not in reasons:
+            reasons.append(reason)
+    return None
 
 
 def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | None:

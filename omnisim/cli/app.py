@@ -36,6 +36,7 @@ from omnisim.cli.robot_requests import CheckRequest, ImportRequest
 from omnisim.cli.run_requests import (
     DetectRequest,
     DriveRequest,
+    ExportRequest,
     LocalizeRequest,
     PlotRequest,
     TrainRequest,
@@ -146,6 +147,14 @@ def video(request: VideoRequest) -> None:
     """Encode the pictures of a run as a video."""
     require_extra("video", "omnisim video")
     from omnisim.cli.video import run
+
+    run(request)
+
+
+@command(app, ExportRequest)
+def export(request: ExportRequest) -> None:
+    """Export a run for other tools: ROS 2 bags, data sets, structure from motion."""
+    from omnisim.cli.export import run
 
     run(request)
 

@@ -27,7 +27,13 @@ from omnisim.cli.arguments import (
     UnlitOption,
     UpOption,
 )
-from omnisim.cli.completion import complete_path, complete_robot
+from omnisim.cli.completion import (
+    EXPORT_FORMATS,
+    complete_path,
+    complete_robot,
+    complete_run_camera,
+    one_of,
+)
 
 
 @dataclass(frozen=True)
@@ -190,6 +196,57 @@ class VideoRequest:
     ]
     camera_name: RunCameraOption = None
     rate_hz: Annotated[float, typer.Option("--fps", metavar="HZ", help="Frames per second.")] = 10.0
+
+
+@dataclass(frozen=True)
+class ExportRequest:
+    """Parameters of `omnisim export`."""
+
+    run: RunArgument
+    format: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            autocompletion=one_of(*EXPORT_FORMATS),
+            help=f"Format: {', '.join(EXPORT_FORMATS)}.",
+        ),
+    ]
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="New folder; it appears when it is whole."
+        ),
+    ]
+    camera_name: Annotated[
+        str | None,
+        typer.Option(
+            "--camera-name",
+            metavar="NAME",
+            autocompletion=complete_run_camera,
+            help="Camera of the run.",
+            show_default="all; the first in formats of one camera",
+        ),
+    ] = None
+    start_time: Annotated[
+        str,
+        typer.Option(
+            "--start-time",
+            metavar="S|DATE",
+            help="Stamp of the run's time 0: seconds since 1970, or a date such as "
+            "2026-01-31T12:00:00.",
+        ),
+    ] = "0"
+    compressed: Annotated[
+        bool,
+        typer.Option(
+            "--compressed", help="Pictures as PNG, where a format has pixels or PNG: ros2-*."
+        ),
+    ] = False
+    with_points: Annotated[
+        bool,
+        typer.Option("--points", help="Also point clouds of the cameras' ranges: ros2-*."),
+    ] = False
 
 
 @dataclass(frozen=True)

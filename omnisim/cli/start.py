@@ -42,7 +42,8 @@ def _interrupt(signal_number: int, frame: FrameType | None) -> None:
 def _end(signal_number: int, frame: FrameType | None) -> None:
     """End the process at once, without the files that it was writing."""
     files = sys.modules.get("omnisim.atomic_file")
-    for partial in tuple(getattr(files, "partials", ())):
-        partial.unlink(missing_ok=True)
+    remove_partials = getattr(files, "remove_partials", None)  # None while it is being imported
+    if remove_partials is not None:
+        remove_partials()
     os.write(2, b"interrupted\n")
     os._exit(INTERRUPTED)

@@ -1,0 +1,1 @@
+"""Exports of recorded runs to the files and folders that other tools read."""

@@ -1,0 +1,51 @@
+"""Export of a run: whole, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from omnisim.atomic_file import atomic_folder, check_new_folder
+from omnisim.errors import OutputError
+from omnisim.exporting.export_format import ExportSettings, PrintNote
+from omnisim.exporting.recording import Recording
+from omnisim.exporting.registry import EXTRAS, check_format, format_named
+from omnisim.extras import require_extra
+
+
+def export_run(
+    run: Path,
+    format: str,
+    output: Path,
+    settings: ExportSettings | None = None,
+    camera_name: str | None = None,
+    print_note: PrintNote = lambda note: None,
+) -> Iterator[int]:
+    """Export a run to a folder; yields the run's number of steps, then how many are done.
+
+    The folder appears at the end, when it is whole.
+
+    Args:
+        run: folder of the run, which is finished.
+        format: name of the format, a key of `registry.FORMATS`.
+        output: folder that is not there yet.
+        settings: of the export.
+        camera_name: the only camera to export; None: all that the format takes.
+        print_note: called with what the format cannot say.
+
+    Raises:
+        OmnisimError: an unknown format, a run that is not finished, an extra that is missing, a
+            camera that the format has no model for, or a folder that cannot be written.
+    """
+    extra = EXTRAS.get(check_format(format))
+    if extra is not None:
+        require_extra(extra, f"--to {format}")
+    recording = Recording.read(run, camera_name)
+    check_new_folder(output)
+    if run.resolve() in output.resolve().parents:
+        raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
+    yield recording.steps
+    with atomic_folder(output) as folder:
+        yield from format_named(format).write(
+            recording, folder, settings or ExportSettings(), print_note
+        )

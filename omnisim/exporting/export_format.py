@@ -1,0 +1,78 @@
+"""Interface of the formats that runs are exported to."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OutputError
+from omnisim.exporting.recording import Recording
+
+NANOSECONDS = 1_000_000_000
+LARGEST_START_S = 4_000_000_000  # the year 2096: seconds of ROS are signed 32-bit numbers
+
+PrintNote = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """Settings of an export.
+
+    Attributes:
+        start_ns: stamp of the time 0 s, nanoseconds since 1970.
+        compressed: pictures as PNG files in place of their pixels, where a format has both.
+        with_points: also points of each camera's ranges, where a format has point clouds.
+    """
+
+    start_ns: int = 0
+    compressed: bool = False
+    with_points: bool = False
+
+    def stamps_ns(self, times_s: NDArray[np.float64], source: Path) -> list[int]:
+        """Stamps of times, whole nanoseconds.
+
+        Raises:
+            OutputError: a stamp before 1970.
+        """
+        stamps = [self.start_ns + round(time * NANOSECONDS) for time in times_s.tolist()]
+        if stamps and min(stamps) < 0:
+            raise OutputError(
+                f"{source}: time {times_s.min():g} s: expected 0 or more; --start-time moves it"
+            )
+        return stamps
+
+
+class ExportFormat(ABC):
+    """Format of exported runs.
+
+    Attributes:
+        name: on the command line.
+        title: contents and readers, for lists.
+        extra: that it needs, or None.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    extra: ClassVar[str | None] = None
+
+    @abstractmethod
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write a run into an empty folder; yields the number of steps done after each.
+
+        Args:
+            recording: what is exported.
+            folder: that becomes the export.
+            settings: of the export.
+            print_note: called with what the format cannot say.
+
+        Raises:
+            OmnisimError: a file of the run is damaged, or the format cannot say what is needed.
+        """

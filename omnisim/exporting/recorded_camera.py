@@ -1,0 +1,153 @@
+"""Cameras of a recorded run: pictures and ground truth by step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, NonCentralCamera
+from omnisim.cameras.camera import pixel_grid
+from omnisim.errors import RunError
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.image_files import read_image
+from omnisim.perception.panorama import CameraMount
+from omnisim.poses import inverse
+from omnisim.simulation.calibration_file import CALIBRATION, read_mount
+from omnisim.simulation.run_folder import RunFolder
+
+PICTURE = ".png"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCamera:
+    """Camera of a run.
+
+    Attributes:
+        run: its folder.
+        name: of the camera.
+        mount: model, pose on the base, and mask of the pixels that show the scene.
+    """
+
+    run: RunFolder
+    name: str
+    mount: CameraMount
+
+    @classmethod
+    def read(cls, run: RunFolder, name: str) -> RecordedCamera:
+        """Read the calibration of a camera.
+
+        Raises:
+            RunError: it cannot be read.
+        """
+        return cls(run, name, read_mount(run.path / name / CALIBRATION))
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.mount.camera.width_px, self.mount.camera.height_px
+
+    @property
+    def has_one_viewpoint(self) -> bool:
+        """False for an optical system whose rays do not meet."""
+        return not isinstance(self.mount.camera, NonCentralCamera)
+
+    def central(self, reason: str) -> CentralCamera:
+        """The camera's model, which has one viewpoint.
+
+        Args:
+            reason: what needs it, for the message.
+
+        Raises:
+            RunError: it has none.
+        """
+        if not self.has_one_viewpoint:
+            raise RunError(
+                f"{self.run.path / self.name}: its optics have no single viewpoint: {reason}"
+            )
+        return self.mount.camera
+
+    def picture_file(self, step: int) -> Path:
+        """File of the picture of a step."""
+        return self.run.file(self.name, step, PICTURE)
+
+    def picture(self, step: int) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of a step, sRGB.
+
+        Raises:
+            OutputError: the file is missing or damaged.
+            RunError: it is not one of this camera.
+        """
+        path = self.picture_file(step)
+        pixels, _ = read_image(path)
+        width, height = self.size_px
+        if pixels.shape[:2] != (height, width) or pixels.shape[2] < 3 or pixels.dtype != np.uint8:
+            raise RunError(
+                f"{path}: expected {width} × {height} px of 3 × uint8, got {pixels.shape[1]} × "
+                f"{pixels.shape[0]} px of {pixels.shape[2]} × {pixels.dtype}"
+            )
+        return np.ascontiguousarray(pixels[..., :3])
+
+    def has(self, channel: str) -> bool:
+        """Channel of ground truth is in the run."""
+        return channel in self.run.manifest.channels
+
+    def channel(self, step: int, name: str) -> NDArray[Any]:
+        """Channel of ground truth of a step.
+
+        Raises:
+            OutputError: a file is missing or damaged, or of another picture's size.
+        """
+        path = self.picture_file(step)
+        values: NDArray[Any] = StoredChannels(path, {}).read([name])[name]
+        width, height = self.size_px
+        if values.shape[:2] != (height, width):
+            raise RunError(f"{path}: channel {name!r}: expected {width} × {height} px")
+        return values
+
+    @cached_property
+    def _rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.bool_]]:
+        rays = self.mount.camera.ray_from_pixel(pixel_grid(*self.size_px))
+        return rays.directions, rays.origins_m, rays.valid
+
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """Unit vectors (height, width, 3) of the pixels' rays, optical frame."""
+        return self._rays[0]
+
+    def depths_m(self, step: int) -> NDArray[np.float32]:
+        """Coordinates (height, width) of the points along the optical axis; +inf: nothing.
+
+        Raises:
+            OutputError: a file is missing or damaged.
+        """
+        ranges_m = self.channel(step, "range")
+        hit = np.isfinite(ranges_m)
+        depths = np.full(ranges_m.shape, np.inf, dtype=np.float32)
+        depths[hit] = ranges_m[hit] * self.directions[hit][:, 2]
+        return depths
+
+    def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Points (n, 3) in the optical frame of the pixels that hit something, and their mask.
+
+        Args:
+            ranges_m: (height, width).
+        """
+        directions, origins_m, valid = self._rays
+        hit = np.isfinite(ranges_m) & valid
+        points: NDArray[np.float64] = directions[hit] * ranges_m[hit, None]
+        return points if origins_m is None else points + origins_m[hit], hit
+
+    def world_from_optical(self, world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses (..., 4, 4) of the camera."""
+        poses: NDArray[np.float64] = world_from_base @ self.mount.base_from_optical
+        return poses
+
+    def body_from_optical(self, base_from_body: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (4, 4) of the camera on another body than the base."""
+        pose: NDArray[np.float64] = inverse(base_from_body) @ self.mount.base_from_optical
+        return pose

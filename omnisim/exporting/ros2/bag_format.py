@@ -1,0 +1,183 @@
+"""ROS 2 bags of runs.
+
+| topic | type | |
+| --- | --- | --- |
+| `/<camera>/image_raw` | Image, rgb8 | `--compressed`: `/<camera>/image_raw/compressed`, PNG |
+| `/<camera>/camera_info` | CameraInfo | only where it is the camera to the last bit |
+| `/<camera>/calibration` | String, latched | omnisim's calibration, JSON: any model |
+| `/<camera>/range` | Image, 32FC1 | metres along the ray, inf: nothing |
+| `/<camera>/points` | PointCloud2 | `--points`: its points, with colours |
+| `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimetres, 0: none (REP 118) |
+| `/<scanner>/scan` | LaserScan | |
+| `/<lidar>/points` | PointCloud2 | with ring, time, range, instance |
+| `/<imu>/data_raw` | Imu | at its own rate, without orientation |
+| `/<sonar>/range` | Range | |
+| `/odom` | Odometry | by dead reckoning; a rig has none |
+| `/ground_truth/pose` | PoseStamped | true pose of the base in `map` |
+| `/tf`, `/tf_static` | TFMessage | `map → odom → base_link → sensors`, `map → objects` |
+
+Source: REP 103, 105, 117, 118; common_interfaces of Humble.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import OutputError
+from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.exporting.recording import Recording
+from omnisim.exporting.ros2 import messages
+from omnisim.exporting.ros2.bag import Bag
+from omnisim.exporting.ros2.streams import (
+    BASE,
+    CameraStream,
+    DepthStream,
+    ImuStream,
+    LidarStream,
+    RangeStream,
+    ScanStream,
+    Stream,
+    ros_name,
+)
+from omnisim.poses import inverse
+from omnisim.simulation.sensors import MountedSensor
+from omnisim.simulation.sensors.depth_camera import MountedDepthCamera
+from omnisim.simulation.sensors.imu import MountedImu
+from omnisim.simulation.sensors.lidar import MountedLidar
+from omnisim.simulation.sensors.range_scanner import MountedScanner
+from omnisim.simulation.sensors.range_sensor import MountedRangeSensor
+
+OpenStream = Callable[[Recording, str, ExportSettings], Stream]
+MAP, ODOM = "map", "odom"
+STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
+    (MountedDepthCamera, DepthStream),
+    (MountedScanner, ScanStream),
+    (MountedLidar, LidarStream),
+    (MountedImu, ImuStream),
+    (MountedRangeSensor, RangeStream),
+)
+
+
+class Ros2Bag(ExportFormat):
+    """Base of the bags, which differ in their storage."""
+
+    extra = "ros"
+    storage: ClassVar[str]
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the bag, step by step."""
+        streams = open_streams(recording, settings)
+        motion = _Motion(recording)
+        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        for stream in streams:
+            if isinstance(stream, CameraStream) and stream.lens is None:
+                print_note(
+                    f"{stream.name}: CameraInfo has no model of it: its calibration is on "
+                    f"/{stream.topic}/calibration"
+                )
+        if settings.start_ns == 0:
+            print_note("times begin in 1970: --start-time says otherwise")
+        folder.rmdir()  # rosbags makes it
+        with Bag(folder, self.storage) as bag:
+            _write_latched(bag, streams, stamps_ns[0])
+            for step, stamp_ns in enumerate(stamps_ns):
+                motion.write(bag, step, stamp_ns)
+                found = [one for stream in streams for one in stream.messages_at(step, stamp_ns)]
+                for one in sorted(found, key=lambda one: one.stamp_ns):
+                    bag.write(one.topic, one.stamp_ns, one.message)
+                yield step + 1
+
+
+class Ros2Mcap(Ros2Bag):
+    """Bag in an MCAP file."""
+
+    name = "ros2-mcap"
+    title = "ROS 2 bag in an MCAP file: ROS 2, Foxglove, Rerun"
+    storage = "mcap"
+
+
+class Ros2Sqlite(Ros2Bag):
+    """Bag in an SQLite file."""
+
+    name = "ros2-sqlite"
+    title = "ROS 2 bag in an SQLite file: ROS 2 before Iron"
+    storage = "sqlite"
+
+
+def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]:
+    """Streams of all sensors.
+
+    Raises:
+        OutputError: two whose topics would have the same name.
+    """
+    streams: list[Stream] = [
+        CameraStream(recording, camera, settings) for camera in recording.cameras
+    ]
+    for kind, open_stream in STREAMS:
+        streams += [open_stream(recording, name, settings) for name in recording.sensors(kind)]
+    names = [stream.topic for stream in streams]
+    for stream in streams:
+        if names.count(stream.topic) > 1:
+            raise OutputError(
+                f"{recording.run.path / stream.name}: expected a topic of its own, got "
+                f"/{stream.topic} for two sensors"
+            )
+    return streams
+
+
+def _write_latched(bag: Bag, streams: list[Stream], stamp_ns: int) -> None:
+    mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
+    if mounts:
+        bag.write("/tf_static", stamp_ns, messages.transforms(stamp_ns, mounts), is_latched=True)
+    for stream in streams:
+        if isinstance(stream, CameraStream):
+            text = messages.text(stream.calibration)
+            bag.write(f"/{stream.topic}/calibration", stamp_ns, text, is_latched=True)
+
+
+class _Motion:
+    """Messages of the motion of a run."""
+
+    def __init__(self, recording: Recording):
+        self._truth = recording.truth
+        self._odometry = recording.odometry
+        self._reckoned = self._truth
+        if recording.odometry is not None:
+            self._reckoned = recording.odometry.dead_reckoned()
+        self._objects = recording.objects()
+
+    def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
+        """Write the messages of a step."""
+        map_from_base = self._truth.world_from_base[step]
+        odom_from_base = self._reckoned.world_from_base[step]
+        poses: dict[tuple[str, str], NDArray[np.float64]] = {
+            (MAP, ODOM): map_from_base @ inverse(odom_from_base),
+            (ODOM, BASE): odom_from_base,
+            **{
+                (MAP, ros_name(name)): motion.world_from_base[step]
+                for name, motion in self._objects.items()
+            },
+        }
+        bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
+        truth = messages.pose_stamped(stamp_ns, MAP, map_from_base)
+        bag.write("/ground_truth/pose", stamp_ns, truth)
+        if self._odometry is not None:
+            speed, turn_rate = self._rates(step)
+            reading = messages.odometry(stamp_ns, (ODOM, BASE), odom_from_base, speed, turn_rate)
+            bag.write("/odom", stamp_ns, reading)
+
+    def _rates(self, step: int) -> tuple[float, float]:
+        """Speed and turn rate since the step before, as the wheels report them."""
+        odometry = self._odometry
+        if odometry is None or step == 0:
+            return 0.0, 0.0
+        duration_s = float(odometry.times_s[step] - odometry.times_s[step - 1])
+        distance_m, turn_rad = odometry.distances_m[step - 1], odometry.turns_rad[step - 1]
+        return float(distance_m) / duration_s, float(turn_rad) / duration_s

@@ -1,0 +1,121 @@
+"""Exports of runs, whatever the format: whole or not at all, and errors in one line."""
+
+import shutil
+from datetime import UTC, datetime
+
+import pytest
+
+from omnisim.atomic_file import atomic_folder, partials, remove_partials
+from omnisim.cli.completion import EXPORT_FORMATS
+from omnisim.cli.export import parse_start_time
+from omnisim.errors import OmnisimError, OutputError
+from omnisim.exporting.export import export_run
+from omnisim.exporting.recorded_camera import RecordedCamera
+from omnisim.exporting.registry import EXTRAS, FORMATS, format_named
+from omnisim.extras import missing_packages
+
+
+def test_completion_and_registry_know_the_same_formats():
+    assert tuple(FORMATS) == EXPORT_FORMATS
+    for name in FORMATS:
+        if name not in EXTRAS or not missing_packages(EXTRAS[name]):
+            form = format_named(name)
+            assert form.name == name
+            assert form.extra == EXTRAS.get(name)
+
+
+def _fill(folder):
+    assert folder.name == "out"
+    (folder / "half").write_text("half")
+    assert not (folder.parent.parent / "out").exists()
+    raise OSError(28, "disk is full")
+
+
+def test_a_folder_is_there_whole_or_not_at_all(tmp_path):
+    writing = atomic_folder(tmp_path / "out")
+    with (
+        pytest.raises(OutputError, match="out: cannot be written: disk is full"),
+        writing as folder,
+    ):
+        _fill(folder)
+    assert not any(tmp_path.iterdir())
+    with atomic_folder(tmp_path / "out") as folder:
+        (folder / "whole").write_text("whole")
+    assert [file.name for file in tmp_path.iterdir()] == ["out"]
+    assert (tmp_path / "out" / "whole").read_text() == "whole"
+
+
+def test_the_end_of_the_process_removes_folders_that_are_being_written(tmp_path):
+    writing = atomic_folder(tmp_path / "out")
+    (writing.__enter__() / "half").write_text("half")
+    remove_partials()
+    assert not any(tmp_path.iterdir())
+    assert not partials
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("0", 0), ("1.5", 1.5), ("1769860800", 1769860800), ("2026-01-31T12:00:00", 1769860800),
+     ("2026-01-31T13:00:00+01:00", 1769860800), ("2026-01-31", 1769817600)],
+)  # fmt: skip
+def test_start_times_are_seconds_or_dates(text, seconds):
+    assert parse_start_time(text) == seconds * 1_000_000_000
+
+
+def test_start_times_are_exact_to_the_nanosecond():
+    assert parse_start_time("1769860800.123456789") == 1_769_860_800_123_456_789
+    moment = datetime(2026, 1, 31, 12, 0, 0, 123456, UTC)
+    assert parse_start_time(moment.isoformat()) == 1_769_860_800_123_456_000
+
+
+@pytest.mark.parametrize("text", ["noon", "-1", "1e400", "", "5000000000", "1969-12-31", "1_000"])
+def test_impossible_start_times_are_refused(text):
+    with pytest.raises(OmnisimError, match=r"--start-time .*: expected seconds since 1970"):
+        parse_start_time(text)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+class TestRefusals:
+    def test_of_a_run_that_is_not_finished(self, run, tmp_path):
+        shutil.copytree(run, tmp_path / "run")
+        (tmp_path / "run" / "front" / "000002.png").unlink()
+        with pytest.raises(OmnisimError, match=r"000002\.png: is missing: expected a finished run"):
+            list(export_run(tmp_path / "run", "ros2-mcap", tmp_path / "out"))
+        assert not (tmp_path / "out").exists()
+
+    @pytest.mark.parametrize("format", FORMATS)
+    def test_of_a_damaged_picture_or_table_leave_nothing(self, run, tmp_path, format):
+        shutil.copytree(run, tmp_path / "run")
+        for name in ("front/000003.png", "front/calibration.json", "imu/sensor.yaml"):
+            (tmp_path / "run" / name).write_text("damaged")
+        with pytest.raises(OmnisimError):
+            list(export_run(tmp_path / "run", format, tmp_path / "out", camera_name="front"))
+        assert [file.name for file in tmp_path.iterdir()] == ["run"]
+
+    def test_of_what_is_there(self, run, tmp_path):
+        (tmp_path / "out").mkdir()
+        with pytest.raises(OmnisimError, match="out: is there already: expected the name of a new"):
+            list(export_run(run, "ros2-mcap", tmp_path / "out"))
+
+    def test_of_a_folder_inside_of_the_run(self, run):
+        with pytest.raises(OmnisimError, match="is inside of the run"):
+            list(export_run(run, "ros2-mcap", run / "out"))
+
+    def test_of_a_folder_whose_parent_is_missing(self, run, tmp_path):
+        with pytest.raises(OmnisimError, match="does not exist"):
+            list(export_run(run, "ros2-mcap", tmp_path / "none" / "out"))
+
+    def test_of_another_camera(self, run, tmp_path):
+        with pytest.raises(OmnisimError, match="camera 'fron': not there; did you mean 'front'"):
+            list(export_run(run, "ros2-mcap", tmp_path / "out", camera_name="fron"))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_an_interrupted_export_leaves_nothing(run, tmp_path, monkeypatch):
+    def interrupt(self, step):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RecordedCamera, "picture_file", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        list(export_run(run, "ros2-mcap", tmp_path / "out"))
+    assert not any(tmp_path.iterdir())
