@@ -28,7 +28,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.monotone import first_root, polyval, solve_polynomial
+from omnisim.cameras.monotone import LARGEST_RADIUS_PX, first_root, polyval, solve_polynomial
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
@@ -79,7 +79,8 @@ class FThetaInverseCamera(RadialCamera):
         slopes = polynomial.polyder(thetas)
         slopes[0] *= 1.0 - LEAST_SLOPE
         thetas[0] = -self.theta_max_rad
-        return min(first_root(slopes), first_root(thetas))
+        end = first_root(thetas, LARGEST_RADIUS_PX)
+        return first_root(slopes, end)
 
     @property
     def theta_edge_rad(self) -> float:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Coefficients = Sequence[float] | NDArray[np.floating[Any]]
 
+LARGEST_RADIUS_PX = 1e12  # far beyond any picture
+_EPS = float(np.finfo(float).eps)
 MAX_STEPS = 100  # bisection alone needs some sixty
 
 
@@ -27,7 +29,7 @@ def solve_increasing(
     makes it slower.
     """
     found = np.clip(values, low, high).ravel()
-    tolerance = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    tolerance = 4.0 * _EPS * max(abs(low), abs(high))
     active = np.arange(found.size)  # each search stops by itself
     target, argument = values.ravel(), found.copy()
     lower, upper = np.full(found.shape, low), np.full(found.shape, high)
@@ -66,8 +68,14 @@ def polyval(coefficients: Coefficients, arguments: NDArray[np.float64]) -> NDArr
 def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
     """Smallest positive real root of a polynomial, constant term first; `highest` if none is less.
 
-    Of roots that rounding parts into a complex pair the real part counts.
+    Of roots that rounding parts into a complex pair the real part counts. Highest terms that are
+    below rounding all the way to `highest` are left out: others' roots would be lost beside theirs.
     """
-    roots = np.roots(np.trim_zeros(np.asarray(coefficients, dtype=np.float64), "b")[::-1])
+    terms = np.asarray(coefficients, dtype=np.float64)
+    if math.isfinite(highest):
+        sizes = np.abs(terms) * highest ** np.arange(len(terms), dtype=np.float64)
+        while len(terms) > 1 and sizes[len(terms) - 1] < _EPS * sizes[: len(terms) - 1].max():
+            terms = terms[:-1]
+    roots = np.roots(np.trim_zeros(terms, "b")[::-1])
     real = roots.real[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]
     return float(min([*real[real > 0.0], highest]))

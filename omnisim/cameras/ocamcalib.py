@@ -35,7 +35,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.monotone import first_root, polyval, solve_increasing
+from omnisim.cameras.monotone import LARGEST_RADIUS_PX, first_root, polyval, solve_increasing
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.errors import OpticsError
 
@@ -95,11 +95,11 @@ class OcamcalibCamera(RadialCamera):
         rises = polynomial.polysub(polynomial.polymulx(polynomial.polyder(heights)), heights)
         squares = polynomial.polyadd([0.0, 0.0, 1.0], polynomial.polymul(heights, heights))
         least = LEAST_SLOPE / -heights[0]
-        end = first_root(polynomial.polysub(rises, least * squares))
+        end = first_root(polynomial.polysub(rises, least * squares), LARGEST_RADIUS_PX)
         # sin(θ_max) F(ρ) + cos(θ_max) ρ = 0 at θ_max
         sine, cosine = math.sin(self.theta_max_rad), math.cos(self.theta_max_rad)
         at_theta_max = polynomial.polyadd(sine * heights, [0.0, cosine])
-        return end if self.theta_max_rad == math.pi else min(end, first_root(at_theta_max))
+        return end if self.theta_max_rad == math.pi else min(end, first_root(at_theta_max, end))
 
     @property
     def theta_edge_rad(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from functools import cached_property
 
@@ -28,8 +29,8 @@ class PolynomialLens(RadialCamera):
 
     @cached_property
     def fold_rad(self) -> float:
-        """Angle of the fold, infinite where there is none."""
-        return first_root(polynomial.polyder(self.theta_polynomial))
+        """Angle of the fold, 2π where there is none before it."""
+        return first_root(polynomial.polyder(self.theta_polynomial), math.tau)
 
     @property
     def theta_edge_rad(self) -> float:

@@ -1,6 +1,7 @@
 """Pages that are served to tests, and clients of their stream."""
 
 import json
+import time
 from contextlib import contextmanager
 
 from websockets.sync.client import connect
@@ -11,6 +12,7 @@ from omnisim.browser.live_source import LiveSettings
 from omnisim.scene import load_scene
 
 SIZE_PX = 96
+REST_WITHIN_S = 60.0
 
 
 @contextmanager
@@ -57,11 +59,12 @@ class Client:
 
     def fine_frame(self):
         """The picture at rest, after all that was sent."""
-        for _ in range(200):
+        end_s = time.monotonic() + REST_WITHIN_S
+        while time.monotonic() < end_s:
             frame = self.frame()
             if frame["is_fine"]:
                 return frame
-        raise AssertionError("never at rest")
+        raise AssertionError(f"never at rest: {frame['place']}, {frame['times_ms']}")
 
     def __enter__(self):
         return self

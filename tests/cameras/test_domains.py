@@ -1,5 +1,6 @@
 """Valid domains of the camera models, against their authors' formulas."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from omnisim.cameras import PlanarCamera
 from omnisim.cameras.hyperbolic import image_radius_eq2_px
+from omnisim.cameras.monotone import first_root
 from tests.camera_examples import CAMERA_EXAMPLES
 
 
@@ -107,3 +109,18 @@ def test_planar_is_the_hyperbolic_mirror_with_k_2():
         hyperbolic.ray_from_pixel(pixels).directions,
         atol=1e-12,
     )
+
+
+@pytest.mark.parametrize("power", [3, 5, 8])
+@pytest.mark.parametrize("size", [1e-88, 1e-250])
+def test_a_term_that_vanishes_moves_no_root(power, size):
+    terms = np.zeros(1 + power)
+    terms[:3] = 6.0, -5.0, 1.0
+    terms[power] = size
+    assert first_root(terms, 1e12) == pytest.approx(2.0, rel=1e-12)
+
+
+def test_ocamcalib_with_a_term_that_vanishes_ends_where_it_does_without():
+    camera = CAMERA_EXAMPLES["ocamcalib-fisheye"]
+    longer = dataclasses.replace(camera, polynomial=(*camera.polynomial, 2.7e-88))
+    assert longer.radius_max_px == pytest.approx(camera.radius_max_px, rel=1e-9)
