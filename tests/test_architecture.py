@@ -63,6 +63,7 @@ HOMES = {
     "pycolmap": {"validation"},
     "yaml": {"calibration"},
     "embreex": {"rays"},
+    "mujoco": {"scene", "mujoco", "simulation"},
     "websockets": {"browser"},
     "rosbags": {"exporting"},
 }

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.parts import Instance, Light, Material, Mesh
+from omnisim.scene.parts import Instance, Light, Lighting, Material, Mesh
 from omnisim.short_repr import counted
 from omnisim.srgb import linear_from_srgb
 
@@ -28,6 +28,8 @@ class ImportedScene(NamedTuple):
             in the file's axes and unit.
         notices: one line for each feature that is not drawn.
         lights: in the world frame.
+        lighting: in place of lights, where the file has levels of its own; None: it has not.
+        background: linear RGB where nothing is hit; None: the file has none.
     """
 
     meshes: tuple[Mesh, ...]
@@ -35,6 +37,8 @@ class ImportedScene(NamedTuple):
     instances: tuple[Instance, ...]
     notices: list[str]
     lights: tuple[Light, ...] = ()
+    lighting: Lighting | None = None
+    background: tuple[float, float, float] | None = None
 
 
 def texture_notices(read: ImportedScene) -> list[str]:

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from omnisim.errors import SceneError, printable
+from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import extend, with_objects
@@ -30,6 +31,7 @@ from omnisim.scene.start_pose import default_start, find_start
 from omnisim.scene.textures import TextureStore, large_textures
 
 _GLTF = {".glb", ".gltf"}
+_MJCF = {".xml", ".mjcf"}
 MAX_NOTICE = 300
 
 
@@ -114,10 +116,7 @@ def _load_mesh_file(
     path, settings = found.mesh_file, found.settings
     assert path is not None
     try:
-        if path.suffix.lower() not in _GLTF:
-            from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
-
-            check_format(path)
+        _check_format(path)
         data = path.read_bytes()
     except OSError as reason:  # no permission, a name too long
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
@@ -132,6 +131,16 @@ def _load_mesh_file(
         raise SceneError(f"{path}: asks for more memory than there is") from None
 
 
+def _check_format(path: Path) -> None:
+    """Check that there is a reader for files with the suffix of `path`."""
+    if path.suffix.lower() in _MJCF:
+        require_extra("mujoco", str(path), SceneError)
+    elif path.suffix.lower() not in _GLTF:
+        from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
+
+        check_format(path)
+
+
 def _load(
     name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxes, is_shape: bool
 ) -> Scene:
@@ -140,6 +149,10 @@ def _load(
     textures, assets = TextureStore(), AssetResolver(path)
     if suffix in _GLTF:
         read = read_gltf(data, textures, assets, matrix)
+    elif suffix in _MJCF:
+        from omnisim.scene.mujoco.reader import read_mjcf  # of an extra
+
+        read = read_mjcf(path)
     else:
         from omnisim.scene.other_formats import read_other  # slow to import
 
@@ -161,8 +174,8 @@ def _load(
         meshes=read.meshes,
         materials=read.materials,
         instances=instances,
-        lighting=expose(read.lights, read.meshes, instances),
-        background=settings.background or DEFAULT_BACKGROUND,
+        lighting=read.lighting or expose(read.lights, read.meshes, instances),
+        background=settings.background or read.background or DEFAULT_BACKGROUND,
         start=_start(settings) or start,
         notices=tuple(
             printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in dict.fromkeys(notices)
