@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-MAX_DEVIATION = 2e-4
+MAX_DEVIATION = 5e-4
 MIN_DEVIATION_M = 5e-5
 LEAST_SEGMENTS, MOST_SEGMENTS = 16, 160
 

@@ -127,10 +127,10 @@ class Materials:
         )
         notices = []
         if mirrors:
-            notices.append(f"reflections of {counted(int(mirrors), 'material')} are not drawn")
+            notices.append(f"not drawn: mirror images in {counted(int(mirrors), 'material')}")
         if single:
             notices.append(
-                f"{counted(single, 'texture')} of occlusion, roughness, metallic or opacity alone "
-                "are not drawn: expected one texture of the three, layer role 'orm'"
+                f"not drawn: {counted(single, 'texture')} of occlusion, roughness, metallic or "
+                "opacity alone; those of role orm are"
             )
         return notices

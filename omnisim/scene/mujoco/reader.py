@@ -119,13 +119,13 @@ def _geom_notices(model: mujoco.MjModel, geoms: list[int], groups: Collection[in
     if hidden:
         others = sorted({int(group) for group in model.geom_group} - set(groups))
         listed = ", ".join(map(str, others))
-        notices.append(f"{counted(hidden, 'geom')} of group {listed} are not drawn, as in MuJoCo")
+        notices.append(f"not drawn, as in MuJoCo: {counted(hidden, 'geom')} of group {listed}")
     fields = sum(int(model.geom_type[geom]) == Geom.mjGEOM_SDF for geom in geoms)
     if fields:
-        notices.append(f"{counted(fields, 'signed distance field')} drawn as meshes")
+        notices.append(f"drawn as meshes: {counted(fields, 'signed distance field')}")
     ropes = int((model.flex_dim == 1).sum())
     if ropes:
-        notices.append(f"{counted(ropes, 'rope')} without a surface not drawn")
+        notices.append(f"not drawn: {counted(ropes, 'flexible line')} without a surface")
     return notices
 
 

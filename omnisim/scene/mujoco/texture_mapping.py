@@ -66,7 +66,9 @@ def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list
     columns = [surface.positions, ray] + ([surface.normals] if surface.normals is not None else [])
     corners = np.concatenate(columns, axis=1)[surface.triangles]
     for edge in _EDGES:
-        corners = _cut(corners, corners[:, :, 3:6] @ edge)
+        is_done = _is_on_one_face(corners[:, :, 3:6])
+        rest = corners[~is_done]
+        corners = np.concatenate((corners[is_done], _cut(rest, rest[:, :, 3:6] @ edge)))
     middles = corners[:, :, 3:6].sum(axis=1)
     axis = np.argmax(np.abs(middles), axis=1)
     sign = np.where(np.take_along_axis(middles, axis[:, None], 1)[:, 0] < 0.0, -1.0, 1.0)
@@ -90,6 +92,12 @@ def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list
             )
         )
     return mapped
+
+
+def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (m,) of triangles (m, 3, 3) whose corners are all seen on one face of the cube."""
+    reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
+    return (rays >= reach).all(axis=1).any(axis=1) | (rays <= -reach).all(axis=1).any(axis=1)
 
 
 def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
