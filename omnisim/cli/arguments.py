@@ -47,7 +47,7 @@ SceneArgument = Annotated[
     typer.Argument(
         metavar="SCENE",
         autocompletion=complete_scene,
-        help="Scene file (.glb .gltf .obj .ply .stl .dae, or a scene's .toml), "
+        help="Scene file (.glb .gltf .obj .ply .stl .dae, MuJoCo's .xml, or a scene's .toml), "
         "or name of a built-in scene.",
     ),
 ]

@@ -97,7 +97,9 @@ def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list
 def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (m,) of triangles (m, 3, 3) whose corners are all seen on one face of the cube."""
     reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
-    return (rays >= reach).all(axis=1).any(axis=1) | (rays <= -reach).all(axis=1).any(axis=1)
+    is_far = np.concatenate((rays >= reach, rays <= -reach), axis=2)  # along +x, …, −z
+    most: NDArray[np.int64] = is_far.sum(axis=1).max(axis=1, initial=0)
+    return most == 3
 
 
 def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
