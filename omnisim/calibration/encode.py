@@ -74,7 +74,7 @@ def encode_cameras(
                 named,
                 camera=camera_from_lens(encoded.lens, encoded.metadata),
                 residuals=encoded.residuals,
-                notes=_caveats(encoded.lens, form),
+                notes=caveats(encoded.lens, form),
                 file_model=encoded.lens.model_name,
             )
         )
@@ -186,7 +186,7 @@ def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[Cal
     ]
 
 
-def _caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
+def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
     """Notes where others interpret the file differently."""
     if not form.caveat or isinstance(lens, EquirectangularCamera):
         return ()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
 from omnisim.atomic_file import atomic_folder, check_new_folder
 from omnisim.errors import OutputError
-from omnisim.exporting.export_format import ExportSettings, PrintNote
+from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.registry import EXTRAS, check_format, format_named
 from omnisim.extras import require_extra
@@ -44,8 +45,34 @@ def export_run(
     check_new_folder(output)
     if run.resolve() in output.resolve().parents:
         raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
+    form = format_named(format)
+    recording = _for_format(recording, form, print_note)
+    settings = settings or ExportSettings()
+    if form.dates_stamps and settings.start_ns == 0:
+        print_note("times begin in 1970: --start-time says otherwise")
     yield recording.steps
     with atomic_folder(output) as folder:
-        yield from format_named(format).write(
-            recording, folder, settings or ExportSettings(), print_note
+        yield from form.write(recording, folder, settings, print_note)
+
+
+def _for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
+    """Recording with the cameras that a format takes, and notes about what it leaves out."""
+    if not recording.cameras:
+        raise OutputError(f"{recording.run.path}: this run has no camera: expected one to export")
+    if form.one_camera and len(recording.cameras) > 1:
+        names = ", ".join(camera.name for camera in recording.cameras)
+        print_note(
+            f"{form.name} holds one camera: {recording.cameras[0].name} is exported: --camera-name "
+            f"takes another of {names}"
         )
+        recording = dataclasses.replace(recording, cameras=recording.cameras[:1])
+    manifest = recording.run.manifest
+    left_out = [
+        name
+        for name in manifest.sensors
+        if name not in manifest.cameras
+        and not issubclass(manifest.sensor_class(name), form.sensors)
+    ]
+    if left_out:
+        print_note(f"{form.name} has no place for {', '.join(left_out)}: left out")
+    return recording

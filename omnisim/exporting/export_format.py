@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
 from omnisim.exporting.recording import Recording
+from omnisim.simulation.sensors import MountedSensor
 
 NANOSECONDS = 1_000_000_000
 LARGEST_START_S = 4_000_000_000  # the year 2096: seconds of ROS are signed 32-bit numbers
@@ -55,11 +56,17 @@ class ExportFormat(ABC):
         name: on the command line.
         title: contents and readers, for lists.
         extra: that it needs, or None.
+        one_camera: it holds the pictures of one camera.
+        sensors: classes of the sensors that it holds beside cameras.
+        dates_stamps: its stamps are since 1970.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     extra: ClassVar[str | None] = None
+    one_camera: ClassVar[bool] = False
+    sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    dates_stamps: ClassVar[bool] = True
 
     @abstractmethod
     def write(

@@ -16,7 +16,6 @@ from omnisim.errors import RunError
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
-from omnisim.poses import inverse
 from omnisim.simulation.calibration_file import CALIBRATION, read_mount
 from omnisim.simulation.run_folder import RunFolder
 
@@ -119,18 +118,6 @@ class RecordedCamera:
         """Unit vectors (height, width, 3) of the pixels' rays, optical frame."""
         return self._rays[0]
 
-    def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Coordinates (height, width) of the points along the optical axis; +inf: nothing.
-
-        Raises:
-            OutputError: a file is missing or damaged.
-        """
-        ranges_m = self.channel(step, "range")
-        hit = np.isfinite(ranges_m)
-        depths = np.full(ranges_m.shape, np.inf, dtype=np.float32)
-        depths[hit] = ranges_m[hit] * self.directions[hit][:, 2]
-        return depths
-
     def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Points (n, 3) in the optical frame of the pixels that hit something, and their mask.
 
@@ -141,13 +128,3 @@ class RecordedCamera:
         hit = np.isfinite(ranges_m) & valid
         points: NDArray[np.float64] = directions[hit] * ranges_m[hit, None]
         return points if origins_m is None else points + origins_m[hit], hit
-
-    def world_from_optical(self, world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Poses (..., 4, 4) of the camera."""
-        poses: NDArray[np.float64] = world_from_base @ self.mount.base_from_optical
-        return poses
-
-    def body_from_optical(self, base_from_body: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose (4, 4) of the camera on another body than the base."""
-        pose: NDArray[np.float64] = inverse(base_from_body) @ self.mount.base_from_optical
-        return pose

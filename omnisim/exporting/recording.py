@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from omnisim.calibration.documents import parse_yaml, read_text
 from omnisim.errors import OmnisimError, RunError
 from omnisim.exporting.recorded_camera import RecordedCamera
-from omnisim.poses import check_pose
+from omnisim.exporting.stored_clouds import StoredCloud, read_cloud
+from omnisim.poses import check_pose, inverse
 from omnisim.robot import read_odometry
 from omnisim.robot.odometry import Odometry
 from omnisim.simulation.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, RunFolder
@@ -80,6 +81,28 @@ class Recording:
         """
         files = sorted((self.run.path / OBJECTS).glob("*.tum"))
         return {file.stem: read_trajectory(file) for file in files}
+
+    def mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (4, 4) on the base of a sensor by its pose at the first step."""
+        pose: NDArray[np.float64] = inverse(self.truth.world_from_base[0]) @ world_from_sensor
+        return pose
+
+    def cloud(self, name: str, step: int) -> StoredCloud:
+        """Point cloud of a lidar.
+
+        Raises:
+            RunError: its file cannot be read, or is damaged.
+        """
+        table = self.run.manifest.sensors[name].model_extra or {}
+        return read_cloud(self.run.file(name, step, f".{table['file_format']}"))
+
+    def base_from_lidar(self, name: str) -> NDArray[np.float64]:
+        """Pose (4, 4) of a lidar.
+
+        Raises:
+            RunError: its first file cannot be read.
+        """
+        return self.mount(self.cloud(name, 0).header.pose("world_from_lidar"))
 
     def base_from_imu(self, name: str) -> NDArray[np.float64]:
         """Pose (4, 4) of an IMU.

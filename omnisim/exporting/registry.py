@@ -24,6 +24,9 @@ class FormatEntry(NamedTuple):
 FORMATS = {
     "ros2-mcap": FormatEntry("ros2.bag_format", "Ros2Mcap"),
     "ros2-sqlite": FormatEntry("ros2.bag_format", "Ros2Sqlite"),
+    "kitti360": FormatEntry("formats.kitti360", "Kitti360"),
+    "tum": FormatEntry("formats.tum", "Tum"),
+    "euroc": FormatEntry("formats.euroc", "Euroc"),
 }
 EXTRAS = {"ros2-mcap": "ros", "ros2-sqlite": "ros"}
 

@@ -1,7 +1,11 @@
-"""Small runs to export: a drive with every sensor, and a rig of several lenses."""
+"""A small run with every sensor, and its points as exports shall show them."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
+from omnisim.exporting.recording import Recording
 from omnisim.scene import load_scene
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
@@ -81,3 +85,40 @@ def run(tmp_path_factory):
     )
     list(drive.plan().record(folder / "run"))
     return folder / "run"
+
+
+@pytest.fixture(scope="session")
+def seen(run):
+    """Points of the world that a camera sees at a step, and its picture's colours there."""
+
+    def points(camera, step):
+        recording = Recording.read(run, camera)
+        (recorded,) = recording.cameras
+        points_m, hit = recorded.points_m(recorded.channel(step, "range"))
+        pose = recording.truth.world_from_base[step] @ recorded.mount.base_from_optical
+        world_m = points_m @ pose[:3, :3].T + pose[:3, 3]
+        v, u = np.nonzero(hit)
+        return SimpleNamespace(
+            world_m=world_m,
+            colors=recorded.picture(step)[hit],
+            pixels=np.stack((u, v), axis=-1),
+            width_px=recorded.size_px[0],
+        )
+
+    return points
+
+
+@pytest.fixture(scope="session")
+def check_pixels(seen):
+    """Checks that projected points of the world land on the pixels that have their colours."""
+
+    def check(pixels, picture, camera, step, within_px=1e-3):
+        expected = seen(camera, step)
+        flipped = camera == "mirror"
+        u, v = expected.pixels.T
+        u = expected.width_px - 1 - u if flipped else u
+        np.testing.assert_allclose(pixels, np.stack((u, v), axis=-1), atol=within_px)
+        at = np.round(pixels).astype(int)
+        np.testing.assert_array_equal(picture[at[:, 1], at[:, 0], :3], expected.colors)
+
+    return check

@@ -67,6 +67,7 @@ class Ros2Bag(ExportFormat):
     """Base of the bags, which differ in their storage."""
 
     extra = "ros"
+    sensors = tuple(kind for kind, _ in STREAMS)
     storage: ClassVar[str]
 
     def write(
@@ -82,8 +83,6 @@ class Ros2Bag(ExportFormat):
                     f"{stream.name}: CameraInfo has no model of it: its calibration is on "
                     f"/{stream.topic}/calibration"
                 )
-        if settings.start_ns == 0:
-            print_note("times begin in 1970: --start-time says otherwise")
         folder.rmdir()  # rosbags makes it
         with Bag(folder, self.storage) as bag:
             _write_latched(bag, streams, stamps_ns[0])

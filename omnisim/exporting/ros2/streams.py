@@ -20,10 +20,8 @@ from omnisim.exporting.export_format import NANOSECONDS, ExportSettings
 from omnisim.exporting.recorded_camera import RecordedCamera
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.ros2 import messages
-from omnisim.exporting.stored_clouds import read_cloud
 from omnisim.exporting.stored_scans import read_table
 from omnisim.image_files import read_image
-from omnisim.poses import inverse
 from omnisim.simulation.calibration_file import CALIBRATION
 from omnisim.simulation.sensors.imu import COLUMNS as IMU_COLUMNS
 
@@ -66,13 +64,6 @@ class Stream(ABC):
 
     def _first_file(self, suffix: str) -> Path:
         return self.recording.run.file(self.name, 0, suffix)
-
-    def _mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose (4, 4) on the base of a sensor by its pose at the first step."""
-        mount: NDArray[np.float64] = (
-            inverse(self.recording.truth.world_from_base[0]) @ world_from_sensor
-        )
-        return mount
 
 
 class CameraStream(Stream):
@@ -156,7 +147,7 @@ class ScanStream(Stream):
     def base_from_frame(self) -> NDArray[np.float64]:
         """Pose of the scanner."""
         scan = read_table(self._first_file(".csv"), "beam", "angle_deg", "range_m").header
-        return self._mount(scan.pose("world_from_scanner"))
+        return self.recording.mount(scan.pose("world_from_scanner"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Scan."""
@@ -176,7 +167,7 @@ class RangeStream(Stream):
     def base_from_frame(self) -> NDArray[np.float64]:
         """Pose of the sensor."""
         header = read_table(self._first_file(".csv"), "range_m").header
-        return self._mount(header.pose("world_from_sensor"))
+        return self.recording.mount(header.pose("world_from_sensor"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Range."""
@@ -195,19 +186,13 @@ class RangeStream(Stream):
 class LidarStream(Stream):
     """Point clouds of a lidar."""
 
-    def __init__(self, recording: Recording, name: str, settings: ExportSettings):
-        super().__init__(recording, name, settings)
-        table = recording.run.manifest.sensors[name].model_extra or {}
-        self._suffix = f".{table['file_format']}"
-
     def base_from_frame(self) -> NDArray[np.float64]:
         """Pose of the lidar."""
-        header = read_cloud(self._first_file(self._suffix)).header
-        return self._mount(header.pose("world_from_lidar"))
+        return self.recording.base_from_lidar(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Cloud with all fields, stamped with its end."""
-        cloud = read_cloud(self.recording.run.file(self.name, step, self._suffix))
+        cloud = self.recording.cloud(self.name, step)
         message = messages.point_cloud(stamp_ns, self.frame, cloud.points)
         yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
 

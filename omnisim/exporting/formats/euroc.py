@@ -1,0 +1,170 @@
+"""EuRoC MAV, the layout that TUM VI has, too: cameras, IMU and true states, stamped in nanoseconds.
+
+    mav0/cam0/data.csv, data/<ns>.png, sensor.yaml      a folder a camera
+    mav0/imu0/data.csv, sensor.yaml                     readings, and their noise
+    mav0/state_groundtruth_estimate0/data.csv           poses of the body
+
+The body is the IMU, or the vehicle's base where the run has none. `sensor.yaml` has Kalibr's
+models, which come from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`,
+`omni`, `eucm`, `ds`. Velocities are means of the step that follows, biases 0: unknown.
+
+Source: Burri et al., The EuRoC micro aerial vehicle datasets (2016), and its files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.atomic_file import write_text
+from omnisim.calibration.documents import parse_yaml
+from omnisim.calibration.formats.format import ParsedCamera
+from omnisim.calibration.formats.kalibr import Kalibr
+from omnisim.errors import RunError
+from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.exporting.formats.tum import write_lines
+from omnisim.exporting.lens_camera import LensCamera
+from omnisim.exporting.recording import Recording
+from omnisim.exporting.stamps import restamped
+from omnisim.exporting.stored_scans import read_table
+from omnisim.poses import inverse
+from omnisim.simulation.sensors.imu import COLUMNS as IMU_COLUMNS
+from omnisim.simulation.sensors.imu import MountedImu
+from omnisim.trajectories import Trajectory
+from omnisim.trajectories.formats import euroc
+
+PICTURES = "#timestamp [ns],filename"
+READINGS = "#timestamp [ns]," + ",".join(
+    f"{letter}_RS_S_{axis} [{unit}]"
+    for letter, unit in (("w", "rad s^-1"), ("a", "m s^-2"))
+    for axis in "xyz"
+)
+NOISE = (
+    "rate_hz",
+    "gyroscope_noise_density",
+    "gyroscope_random_walk",
+    "accelerometer_noise_density",
+    "accelerometer_random_walk",
+)
+DISTORTIONS = {"radtan": "radial-tangential", "none": "radial-tangential"}
+
+
+class Euroc(ExportFormat):
+    """Data set of EuRoC MAV."""
+
+    name = "euroc"
+    title = "EuRoC MAV and TUM VI: cameras, IMU, true states"
+    sensors = (MountedImu,)
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the data set, step by step."""
+        root = folder / "mav0"
+        root.mkdir()
+        cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
+        imus = recording.sensors(MountedImu)
+        if len(imus) > 1:
+            print_note(f"the body is the first IMU, {imus[0]}: {', '.join(imus[1:])} left out")
+        base_from_body = recording.base_from_imu(imus[0]) if imus else np.eye(4)
+        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        body = f"IMU {imus[0]}" if imus else "base of the vehicle: x forward, y left, z up"
+        write_text(root / "body.yaml", f"comment: {body}\n")
+        _write_states(root / "state_groundtruth_estimate0", recording, base_from_body, stamps_ns)
+        folders = []
+        for index, camera in enumerate(cameras):
+            folders.append(root / f"cam{index}")
+            body_from_lens = inverse(base_from_body) @ camera.base_from_lens
+            _begin_camera(folders[-1], camera, body_from_lens, stamps_ns, print_note)
+        readings = [READINGS]
+        for step, stamp_ns in enumerate(stamps_ns):
+            for camera, own in zip(cameras, folders, strict=True):
+                camera.copy_picture(step, own / "data" / f"{stamp_ns}.png")
+            if imus:
+                readings += _readings(recording, imus[0], step, settings)
+            yield step + 1
+        if imus:
+            _write_imu(root / "imu0", recording, imus[0], readings)
+
+
+def _begin_camera(
+    folder: Path,
+    camera: LensCamera,
+    body_from_lens: NDArray[np.float64],
+    stamps_ns: list[int],
+    print_note: PrintNote,
+) -> None:
+    """Write the list of pictures and the calibration."""
+    (folder / "data").mkdir(parents=True)
+    write_lines(folder / "data.csv", iter([PICTURES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
+    kalibr = Kalibr()
+    lens = camera.encode(kalibr, print_note)
+    text = kalibr.encode([ParsedCamera("cam0", lens)])
+    values = parse_yaml(text, "camchain")["cam0"]
+    distortion = values["distortion_model"]
+    coefficients = list(values["distortion_coeffs"]) or [0.0] * 4
+    intervals_s = np.diff(stamps_ns) * 1e-9
+    rate = [f"rate_hz: {1.0 / np.median(intervals_s):.6g}"] if len(intervals_s) else []
+    lines = [
+        "sensor_type: camera",
+        f"comment: {camera.name}",
+        *_pose_lines(body_from_lens),
+        *rate,
+        f"resolution: [{lens.width_px}, {lens.height_px}]",
+        f"camera_model: {values['camera_model']}",
+        f"intrinsics: {_numbers(values['intrinsics'])}",
+        f"distortion_model: {DISTORTIONS.get(distortion, distortion)}",
+        f"distortion_coefficients: {_numbers(coefficients)}",
+    ]
+    write_lines(folder / "sensor.yaml", iter(lines))
+
+
+def _write_states(
+    folder: Path,
+    recording: Recording,
+    base_from_body: NDArray[np.float64],
+    stamps_ns: list[int],
+) -> None:
+    """Write the poses of the body."""
+    folder.mkdir()
+    poses = recording.truth.world_from_base @ base_from_body
+    lines = euroc.lines(Trajectory(recording.truth.times_s, poses))
+    write_lines(folder / "data.csv", restamped(lines, map(str, stamps_ns), ","))
+    text = ["sensor_type: visual-inertial", "comment: ground truth", *_pose_lines(np.eye(4))]
+    write_lines(folder / "sensor.yaml", iter(text))
+
+
+def _readings(
+    recording: Recording, name: str, step: int, settings: ExportSettings
+) -> Iterator[str]:
+    """Lines of the readings since the step before."""
+    path = recording.run.file(name, step, ".csv")
+    columns = read_table(path, *IMU_COLUMNS.split(",")).columns
+    stamps_ns = settings.stamps_ns(columns.pop("t_s"), path)
+    for stamp_ns, values in zip(stamps_ns, zip(*columns.values(), strict=True), strict=True):
+        yield ",".join([str(stamp_ns), *(f"{value:.9f}" for value in values)])
+
+
+def _write_imu(folder: Path, recording: Recording, name: str, readings: list[str]) -> None:
+    folder.mkdir()
+    write_lines(folder / "data.csv", iter(readings))
+    source = recording.run.path / name
+    parameters = parse_yaml(recording.imu_parameters(name), str(source))
+    try:
+        noise = [f"{key}: {float(parameters[key])!r}" for key in NOISE]
+    except (KeyError, TypeError, ValueError):
+        raise RunError(f"{source}: sensor.yaml: expected {', '.join(NOISE)}") from None
+    lines = ["sensor_type: imu", f"comment: {name}", *_pose_lines(np.eye(4)), *noise]
+    write_lines(folder / "sensor.yaml", iter(lines))
+
+
+def _pose_lines(pose: NDArray[np.float64]) -> list[str]:
+    """Pose of a sensor on the body, as OpenCV's and YAML's readers take it."""
+    return ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {_numbers(pose.ravel().tolist())}"]
+
+
+def _numbers(values: list[float]) -> str:
+    return f"[{', '.join(repr(float(value) + 0.0) for value in values)}]"

@@ -1,0 +1,92 @@
+"""TUM RGB-D: pictures of one camera, depths of a pinhole, poses of the camera.
+
+    rgb.txt, rgb/<s>.png            stamps and pictures
+    depth.txt, depth/<s>.png        coordinates along the axis, 5000 a metre in 16 bits, 0: none
+    groundtruth.txt                 poses of the camera's optical frame
+    calibration.json                omnisim's calibration: the format has none
+
+Source: TUM RGB-D benchmark, file formats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.atomic_file import write_text
+from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.exporting.lens_camera import LensCamera
+from omnisim.exporting.recording import Recording
+from omnisim.exporting.stamps import restamped, seconds_text
+from omnisim.image_files import write_numbers
+from omnisim.trajectories import Trajectory
+from omnisim.trajectories.formats import tum
+
+STEPS_PER_M = 5000.0
+
+
+class Tum(ExportFormat):
+    """Data set of the TUM RGB-D benchmark."""
+
+    name = "tum"
+    title = "TUM RGB-D: pictures, depths of a pinhole, poses"
+    one_camera = True
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the data set, picture by picture."""
+        camera = LensCamera.of(recording.cameras[0], print_note)
+        has_depths = camera.recorded.has("range") and camera.is_pinhole
+        if camera.recorded.has("range") and not has_depths:
+            print_note(f"{camera.name}: no depths: TUM's are a pinhole's, along its axis")
+        stamps = [
+            seconds_text(stamp)
+            for stamp in settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        ]
+        poses = recording.truth.world_from_base @ camera.base_from_lens
+        lines = tum.lines(Trajectory(recording.truth.times_s, poses))
+        write_lines(folder / "groundtruth.txt", restamped(lines, stamps, " "))
+        camera.save_calibration(folder / "calibration.json")
+        _write_list(folder, "rgb", "color images", stamps)
+        if has_depths:
+            _write_list(folder, "depth", "depth maps", stamps)
+        far = 0
+        for step, stamp in enumerate(stamps):
+            camera.copy_picture(step, folder / "rgb" / f"{stamp}.png")
+            if has_depths:
+                depths, too_far = depth_steps(camera.depths_m(step), STEPS_PER_M)
+                write_numbers(folder / "depth" / f"{stamp}.png", depths)
+                far += too_far
+            yield step + 1
+        if far:
+            limit_m = np.iinfo(np.uint16).max / STEPS_PER_M
+            print_note(f"{camera.name}: {far} depths past {limit_m:.1f} m are 0: none")
+
+
+def depth_steps(
+    depths_m: NDArray[np.float32], steps_per_m: float
+) -> tuple[NDArray[np.uint16], int]:
+    """Depths as whole steps in 16 bits, 0 for none, and the number of hits that are too far."""
+    steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * steps_per_m)
+    fits = (steps >= 0.0) & (steps <= np.iinfo(np.uint16).max)
+    return np.where(fits, steps, 0.0).astype(np.uint16), int(np.count_nonzero(~fits))
+
+
+def write_lines(path: Path, lines: Iterator[str]) -> None:
+    """Write a text of lines.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_text(path, "".join(f"{line}\n" for line in lines))
+
+
+def _write_list(folder: Path, name: str, content: str, stamps: list[str]) -> None:
+    (folder / name).mkdir()
+    lines = [f"# {content}", "# timestamp filename"]
+    lines += [f"{stamp} {name}/{stamp}.png" for stamp in stamps]
+    write_lines(folder / f"{name}.txt", iter(lines))
