@@ -63,7 +63,7 @@ class ObjectDrawer:
         self._buffers = SceneBuffers(context, scene)
         surfaces = SurfacePrograms(self._buffers, scene.lighting)
         self.draws = self._buffers.draw_items
-        variants = [variant_of(draw.material, unlit=False) for draw in self.draws]
+        variants = [variant_of(draw, unlit=False) for draw in self.draws]
         self._used = [surfaces[variant] for variant in set(variants)]
         shaders = {one: _SurfaceShader(self._buffers, surfaces[one]) for one in set(variants)}
         self._shaders = [shaders[variant] for variant in variants]

@@ -27,6 +27,13 @@ def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> mo
     return found
 
 
+def set_sampler(program: moderngl.Program, name: str, unit: int) -> None:
+    """Set the texture unit of a sampler, unless the compiler left it out."""
+    found = find_uniform(program, name)
+    if found is not None:
+        found.value = unit
+
+
 def columns_first(matrices: NDArray[np.float64]) -> NDArray[np.float32]:
     """Matrices (..., n, n) as float32 in OpenGL's order, column after column."""
     return np.ascontiguousarray(np.swapaxes(matrices, -1, -2), dtype=np.float32)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.model import Instance, Material, Mesh, Scene
+from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
 from omnisim.world import ObjectPart
 
 Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
@@ -23,12 +23,18 @@ class Surface(NamedTuple):
         object_index: of the dynamic object that it belongs to; None: it is static.
         material: of the mesh.
         is_textured: the mesh has texture coordinates.
+        has_second_coordinates: it has second ones.
     """
 
     name: str
     object_index: int | None
     material: Material
     is_textured: bool
+    has_second_coordinates: bool = False
+
+    def is_placed(self, texture: Texture) -> bool:
+        """True where the mesh has the coordinates that place a texture."""
+        return self.has_second_coordinates if texture.uv_set else self.is_textured
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +49,7 @@ class Geometry:
         positions_m: (n, 3) float64 of the vertices.
         normals: (n, 3) float32, not of unit length; zero: flat.
         texture_coordinates: (n, 2) float32.
+        second_coordinates: (n, 2) float32, or None: no mesh has any.
         colors: (n, 4) float32 linear RGBA, or None: all are white.
         part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
         is_double_sided: (surfaces,).
@@ -55,6 +62,7 @@ class Geometry:
     positions_m: NDArray[np.float64]
     normals: NDArray[np.float32]
     texture_coordinates: NDArray[np.float32]
+    second_coordinates: NDArray[np.float32] | None
     colors: NDArray[np.float32] | None
     part_of_surface: NDArray[np.intp]
     is_double_sided: NDArray[np.bool_]
@@ -116,6 +124,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
                 number - 1 if number else None,
                 material,
                 mesh.texture_coordinates is not None,
+                mesh.second_texture_coordinates is not None,
             )
             for (number, _, instance, mesh), material in zip(placed, materials, strict=True)
         ),
@@ -127,9 +136,22 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
         positions_m=np.concatenate([table.positions_m for table in tables]),
         normals=np.concatenate([table.normals for table in tables]),
         texture_coordinates=np.concatenate([table.texture_coordinates for table in tables]),
+        second_coordinates=_second_coordinates([mesh for *_, mesh in placed]),
         colors=np.concatenate([table.colors for table in tables]) if has_colors else None,
         part_of_surface=np.array([number for number, *_ in placed], dtype=np.intp),
         is_double_sided=np.array([material.double_sided for material in materials], np.bool_),
+    )
+
+
+def _second_coordinates(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
+    if all(mesh.second_texture_coordinates is None for mesh in meshes):
+        return None
+    return np.concatenate(
+        [
+            _floats(len(mesh.positions), 2) if coordinates is None else coordinates
+            for mesh in meshes
+            for coordinates in (mesh.second_texture_coordinates,)
+        ]
     )
 
 

@@ -101,11 +101,12 @@ class RayScene:
             colors = shading.base_colors(rays, hits, poses, widths)
             opacity = self._opacity(hits, colors[:, 3], layer)
             shown = np.flatnonzero(opacity > 0.0)
-            light = np.ones((len(shown), 3), dtype=np.float32)
+            light = colors[shown, :3]
             if not unlit:
-                light = shading.lights(rays.take(shown), hits.take(shown), poses)
+                some = None if widths is None else widths[shown]
+                light = shading.lit(light, rays.take(shown), hits.take(shown), poses, some)
             weights = share[active[shown]] * opacity[shown]
-            total[active[shown]] += weights[:, None] * colors[shown, :3] * light
+            total[active[shown]] += weights[:, None] * light
             share[active] *= 1.0 - opacity
             on = np.flatnonzero(share[active] > _MIN_SHARE)
             if len(on) == 0:

@@ -7,18 +7,32 @@ Source of the footprints: Igehy, "Tracing ray differentials", 1999.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rays.caster import RayHits, Rays
 from omnisim.rays.geometry import Geometry, Poses
 from omnisim.rays.lights import light_on_surfaces
+from omnisim.rays.normal_maps import mapped_normals
+from omnisim.rays.reflectance import Placed, reflected_light
+from omnisim.rays.surface_table import NORMAL, Sampler, SurfaceTable
 from omnisim.rays.textures import TextureTable
 from omnisim.scene.model import AlphaMode, Lighting
 
 # Of mip levels, as in `omnisim.sensors.tiles`: what is a little sharp is averaged in the pixel.
 LEVEL_BIAS = -0.5
 _DARKEST = 1e-20
+
+
+class _View(NamedTuple):
+    """Rays (n,) that hit, with their footprints, see `Shading.base_colors`."""
+
+    rays: Rays
+    hits: RayHits
+    world_from_objects: Poses
+    footprints: NDArray[np.float32] | None
 
 
 class Shading:
@@ -30,6 +44,7 @@ class Shading:
 
     Attributes:
         is_blended: (surfaces,).
+        table: reflectance of the surfaces.
         hit_cutoff: (surfaces,) see `omnisim.scene.model.Material.hit_cutoff`.
     """
 
@@ -37,6 +52,7 @@ class Shading:
         self._geometry, self._lighting = geometry, lighting
         materials = [surface.material for surface in geometry.surfaces]
         self._textures = TextureTable(geometry.surfaces)
+        self.table = SurfaceTable(geometry.surfaces, lighting.is_matte)
         self._base_color = np.array(
             [material.base_color for material in materials], dtype=np.float32
         ).reshape(-1, 4)
@@ -71,19 +87,43 @@ class Shading:
         textures = self._textures.texture_of_surface[surfaces]
         textured = np.flatnonzero(textures >= 0)
         if len(textured):
-            some, textures = hits.take(textured), textures[textured]
-            corners = self._geometry.texture_coordinates[self._geometry.corners[some.triangles]]
-            coordinates = np.einsum("nk,nkc->nc", some.weights, corners)
-            levels = np.zeros(len(textured), dtype=np.float32)
-            if footprints is not None:
-                levels = _mip_levels(
-                    self._geometry.corners_m(some.triangles, world_from_objects),
-                    corners * self._textures.sizes_px(textures)[:, None],
-                    rays.directions[textured],
-                    some.ranges_m[:, None, None] * footprints[textured],
-                )
-            colors[textured] *= self._textures.lookup(textures, coordinates, levels)
+            view = _View(rays, hits, world_from_objects, footprints)
+            colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
+
+    def _sampled(
+        self,
+        table: TextureTable,
+        textures: NDArray[np.intp],
+        view: _View,
+        some: NDArray[np.intp],
+    ) -> NDArray[np.float32]:
+        """Texels (n, 4) of textures (n,) at some of the hits."""
+        hits, geometry = view.hits.take(some), self._geometry
+        corners = self._corner_coordinates(table, textures, hits)
+        coordinates = np.einsum("nk,nkc->nc", hits.weights, corners)
+        levels = np.zeros(len(some), dtype=np.float32)
+        if view.footprints is not None:
+            levels = _mip_levels(
+                geometry.corners_m(hits.triangles, view.world_from_objects),
+                corners * table.sizes_px(textures)[:, None],
+                view.rays.directions[some],
+                hits.ranges_m[:, None, None] * view.footprints[some],
+            )
+        return table.lookup(textures, coordinates, levels)
+
+    def _corner_coordinates(
+        self, table: TextureTable, textures: NDArray[np.intp], hits: RayHits
+    ) -> NDArray[np.float32]:
+        """Texture coordinates (n, 3, 2) of the hit triangles' corners."""
+        geometry = self._geometry
+        vertices = geometry.corners[hits.triangles]
+        second = geometry.second_coordinates
+        return table.place(
+            textures,
+            geometry.texture_coordinates[vertices],
+            None if second is None else second[vertices],
+        )
 
     def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
         """Unit normals (n, 3) of the side seen, world: interpolated, or the plane's."""
@@ -98,14 +138,67 @@ class Shading:
         normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
         return normals
 
-    def lights(
-        self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()
+    def lit(
+        self,
+        colors: NDArray[np.float32],
+        rays: Rays,
+        hits: RayHits,
+        world_from_objects: Poses = (),
+        footprints: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """Light on white surfaces (n, 3), linear RGB; 1 on those that are unlit."""
+        """Light (n, 3), linear RGB, of surfaces of base colours (n, 3 or more) towards the rays."""
+        surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
-        light = light_on_surfaces(self._lighting, points_m, self.normals(hits, world_from_objects))
-        light[self._is_unlit[self.surfaces(hits)]] = 1.0
+        normals = self.normals(hits, world_from_objects)
+        light = light_on_surfaces(self._lighting, points_m, normals)
+        light[self._is_unlit[surfaces]] = 1.0
+        light *= colors[:, :3]
+        glossy = np.flatnonzero(~self.table.is_matte[surfaces])
+        if len(glossy):
+            some = None if footprints is None else footprints[glossy]
+            view = _View(rays.take(glossy), hits.take(glossy), world_from_objects, some)
+            light[glossy] = self._reflected(
+                colors[glossy, :3], view, points_m[glossy], normals[glossy]
+            )
         return light
+
+    def _reflected(
+        self,
+        colors: NDArray[np.float32],
+        view: _View,
+        points_m: NDArray[np.float64],
+        normals: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Light (n, 3) of surfaces that are not matte."""
+        surfaces = self.surfaces(view.hits)
+
+        def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
+            table = self.table.maps[slot]
+            return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
+
+        placed = Placed(
+            points_m, self._mapped(normals, view, sampled), normals, -view.rays.directions
+        )
+        reflectance = self.table.reflectance(surfaces, colors, sampled)
+        return reflected_light(reflectance, placed, self._lighting).astype(np.float32)
+
+    def _mapped(
+        self, normals: NDArray[np.float32], view: _View, sampled: Sampler
+    ) -> NDArray[np.float32]:
+        """Normals (n, 3) of normal maps, for those that have one."""
+        surfaces = self.surfaces(view.hits)
+        some, textures = self.table.textured(NORMAL, surfaces)
+        if len(some) == 0:
+            return normals
+        hits = view.hits.take(some)
+        corners_m = self._geometry.corners_m(hits.triangles, view.world_from_objects)
+        coordinates = self._corner_coordinates(self.table.maps[NORMAL], textures, hits)
+        normals = normals.copy()
+        normals[some] = mapped_normals(
+            normals[some], corners_m, coordinates, hits.planes,
+            sampled(NORMAL, some), self.table.normal_scales[surfaces[some]],
+        )  # fmt: skip
+        return normals
 
     def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
         """Values (n, k) between those of the corners."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omnisim.rays.geometry import Surface
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.mipmaps import mipmaps
-from omnisim.scene.model import AlphaMode, Texture, Wrap
+from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.srgb import LINEAR_FROM_SRGB8
 
 _LINEAR = LINEAR_FROM_SRGB8.astype(np.float32)
@@ -18,26 +18,33 @@ _ALPHA = (np.arange(256) / 255.0).astype(np.float32)
 _MAX_LEVELS = 32
 
 
+def _base(material: Material) -> Texture | None:
+    return material.texture
+
+
 class TextureTable:
     """Texels of all levels of all textures in one array, so that one lookup serves every hit.
 
     Args:
         surfaces: whose materials have the textures.
+        texture_of: that of a material; by default of its base colour. All are linear, or none is.
 
     Attributes:
         texture_of_surface: (n,) index of each surface's texture; −1: it has none.
     """
 
-    def __init__(self, surfaces: Iterable[Surface]):
+    def __init__(
+        self, surfaces: Iterable[Surface], texture_of: Callable[[Material], Texture | None] = _base
+    ):
         numbers: dict[tuple[int, float | None], int] = {}
         textures: list[tuple[Texture, float | None]] = []
         of_surface = []
         for surface in surfaces:
-            texture = surface.material.texture if surface.is_textured else None
-            if texture is None:
+            texture = texture_of(surface.material)
+            if texture is None or not surface.is_placed(texture):
                 of_surface.append(-1)
                 continue
-            is_masked = surface.material.alpha_mode is AlphaMode.MASK
+            is_masked = texture_of is _base and surface.material.alpha_mode is AlphaMode.MASK
             cutoff = surface.material.alpha_cutoff if is_masked else None
             key = (id(texture), cutoff)
             if key not in numbers:
@@ -52,7 +59,7 @@ class TextureTable:
         texels: list[NDArray[np.uint8]] = [np.empty((0, 4), dtype=np.uint8)]
         count = 0
         for number, (texture, cutoff) in enumerate(textures):
-            finer = mipmaps(texture.pixels) if cutoff is None else None
+            finer = mipmaps(texture.pixels, texture.is_linear) if cutoff is None else None
             levels = [
                 texture.pixels,
                 *(masked_mipmaps(texture.pixels, cutoff or 0.0) if finer is None else finer),
@@ -66,6 +73,11 @@ class TextureTable:
             self._clamps[number] = [
                 wrap is Wrap.CLAMP_TO_EDGE for wrap in (texture.wrap_u, texture.wrap_v)
             ]
+        is_linear = any(texture.is_linear for texture, _ in textures)
+        self._decoded = _ALPHA if is_linear else _LINEAR
+        self._uv_set = np.array([texture.uv_set for texture, _ in textures], dtype=np.intp)
+        transforms = [texture.uv_transform for texture, _ in textures]
+        self._transforms = np.array(transforms, dtype=np.float32).reshape(-1, 2, 3)
         # four bytes at once, which are looked up quicker
         self._texels = np.ascontiguousarray(np.concatenate(texels)).view(np.uint32).ravel()
 
@@ -73,6 +85,19 @@ class TextureTable:
         """Widths and heights (n, 2) of the finest levels."""
         sizes: NDArray[np.float32] = self._size[textures, 0].astype(np.float32)
         return sizes
+
+    def place(
+        self,
+        textures: NDArray[np.intp],
+        first: NDArray[np.float32],
+        second: NDArray[np.float32] | None,
+    ) -> NDArray[np.float32]:
+        """Coordinates (n, k, 2) of textures (n,), from both sets of those of meshes (n, k, 2)."""
+        if second is not None:
+            first = np.where((self._uv_set[textures] == 1)[:, None, None], second, first)
+        matrices = self._transforms[textures]
+        placed: NDArray[np.float32] = np.einsum("nkj,nij->nki", first, matrices[:, :, :2])
+        return placed + matrices[:, None, :, 2]
 
     def lookup(
         self,
@@ -115,7 +140,7 @@ class TextureTable:
                 column = _wrapped(low_px[:, 0] + right, size[:, 0], clamps[:, 0])
                 weight = down_weight * (weights[:, 0] if right else 1.0 - weights[:, 0])
                 values = self._texels.take(start + column).view(np.uint8).reshape(-1, 4)
-                colors = _LINEAR.take(values)
+                colors = self._decoded.take(values)
                 colors[:, 3] = _ALPHA.take(values[:, 3])
                 colors *= weight[:, None]
                 total += colors

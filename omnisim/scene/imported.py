@@ -61,6 +61,7 @@ def make_mesh(
     normals: ArrayLike | None = None,
     texture_coordinates: ArrayLike | None = None,
     colors: ArrayLike | None = None,
+    second_texture_coordinates: ArrayLike | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
     """Make a mesh about the centre of its bounding box, and that centre (3,).
 
@@ -91,6 +92,7 @@ def make_mesh(
         normals=_per_vertex(normals, len(points), 3),
         texture_coordinates=_per_vertex(texture_coordinates, len(points), 2),
         colors=_per_vertex(colors, len(points), 4),
+        second_texture_coordinates=_per_vertex(second_texture_coordinates, len(points), 2),
     )
     return mesh, center
 

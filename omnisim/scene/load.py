@@ -19,6 +19,7 @@ from omnisim.scene.model import (
     MAX_LIGHTS,
     ColorBand,
     Landmark,
+    Lighting,
     NamedStart,
     Scene,
     ScenePath,
@@ -99,6 +100,7 @@ def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[P
         dataclasses.replace(
             base,
             name=name,
+            lighting=_lighting(base.lighting, settings),
             background=settings.background or base.background,
             start=_start(settings) or base.start,
             starts=_starts(settings),
@@ -174,7 +176,7 @@ def _load(
         meshes=read.meshes,
         materials=read.materials,
         instances=instances,
-        lighting=read.lighting or expose(read.lights, read.meshes, instances),
+        lighting=_lighting(read.lighting or expose(read.lights, read.meshes, instances), settings),
         background=settings.background or read.background or DEFAULT_BACKGROUND,
         start=_start(settings) or start,
         notices=tuple(
@@ -185,6 +187,13 @@ def _load(
         landmarks=_landmarks(settings),
         labels=label_rules(settings.labels),
     )
+
+
+def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
+    """Lighting with what a TOML says of it."""
+    if settings.light.shading is None:
+        return lighting
+    return dataclasses.replace(lighting, is_matte=settings.light.shading == "matte")
 
 
 def _start(settings: SceneFile) -> StartPose | None:

@@ -25,16 +25,17 @@ _ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
 _BLOCK = 1 << 16  # looked up at once: NumPy makes 64-bit indices of them, which fit into a cache
 
 
-def mipmaps(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB.
+def mipmaps(pixels: NDArray[np.uint8], is_linear: bool = False) -> list[NDArray[np.uint8]]:
+    """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB, or linear.
 
     Colours are averaged in linear light.
     """
-    values = _looked_up(_LINEAR, _WIDE_ALPHA, pixels)
+    wide, narrow = (_WIDE_ALPHA, _ALPHA) if is_linear else (_LINEAR, _SRGB)
+    values = _looked_up(wide, _WIDE_ALPHA, pixels)
     levels = []
     while max(values.shape[:2]) > 1:
         values = _halved(_halved(values, 0), 1)
-        levels.append(_looked_up(_SRGB, _ALPHA, values))
+        levels.append(_looked_up(narrow, _ALPHA, values))
     return levels
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.environment import Environment
 from omnisim.short_repr import counted, short_repr
 
 
@@ -120,13 +121,6 @@ class Material:
         strengths = (self.metallic, self.specular, self.clearcoat, *self.emissive)
         return self.unlit or not (any(strengths) or any(one is not None for one in self.maps))
 
-    def matte(self) -> Material:
-        """Material without gloss, metal, maps and emission."""
-        return replace(
-            self, metallic=0.0, specular=0.0, clearcoat=0.0, emissive=(0.0, 0.0, 0.0),
-            metallic_roughness_map=None, normal_map=None, occlusion_map=None, emissive_map=None,
-        )  # fmt: skip
-
     @property
     def is_blended(self) -> bool:
         """Transparency: surfaces behind it shine through."""
@@ -167,6 +161,10 @@ class Mesh:
     texture_coordinates: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
     second_texture_coordinates: NDArray[np.float32] | None = None
+
+    def coordinates_of(self, texture: Texture) -> NDArray[np.float32] | None:
+        """Texture coordinates (n, 2) that place a texture, before its transform."""
+        return self.second_texture_coordinates if texture.uv_set else self.texture_coordinates
 
     def __repr__(self) -> str:
         vertices = counted(len(self.positions), "vertex", "vertices")
@@ -244,11 +242,15 @@ class Lighting:
         ambient: linear RGB, the same from everywhere.
         lights: at most `MAX_LIGHTS`.
         exposure: brightness of a white surface for one lux.
+        environment: light from far away, beside the ambient; None: there is no more.
+        is_matte: all materials, also of dynamic objects, are drawn as matte ones.
     """
 
     ambient: tuple[float, float, float]
     lights: tuple[Light, ...]
     exposure: float = 1.0
+    environment: Environment | None = None
+    is_matte: bool = False
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.lights), "light"), f"exposure {self.exposure:g}")

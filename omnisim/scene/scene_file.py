@@ -206,6 +206,14 @@ class LabelFile(Table):
     labels: Annotated[LabelTables, Field(min_length=1)]
 
 
+class LightTable(Table):
+    """Light of the scene, and how surfaces reflect it."""
+
+    shading: Literal["full", "matte"] | None = None
+    """full: metal, gloss, maps and emission as the mesh files have them, which is the default;
+    matte: base colours alone, by Lambert's law, also of vehicles and other objects."""
+
+
 class SceneFile(Table):
     """Keys of a scene's TOML."""
 
@@ -225,6 +233,7 @@ class SceneFile(Table):
     """Metres in a unit of the mesh file; left out: as its format has it."""
     background: LinearRgb | None = None
     """Linear RGB where nothing is hit; left out: a pale sky."""
+    light: LightTable = Field(default_factory=LightTable)
     start: StartTable | None = None
     starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
     paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()

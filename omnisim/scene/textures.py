@@ -35,18 +35,20 @@ class TextureStore:
         used_by: str,
         wraps: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT),
         mirrored: tuple[bool, bool] = (False, False),
+        is_linear: bool = False,
     ) -> Texture | None:
         """Texture of an image, or None where it cannot be decoded.
 
-        Where it is mirrored, its mirror image stands beside it, along u or v.
+        Where it is mirrored, its mirror image stands beside it, along u or v. A linear one has
+        values, not colours.
         """
-        key = (id(image), wraps, mirrored)
+        key = (id(image), wraps, mirrored, is_linear)
         if key not in self._textures:
             pixels = self._decode(image, used_by)
             for axis in (1, 0):
                 if pixels is not None and mirrored[1 - axis]:
                     pixels = np.concatenate((pixels, np.flip(pixels, axis)), axis)
-            self._textures[key] = None if pixels is None else Texture(pixels, *wraps)
+            self._textures[key] = None if pixels is None else Texture(pixels, *wraps, is_linear)
         return self._textures[key]
 
     def _decode(self, image: Image, used_by: str) -> NDArray[np.uint8] | None:

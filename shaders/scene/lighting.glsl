@@ -1,6 +1,9 @@
 // vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
 // Lamp directional_lamp(int i, vec3 position, vec3 normal), punctual_lamp likewise: one light, for any
 // reflectance; the normal is that of the surface's shape, which its shadow is looked up beside.
+// vec3 ambient_light(vec3 normal): light of the environment on a white surface.
+// vec3 environment_light(vec3 direction, float roughness): radiance of the environment around a
+// direction, as a surface of this roughness reflects it.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights; known when
@@ -29,6 +32,18 @@ uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine 
 #endif
 
 #include "scene/shadow.glsl"
+
+#ifdef ENVIRONMENT
+#include "scene/environment.glsl"
+#else
+vec3 ambient_light(vec3 normal) {
+    return u_ambient;
+}
+
+vec3 environment_light(vec3 direction, float roughness) {
+    return u_ambient;
+}
+#endif
 
 struct Lamp {
     vec3 color;
@@ -63,7 +78,7 @@ vec3 illuminance(Lamp lamp, vec3 normal) {
 }
 
 vec3 light_on_surface(vec3 position, vec3 normal) {
-    vec3 total = u_ambient;
+    vec3 total = ambient_light(normal);
 #if DIRECTIONAL_LIGHTS > 0
     for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
         total += illuminance(directional_lamp(i, position, normal), normal);

@@ -1,12 +1,13 @@
 // A surface of the scene: linear base colour, lit or not. Colours are linear throughout; the
 // texture is stored as sRGB and decoded by the sampler.
+// With REFLECTANCE it has metal, gloss, maps or emission; TEXTURE_COORDINATES: one of the maps counts.
 // With NORMALS_AGREE all normals point to the front side, which alone is seen: none is missing, and
 // none is flipped. POSITION: the position counts, for punctual lights or for missing normals.
 #version 430 core
 
 #include "scene/material.glsl"
 
-#ifdef TEXTURED
+#if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 in vec2 v_texture_coordinate;
 #endif
 #ifdef BAKED
@@ -21,6 +22,10 @@ in vec3 v_normal;
 in vec3 v_position;
 #endif
 #include "scene/lighting.glsl"
+#ifdef REFLECTANCE
+#include "scene/reflectance.glsl"
+#include "scene/reflective_material.glsl"
+#endif
 #endif
 
 void main() {
@@ -36,7 +41,10 @@ void main() {
     if (!gl_FrontFacing && (MATERIAL_KIND & DOUBLE_SIDED_BIT) == 0) discard;
 #endif
 #ifdef ALPHA_MASK
-    if (color.a < ALPHA_CUTOFF) discard;
+    bool is_hole = color.a < ALPHA_CUTOFF;
+#ifndef REFLECTANCE
+    if (is_hole) discard;  // not yet where maps are sampled, which needs derivatives, too
+#endif
 #endif
 #ifdef LIT
     vec3 normal = v_normal;
@@ -51,11 +59,29 @@ void main() {
 #else
     vec3 position = vec3(0.0);  // unused
 #endif
-    vec3 light = light_on_surface(position, normalize(normal));
+    normal = normalize(normal);
+#ifdef REFLECTANCE
+#ifdef TEXTURE_COORDINATES
+    vec2 uv = v_texture_coordinate;
+#else
+    vec2 uv = vec2(0.0);  // unused
+#endif
+    vec3 plain_normal = normal;
+#ifdef NORMAL_MAP
+    normal = mapped_normal(normal, position, uv, gl_FrontFacing ? 1.0 : -1.0);
+#endif
+    color.rgb = reflected_light(
+        reflectance_of(color.rgb, uv), position, normal, plain_normal, normalize(-position));
+#else
+    vec3 light = light_on_surface(position, normal);
 #ifdef BLENDED_ARRAYS
     if ((MATERIAL_KIND & UNLIT_BIT) != 0) light = vec3(1.0);
 #endif
     color.rgb *= light;
+#endif
+#endif
+#if defined(ALPHA_MASK) && defined(REFLECTANCE)
+    if (is_hole) discard;
 #endif
 #ifndef ALPHA_BLEND
     color.a = 1.0;

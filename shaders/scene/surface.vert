@@ -12,7 +12,7 @@ flat
 #endif
 out vec4 v_color;
 
-#ifdef TEXTURED
+#if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 in vec2 in_texture_coordinate;
 out vec2 v_texture_coordinate;
 #endif
@@ -43,9 +43,13 @@ uniform mat3 u_normal_from_mesh;
 #endif
 #endif
 
+#ifdef REFLECTANCE
+#include "scene/vertex_details.glsl"
+#endif
+
 void main() {
     gl_Position = clip_position();
-#ifdef TEXTURED
+#if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
     v_texture_coordinate = in_texture_coordinate;
 #endif
 #ifdef CLUSTERED
@@ -71,5 +75,8 @@ void main() {
 #endif
     v_normal = u_normal_from_mesh * in_normal;
 #endif
+#endif
+#ifdef REFLECTANCE
+    pass_details();
 #endif
 }

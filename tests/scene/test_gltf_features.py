@@ -131,6 +131,14 @@ def _map(name, **values):
     return change
 
 
+def _extension_map(extension, name):
+    def change(plain):
+        index = plain.gltf.texture(IMAGE)
+        plain.extend(plain.material, extension, **{name: {"index": index}})
+
+    return change
+
+
 def _extension(name, **values):
     return lambda plain: plain.extend(plain.material, name, **values)
 
@@ -168,12 +176,12 @@ USES = {
     "magFilter: 9728": lambda p: p.textured(magFilter=9728),
     "alphaMode, alphaCutoff": lambda p: p.material.update(alphaMode="BLEND"),
     "doubleSided": lambda p: p.material.update(doubleSided=True),
-    "metallicFactor": lambda p: p.pbr.update(metallicFactor=0.5),
-    "roughnessFactor": lambda p: p.pbr.update(roughnessFactor=0.1),
+    "metallicFactor, roughnessFactor": lambda p: p.pbr.update(metallicFactor=0.5),
     "metallicRoughnessTexture": lambda p: p.pbr.update(
         metallicRoughnessTexture={"index": p.gltf.texture(IMAGE)}
     ),
     "normalTexture": _map("normalTexture"),
+    "TANGENT": lambda p: p.attribute("TANGENT", np.array([[1, 0, 0, 1]] * 3, "<f4"), "VEC4"),
     "occlusionTexture": _map("occlusionTexture"),
     "emissiveFactor, emissiveTexture": lambda p: p.material.update(emissiveFactor=[0, 1, 0]),
     "KHR_texture_transform": _transform,
@@ -190,9 +198,14 @@ USES = {
     "KHR_materials_pbrSpecularGlossiness": lambda p: _glossy(
         p, diffuseFactor=[1, 0, 0, 1], specularFactor=[0, 0, 0]
     ),
-    "specularFactor, specularGlossinessTexture": _glossy,
+    "specularGlossinessTexture": _extension_map(
+        "KHR_materials_pbrSpecularGlossiness", "specularGlossinessTexture"
+    ),
     "KHR_materials_anisotropy": _extension("KHR_materials_anisotropy", anisotropyStrength=1),
     "KHR_materials_clearcoat": _extension("KHR_materials_clearcoat", clearcoatFactor=1),
+    "clearcoatTexture, clearcoatRoughnessTexture, clearcoatNormalTexture": _extension_map(
+        "KHR_materials_clearcoat", "clearcoatTexture"
+    ),
     "KHR_materials_diffuse_transmission": _extension(
         "KHR_materials_diffuse_transmission", diffuseTransmissionFactor=1
     ),
@@ -202,6 +215,9 @@ USES = {
     "KHR_materials_iridescence": _extension("KHR_materials_iridescence", iridescenceFactor=1),
     "KHR_materials_sheen": _extension("KHR_materials_sheen", sheenColorFactor=[1, 0, 0]),
     "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=0),
+    "specularTexture, specularColorTexture": _extension_map(
+        "KHR_materials_specular", "specularTexture"
+    ),
     "KHR_materials_transmission": _extension("KHR_materials_transmission", transmissionFactor=1),
     "KHR_materials_volume": _extension("KHR_materials_volume", thicknessFactor=1),
     "KHR_materials_variants": lambda p: p.extend(p.primitive, "KHR_materials_variants"),
@@ -212,6 +228,7 @@ WITHOUT = {
     "wrapS, wrapT": Plain.textured,
     "magFilter: 9728": Plain.textured,
     "JOINTS_1": Plain.skin,
+    "specularGlossinessTexture": _glossy,
 }
 SILENT = {
     "normalTexture": _map("normalTexture", scale=0),
@@ -226,7 +243,6 @@ SILENT = {
     ),
     "KHR_materials_sheen": _extension("KHR_materials_sheen"),
     "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=1),
-    "metallicFactor": lambda p: p.material.pop("pbrMetallicRoughness"),
     "unlit": lambda p: (
         p.pbr.update(metallicFactor=1.0),
         p.extend(p.material, "KHR_materials_unlit"),
@@ -284,13 +300,13 @@ def test_values_that_change_nothing_are_not_noticed(name, tmp_path):
 
 def test_notices_count_what_the_scene_draws(tmp_path):
     plain = Plain()
-    coat = {"KHR_materials_clearcoat": {"clearcoatFactor": 1.0}}
-    plain.gltf.tree["materials"] += [{"extensions": coat} for _ in range(3)]
+    sheen = {"KHR_materials_sheen": {"sheenColorFactor": [1.0, 0.0, 0.0]}}
+    plain.gltf.tree["materials"] += [{"extensions": sheen} for _ in range(3)]
     for material in (1, 2):
         plain.gltf.node(mesh=plain.gltf.triangle(material=material))
     plain.gltf.triangle(material=3)  # of no node
     scene = load_scene(plain.gltf.write(tmp_path / "a.glb"))
-    assert scene.notices == ("a.glb: clear coats are not drawn (2 materials)",)
+    assert scene.notices == ("a.glb: sheen is not drawn (2 materials)",)
 
 
 def test_unknown_extensions_are_noticed(tmp_path):
@@ -299,8 +315,8 @@ def test_unknown_extensions_are_noticed(tmp_path):
 
 
 def test_a_damaged_value_of_a_feature_that_is_left_out_is_no_error(tmp_path):
-    scene = _load(tmp_path, _extension("KHR_materials_clearcoat", clearcoatFactor="much"))
-    assert scene.notices == ("a.glb: clear coats are not drawn (1 material)",)
+    scene = _load(tmp_path, _extension("KHR_materials_sheen", sheenColorFactor="much"))
+    assert scene.notices == ("a.glb: sheen is not drawn (1 material)",)
 
 
 def test_a_required_extension_is_refused_unless_it_is_applied(tmp_path):

@@ -102,7 +102,7 @@ class VisibilityPass:
             self.buffers,
             self.buffers.triangles.indices,
             items,
-            lambda material: self._program(VisibilityVariant(material.hit_cutoff > 0.0, colored)),
+            lambda item: self._program(VisibilityVariant(item.material.hit_cutoff > 0.0, colored)),
             self.triangle_ids.first_of_item,
             self._cameras.both_sides,
         )

@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, uniform
-from omnisim.scene.model import Material
 
 
 class VisibilityVariant(NamedTuple):
@@ -90,8 +90,9 @@ class VisibilityProgram:
         if self._clip_from_mesh is not None:
             self._clip_from_mesh.write(clip_from_mesh)
 
-    def bind_material(self, material: Material, texture: moderngl.Texture) -> None:
-        """Bind the material of the next draw call."""
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw call."""
+        material, texture = item.material, item.texture
         if self._base_color is not None:
             self._base_color.value = material.base_color
         if self._samplers:

@@ -48,6 +48,7 @@ def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
     return (
         geometry is not None
         and 0 < len(items) <= MAX_ITEMS
+        and all(item.texture_layer.reflectance is None for item in items)
         and all(item.is_near(geometry.anchor_m) for item in items)
         and len(arrays_of(items)) <= MAX_ARRAYS
         and all(0 < item.triangles <= MAX_TRIANGLES_OF_ITEM for item in items)

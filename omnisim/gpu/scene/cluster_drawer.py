@@ -11,6 +11,7 @@ from omnisim.gpu.culling.cluster_culling import BANDS, ClusterCuller
 from omnisim.gpu.gl_functions import IndirectDraws
 from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
+from omnisim.gpu.scene.texture_array import bind_maps
 from omnisim.gpu.scene.vertex_format import cluster_vertex_array
 
 
@@ -56,7 +57,7 @@ class ClusterDrawer:
             for one in programs
         }
         self._buckets = [
-            (one, arrays[id(one.program)], bucket.double_sided or both_sides, bucket.array)
+            (one, arrays[id(one.program)], bucket.double_sided or both_sides, bucket)
             for bucket, one in zip(geometry.buckets, programs, strict=True)
         ]
 
@@ -72,9 +73,9 @@ class ClusterDrawer:
         context, draws = self._context, self._draws
         program = array = double_sided = None
         buckets = enumerate(BANDS * self._buckets, pass_index * BANDS * len(self._buckets))
-        for number, (one, vertices, shows_back, textures) in buckets:
-            band, bucket = divmod(number, len(self._buckets))
-            commands = self._culler.ranges[bucket]
+        for number, (one, vertices, shows_back, bucket) in buckets:
+            band, index = divmod(number, len(self._buckets))
+            commands, textures = self._culler.ranges[index], bucket.array
             first = commands.first + band % BANDS * commands.most
             if one.program is not program:
                 program = one.program
@@ -86,6 +87,8 @@ class ClusterDrawer:
             if textures is not None and textures is not array:
                 array = textures
                 array.array.use(0)
+            if bucket.maps is not None:
+                bind_maps(bucket.maps)
             if one.sampler is not None:
                 one.sampler.use(0)
             if one.first_command is not None:

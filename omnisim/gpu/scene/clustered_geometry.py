@@ -18,6 +18,7 @@ from omnisim.gpu.culling.cluster_buffers import ClusterBuffers
 from omnisim.gpu.culling.clusters import ClusterHierarchy, Clusters, build_clusters
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
+from omnisim.gpu.scene.material_table import vertex_details
 from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX, fill_vertices
 from omnisim.scene.model import AlphaMode, Lighting
@@ -37,6 +38,8 @@ class Bucket(NamedTuple):
         cutoff: alpha of visible surfaces has a limit.
         shading: of their triangles.
         array: of their textures; None: they have none.
+        maps: arrays of their maps, see `Reflectance`; None: they are matte.
+        second_coordinates: place some of their maps.
     """
 
     unlit: bool
@@ -45,6 +48,8 @@ class Bucket(NamedTuple):
     cutoff: bool
     shading: Shading
     array: TextureArray | None
+    maps: tuple[TextureArray | None, ...] | None = None
+    second_coordinates: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,7 @@ class ClusteredGeometry:
         triangles: (m, 3), likewise; those of hidden items have no area.
         indices: buffer of the triangles.
         buffers: of clusters and groups, for culling.
+        details: of the vertices, see `vertex_details`; None: all materials are matte.
     """
 
     buckets: tuple[Bucket, ...]
@@ -77,6 +83,7 @@ class ClusteredGeometry:
     triangles: NDArray[np.uint32]
     indices: moderngl.Buffer
     buffers: ClusterBuffers
+    details: moderngl.Texture | None
 
     def show(self, shown: NDArray[np.bool_]) -> None:
         """Show some of the draw items (items,), and no others."""
@@ -117,6 +124,9 @@ def build_clustered_geometry(
     # both sides are seen, or no light: what is known of a front is of no use
     ignores = [item.material.double_sided or item.material.unlit for item in items]
     shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
+    # light that depends on the view cannot be baked
+    reflective = np.array([item.texture_layer.reflectance is not None for item in items])
+    shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
     baked = shading == Shading.BAKED.value
     lights = bake_directional_light(normals[baked], lighting)
     vertices, triangles[baked] = _bake(vertices, triangles, baked, lights)
@@ -156,6 +166,18 @@ def build_clustered_geometry(
             object_of_group,
             bucket_of_group,
         ),
+        details=_details(context, items) if reflective.any() else None,
+    )
+
+
+def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.Texture:
+    reflectances = [item.texture_layer.reflectance for item in items]
+    return vertex_details(
+        context,
+        [
+            (item.mesh, 0 if found is None else found.record)
+            for item, found in zip(items, reflectances, strict=True)
+        ],
     )
 
 
@@ -166,10 +188,11 @@ def _buckets(
     of_kind: dict[int, Bucket] = {}
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
-        material = item.material
+        material, found = item.material, item.texture_layer.reflectance
         of_kind[kind] = Bucket(
             material.unlit, material.alpha_mode, material.double_sided,
             material.hit_cutoff > 0.0, shading, item.texture_layer.array,
+            *((None, False) if found is None else (found.maps, found.second_coordinates)),
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
     numbers = np.zeros(len(Shading) * len(items), dtype=np.intp)
@@ -180,10 +203,10 @@ def _buckets(
 
 def _state_order(bucket: Bucket) -> tuple[object, ...]:
     """Order of few changes of state: by program, and then by texture."""
-    array = 0 if bucket.array is None else bucket.array.array.glo
+    arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
     return (
         bucket.alpha_mode.value != AlphaMode.OPAQUE.value, bucket.double_sided, bucket.unlit,
-        bucket.shading.value, array,
+        bucket.shading.value, bucket.maps is not None, arrays, bucket.second_coordinates,
     )  # fmt: skip
 
 

@@ -77,6 +77,7 @@ class CubeLayers:
             program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit))
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._programs, self._tile_count = list(used.values()), len(plan.tiles)
+        self._surface_programs = programs
         self._lights_m = programs.punctual_positions_m
         self._positions = buffers.context.buffer(reserve=16 * max(1, count * len(self._lights_m)))
 
@@ -94,6 +95,7 @@ class CubeLayers:
             uniform(program, "u_cameras").value = len(poses)
             uniform(program, "u_tiles").value = self._tile_count
         self._tiles.begin(self._target, (*self._background, 1.0))
+        self._surface_programs.bind_tables()
         self._positions.bind_to_storage_buffer(_POSITIONS)
         self._tiles.draw_clusters(rigs, objects)
         if self._blended is not None:

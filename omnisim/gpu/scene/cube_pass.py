@@ -97,7 +97,7 @@ class CubePass:
             buffers,
             buffers.indices,
             np.flatnonzero(shown),
-            lambda material: programs[variant_of(material, cameras.unlit)],
+            lambda item: programs[variant_of(item, cameras.unlit)],
             id_of_item={},
         )
         self._programs_used = set(self._drawer.programs)
@@ -197,6 +197,7 @@ class CubePass:
         viewpoint_m = world_from_rig[:3, 3]
         for program in self._programs_used:
             program.set_viewpoint(viewpoint_m)
+        self._programs.bind_tables()
         tiles.begin(target, (*self._background, 1.0))
         tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
         if self._blended.size:

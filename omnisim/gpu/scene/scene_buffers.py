@@ -17,6 +17,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
+from omnisim.gpu.scene.material_table import MaterialTable
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene
@@ -57,7 +58,7 @@ class SceneBuffers:
     ):
         self.context, self._uses_clusters = context, uses_clusters
         self._dynamic_objects = tuple(dynamic_objects)
-        self._textures = MaterialTextures(context)
+        self._textures = MaterialTextures(context, scene.lighting.is_matte)
         self._build(scene)
 
     def _build(self, scene: Scene) -> None:
@@ -103,6 +104,11 @@ class SceneBuffers:
         object_indices = [-1 if one.object_index is None else one.object_index for one in items]
         self._object_of_item = np.array(object_indices, dtype=np.intp)
         self._dynamic = np.flatnonzero(self._object_of_item >= 0)
+
+    @property
+    def materials(self) -> MaterialTable:
+        """Numbers of the materials that are not matte."""
+        return self._textures.table
 
     @property
     def vertices(self) -> moderngl.Buffer:

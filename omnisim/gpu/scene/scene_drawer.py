@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.scene.draw_item import InstanceTransforms
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.vertex_format import vertex_array
 from omnisim.gpu.uniforms import columns_first
@@ -31,8 +31,8 @@ class DrawProgram(Protocol):
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), columns first, of the next draw calls."""
 
-    def bind_material(self, material: Material, texture: moderngl.Texture) -> None:
-        """Bind the material of the next draw calls."""
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw calls."""
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; the first triangle has this ID."""
@@ -48,7 +48,7 @@ class SceneDrawer(Generic[P]):
         buffers: the scene and its dynamic objects.
         indices: index buffer of the items.
         items: (n,) that may be drawn.
-        find_program: of a material.
+        find_program: of an item.
         id_of_item: ID of the first triangle of an item.
         both_sides: draw back faces, too.
 
@@ -61,14 +61,14 @@ class SceneDrawer(Generic[P]):
         buffers: SceneBuffers,
         indices: moderngl.Buffer,
         items: NDArray[np.intp],
-        find_program: Callable[[Material], P],
+        find_program: Callable[[DrawItem], P],
         id_of_item: Mapping[int, int],
         both_sides: bool = False,
     ):
         self._both_sides = both_sides
         self._context, self._items = buffers.context, buffers.draw_items
         self._programs = {
-            index: find_program(buffers.draw_items[index].material) for index in items.tolist()
+            index: find_program(buffers.draw_items[index]) for index in items.tolist()
         }
         self.programs = set(self._programs.values())
         self._arrays = {
@@ -92,7 +92,7 @@ class SceneDrawer(Generic[P]):
         self._context.front_face = "ccw" if item.flips_winding else "cw"
         self._cull_back_faces(item.material)
         program.set_matrices(clip_from_mesh, viewpoint_from_mesh[index], normal_from_mesh[index])
-        program.bind_material(item.material, item.texture)
+        program.bind_material(item)
         first_id = self._id_of_item.get(index, 0)
         program.draw(self._arrays[program], item.first, item.count, first_id)
 

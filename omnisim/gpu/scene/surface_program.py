@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -11,18 +13,39 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.clustered_geometry import Bucket
+from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import find_uniform, uniform
-from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Light, Lighting, LightKind, Material
+from omnisim.gpu.uniforms import find_uniform, set_sampler, uniform
+from omnisim.scene.environment import Environment
+from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Light, Lighting, LightKind
+from omnisim.scene.reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
 _NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
+# Uniforms of maps, in the order of `Material.maps`, and their texture units: see `bind_maps`.
+MAPS = "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map"
+MAP_UNITS = {f"u_{name}": unit for unit, name in enumerate(MAPS, start=1)}
+_TABLE_UNITS = {
+    "u_environment_table": 8, "u_filtered_sky": 9, "u_vertex_details": 10, "u_materials": 11
+}  # fmt: skip
+_ITEM_DETAILS_UNIT = 12
 
 
 class SurfaceVariant(NamedTuple):
-    """Compiled version of the surface shader."""
+    """Compiled version of the surface shader.
+
+    Attributes:
+        lit, alpha_mode, textured: of the material.
+        shading: of the triangles.
+        clustered: of clusters, not of single items.
+        layered: cameras have layers.
+        blended_arrays: number of texture arrays of blended clusters.
+        maps: the material has such a map, in the order of `Material.maps`; None: it is matte.
+        second_coordinates: place some of the maps.
+    """
 
     lit: bool
     alpha_mode: AlphaMode
@@ -31,6 +54,8 @@ class SurfaceVariant(NamedTuple):
     clustered: bool = False
     layered: bool = False
     blended_arrays: int | None = None
+    maps: tuple[bool, ...] | None = None
+    second_coordinates: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -50,8 +75,11 @@ class SurfaceVariant(NamedTuple):
             agree = self.shading is Shading.NORMALS_AGREE
             if agree:
                 defines.append("NORMALS_AGREE")
-            if punctual or not agree:
+            if punctual or not agree or self.maps is not None:
                 defines.append("POSITION")
+            if lighting.environment is not None:
+                defines.append("ENVIRONMENT")
+            defines += self._reflectance_defines()
         elif self.lit:
             defines.append("BAKED")
         if self.textured:
@@ -66,22 +94,33 @@ class SurfaceVariant(NamedTuple):
             defines.append(f"BLENDED_ARRAYS {self.blended_arrays}")
         return tuple(defines)
 
+    def _reflectance_defines(self) -> list[str]:
+        if self.maps is None:
+            return []
+        has_maps = [name for name, is_there in zip(MAPS, self.maps, strict=True) if is_there]
+        return [
+            "REFLECTANCE",
+            *(name.upper() for name in has_maps),
+            *(["TEXTURE_COORDINATES"] if has_maps else []),
+            *(["SECOND_COORDINATES"] if self.second_coordinates else []),
+        ]
 
-def variant_of(
-    material: Material, unlit: bool, shading: Shading = Shading.UNKNOWN
-) -> SurfaceVariant:
-    """Variant that draws a material.
 
-    Args:
-        material: of the surface.
-        unlit: show plain base colours.
-        shading: of its triangles; of no use where both of their sides are seen.
-    """
+def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
+    """Variant that draws an item; `unlit`: plain base colours."""
+    material, found = item.material, item.texture_layer.reflectance
     textured = material.texture is not None
     if unlit or material.unlit:
         return SurfaceVariant(False, material.alpha_mode, textured)
-    known = Shading.UNKNOWN if material.double_sided else shading
-    return SurfaceVariant(True, material.alpha_mode, textured, known)
+    variant = SurfaceVariant(True, material.alpha_mode, textured)
+    return variant if found is None else _reflective(variant, found.maps, found.second_coordinates)
+
+
+def _reflective(
+    variant: SurfaceVariant, maps: Sequence[TextureArray | None], second_coordinates: bool
+) -> SurfaceVariant:
+    has_maps = tuple(one is not None for one in maps)
+    return variant._replace(maps=has_maps, second_coordinates=second_coordinates)
 
 
 def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
@@ -89,7 +128,10 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     textured = bucket.array is not None
     if unlit or bucket.unlit:
         return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True)
-    return SurfaceVariant(True, bucket.alpha_mode, textured, bucket.shading, clustered=True)
+    variant = SurfaceVariant(True, bucket.alpha_mode, textured, bucket.shading, clustered=True)
+    if bucket.maps is None:
+        return variant
+    return _reflective(variant, bucket.maps, bucket.second_coordinates)
 
 
 def variant_of_blended(arrays: int, unlit: bool) -> SurfaceVariant:
@@ -128,8 +170,16 @@ class SurfaceProgram:
             arrays = variant.blended_arrays or 1
             units = 0 if arrays == 1 else tuple(range(arrays))
             program["u_textures" if variant.clustered else "u_texture"] = units
+        self._record = find_uniform(program, "u_record")
+        if variant.maps is not None:
+            for name, unit in (*MAP_UNITS.items(), *_TABLE_UNITS.items()):
+                set_sampler(program, name, unit)
+            if not variant.clustered:
+                set_sampler(program, "u_vertex_details", _ITEM_DETAILS_UNIT)
         if variant.computes_light:
             _write_lights(program, lighting)
+            if lighting.environment is not None:
+                _write_environment(program, lighting.environment)
 
     def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
         """Count positions of punctual lights from the effective viewpoint (3,), world."""
@@ -151,14 +201,18 @@ class SurfaceProgram:
         if self._normal_from_mesh is not None:
             self._normal_from_mesh.write(normal_from_mesh)
 
-    def bind_material(self, material: Material, texture: moderngl.Texture) -> None:
-        """Bind the material of the next draw call."""
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw call."""
+        material, found = item.material, item.texture_layer.reflectance
         if self._base_color is not None:
             self._base_color.write(struct.pack("4f", *material.base_color))
         if self._alpha_cutoff is not None:
             self._alpha_cutoff.value = material.alpha_cutoff
         if self._is_textured:
-            texture.use(0)
+            item.texture.use(0)
+        if self._record is not None and found is not None:
+            self._record.value = found.record
+            bind_maps(found.maps)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; colours need no IDs."""
@@ -180,7 +234,7 @@ class SurfacePrograms:
             raise GraphicsError(
                 f"lights: expected at most {MAX_LIGHTS}, got {len(lighting.lights)}"
             )
-        self._context, self._lighting = buffers.context, lighting
+        self._context, self._buffers, self._lighting = buffers.context, buffers, lighting
         self._programs: dict[SurfaceVariant, SurfaceProgram] = {}
 
     @property
@@ -188,6 +242,26 @@ class SurfacePrograms:
         """Positions (n, 3) of the punctual lights, world."""
         positions_m = [light.position_m for light in _by_kind(self._lighting)[1]]
         return np.array(positions_m, dtype=np.float64).reshape(-1, 3)
+
+    def bind_tables(self) -> None:
+        """Bind what materials that are not matte look up, if there are any."""
+        buffers, clusters = self._buffers, self._buffers.clustered_geometry
+        if buffers.materials.texture is None:
+            return
+        details = None if clusters is None else clusters.details
+        self._environment_table.use(_TABLE_UNITS["u_environment_table"])
+        buffers.materials.texture.use(_TABLE_UNITS["u_materials"])
+        if details is not None:
+            details.use(_TABLE_UNITS["u_vertex_details"])
+
+    @cached_property
+    def _environment_table(self) -> moderngl.Texture:
+        table = environment_table()
+        size = (table.shape[1], table.shape[0])
+        texture = self._context.texture(size, 3, np.ascontiguousarray(table), dtype="f4")
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = False
+        return texture
 
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
         if variant not in self._programs:
@@ -221,3 +295,9 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
         ]
         ranges_m = [min(one.range_m, _NO_RANGE_M) for one in punctual]
         write("u_punctual_limits", np.column_stack((ranges_m, cones)))
+
+
+def _write_environment(program: moderngl.Program, environment: Environment) -> None:
+    irradiance = find_uniform(program, "u_irradiance")
+    if irradiance is not None:
+        irradiance.write(environment.irradiance.astype(np.float32))

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from omnisim.gpu import gl_functions
 from omnisim.gpu.memory import gpu_allocation
 
-SRGB8_ALPHA8 = 0x8C43
+SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 
 
 class TextureArray:
-    """Array of textures of one size, with mip levels, RGBA stored as sRGB.
+    """Array of textures of one size, with mip levels, RGBA stored as sRGB or linear.
 
     Args:
         context: where.
         layers: levels (height, width, 4) of each, from the full size down to one texel.
         repeats: right and down; otherwise the edge goes on.
+        is_linear: values, not colours.
 
     Attributes:
         array: the whole.
@@ -32,7 +33,9 @@ class TextureArray:
         context: moderngl.Context,
         layers: Sequence[Sequence[NDArray[np.uint8]]],
         repeats: tuple[bool, bool],
+        is_linear: bool = False,
     ):
+        stored = RGBA8 if is_linear else SRGB8_ALPHA8
         height, width = layers[0][0].shape[:2]
         levels = len(layers[0])
         with gpu_allocation(
@@ -41,14 +44,14 @@ class TextureArray:
             self.array = context.texture_array((1, 1, 1), 4)
             self.array.use()
             size = (width, height, len(layers))
-            gl_functions.allocate_texture_array(SRGB8_ALPHA8, levels, size)
+            gl_functions.allocate_texture_array(stored, levels, size)
         for layer, pixels in enumerate(layers):
             for level, texels in enumerate(pixels):
                 texel_size = texels.shape[1], texels.shape[0]
                 gl_functions.upload_layer(level, layer, texel_size, texels.tobytes())
         self.layers = []
         for layer in range(len(layers)):
-            name = gl_functions.view_layer(self.array.glo, SRGB8_ALPHA8, levels, layer)
+            name = gl_functions.view_layer(self.array.glo, stored, levels, layer)
             self.layers.append(context.external_texture(name, (width, height), 4, 0, "f1"))
         textures: list[moderngl.Texture | moderngl.TextureArray] = [self.array, *self.layers]
         for texture in textures:
@@ -59,3 +62,10 @@ class TextureArray:
         """Release the textures of single layers, which are not moderngl's to free."""
         for layer in self.layers:
             gl_functions.delete_texture(layer.glo)
+
+
+def bind_maps(maps: Sequence[TextureArray | None]) -> None:
+    """Bind the arrays of a material's maps, behind that of its base colour."""
+    for unit, one in enumerate(maps, start=1):
+        if one is not None:
+            one.array.use(unit)

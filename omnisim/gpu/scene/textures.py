@@ -13,26 +13,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
+from omnisim.gpu.scene.material_table import MaterialTable, Reflectance
 from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.mipmaps import mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 
-_Key = tuple[int, float | None]  # identity of a texture, and the cutoff of its mip levels
+# Identity of a texture's pixels, the cutoff of its mip levels, and how it is stored and repeated.
+_Key = tuple[int, float | None, bool, tuple[bool, bool]]
 
 
 class MaterialTexture(NamedTuple):
-    """Texture of a material: a layer of an array.
+    """Texture of a material: a layer of an array; and its reflectance.
 
     Attributes:
         array: shared with others of its size; None: the material has no texture.
         layer: in the array.
         texture: the layer alone; white where the material has no texture.
+        reflectance: on its mesh; None: it is matte.
     """
 
     array: TextureArray | None
     layer: int
     texture: moderngl.Texture
+    reflectance: Reflectance | None = None
+
+    @property
+    def arrays(self) -> tuple[TextureArray | None, ...]:
+        """Array of the base colour, and those of the maps."""
+        return self.array, *(() if self.reflectance is None else self.reflectance.maps)
 
 
 class MaterialTextures:
@@ -40,10 +49,16 @@ class MaterialTextures:
 
     Args:
         context: where.
+        is_matte: all materials are.
+
+    Attributes:
+        table: numbers of the materials that are not matte.
     """
 
-    def __init__(self, context: moderngl.Context):
-        self._context = context
+    def __init__(self, context: moderngl.Context, is_matte: bool = False):
+        self._context, self._is_matte = context, is_matte
+        self.table = MaterialTable(context)
+        self._reflectances: dict[tuple[object, ...], tuple[Material, Reflectance]] = {}
         self._layers: dict[_Key, MaterialTexture] = {}
         self._sources: dict[_Key, Texture] = {}  # kept, so that no other gets the same identity
         white = TextureArray(context, [[np.full((1, 1, 4), 255, dtype=np.uint8)]], (True, True))
@@ -56,15 +71,16 @@ class MaterialTextures:
             GraphicsError: it is larger than the GPU allows.
         """
         key = _key(material, mesh)
-        if key is None:
-            return self._white
-        if key not in self._layers:
+        if any(one not in self._layers for one in self._uses(material, mesh)):
             self.share([(material, mesh)])
-        return self._layers[key]
+        found = self._white if key is None else self._layers[key]
+        return found._replace(reflectance=self._reflectance(material, mesh))
 
     def keep(self, used: Collection[MaterialTexture]) -> None:
         """Forget all textures but the used ones; an array goes with the last of its layers."""
-        arrays = {id(one.array) for one in used}
+        if not used:
+            self.table, self._reflectances = MaterialTable(self._context), {}
+        arrays = {id(array) for one in used for array in one.arrays}
         for one in {id(one.array): one.array for one in self._layers.values()}.values():
             if one is not None and id(one) not in arrays:
                 one.release_layers()
@@ -77,26 +93,50 @@ class MaterialTextures:
         Raises:
             GraphicsError: one is larger than the GPU allows.
         """
-        classes: dict[tuple[object, ...], dict[_Key, Material]] = {}
+        classes: dict[tuple[object, ...], dict[_Key, Texture]] = {}
         for material, mesh in used:
-            key, texture = _key(material, mesh), material.texture
-            if key is not None and texture is not None and key not in self._layers:
-                self._check_size(material, texture)
-                of_class = (texture.pixels.shape, *_repeats(texture))
-                classes.setdefault(of_class, {}).setdefault(key, material)
+            for key, texture in self._uses(material, mesh).items():
+                if key not in self._layers:
+                    self._check_size(material, texture)
+                    of_class = (texture.pixels.shape, *key[2:])
+                    classes.setdefault(of_class, {}).setdefault(key, texture)
         limit = int(self._context.info["GL_MAX_ARRAY_TEXTURE_LAYERS"])
-        for materials in classes.values():
-            keys = list(materials)
+        for textures in classes.values():
+            keys = list(textures)
             for first in range(0, len(keys), limit):
-                self._upload_array({key: materials[key] for key in keys[first : first + limit]})
+                self._upload_array({key: textures[key] for key in keys[first : first + limit]})
 
-    def _upload_array(self, materials: dict[_Key, Material]) -> None:
-        textures = {key: one.texture for key, one in materials.items() if one.texture is not None}
-        levels = [_levels(texture.pixels, cutoff) for (_, cutoff), texture in textures.items()]
-        array = TextureArray(self._context, levels, _repeats(next(iter(textures.values()))))
+    def _upload_array(self, textures: dict[_Key, Texture]) -> None:
+        levels = [_levels(texture, key[1]) for key, texture in textures.items()]
+        _, _, is_linear, repeats = next(iter(textures))
+        array = TextureArray(self._context, levels, repeats, is_linear)
         self._sources |= textures
         for layer, key in enumerate(textures):
             self._layers[key] = MaterialTexture(array, layer, array.layers[layer])
+
+    def _reflectance(self, material: Material, mesh: Mesh) -> Reflectance | None:
+        """Reflectance of a material on a mesh, whose maps are there."""
+        if self._is_matte or material.is_matte:
+            return None
+        keys = [None if one is None else _map_key(one, mesh) for one in material.maps]
+        name = id(material), *keys
+        if name not in self._reflectances:
+            found = [None if key is None else self._layers[key] for key in keys]
+            record = self.table.append(material, [one and one.layer for one in found])
+            maps = tuple(None if one is None else one.array for one in found)
+            second = any(
+                one is not None and key is not None and one.uv_set
+                for one, key in zip(material.maps, keys, strict=True)
+            )
+            self._reflectances[name] = material, Reflectance(record, maps, second)
+        return self._reflectances[name][1]
+
+    def _uses(self, material: Material, mesh: Mesh) -> dict[_Key, Texture]:
+        """Textures of a material on a mesh."""
+        maps = () if self._is_matte or material.is_matte else material.maps
+        pairs = [(material.texture, _key(material, mesh))]
+        pairs += [(one, None if one is None else _map_key(one, mesh)) for one in maps]
+        return {key: one for one, key in pairs if one is not None and key is not None}
 
     def _check_size(self, material: Material, texture: Texture) -> None:
         height, width = texture.pixels.shape[:2]
@@ -112,13 +152,23 @@ def _key(material: Material, mesh: Mesh) -> _Key | None:
     if material.texture is None or mesh.texture_coordinates is None:
         return None
     cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
-    return id(material.texture), cutoff
+    texture = material.texture
+    return id(texture.pixels), cutoff, texture.is_linear, _repeats(texture)
+
+
+def _map_key(texture: Texture, mesh: Mesh) -> _Key | None:
+    if mesh.coordinates_of(texture) is None:
+        return None
+    return id(texture.pixels), None, texture.is_linear, _repeats(texture)
 
 
 def _repeats(texture: Texture) -> tuple[bool, bool]:
     return texture.wrap_u is not Wrap.CLAMP_TO_EDGE, texture.wrap_v is not Wrap.CLAMP_TO_EDGE
 
 
-def _levels(pixels: NDArray[np.uint8], cutoff: float | None) -> list[NDArray[np.uint8]]:
+def _levels(texture: Texture, cutoff: float | None) -> list[NDArray[np.uint8]]:
     """All mip levels of a texture."""
-    return [pixels, *(mipmaps(pixels) if cutoff is None else masked_mipmaps(pixels, cutoff))]
+    pixels = texture.pixels
+    if cutoff is None:
+        return [pixels, *mipmaps(pixels, texture.is_linear)]
+    return [pixels, *masked_mipmaps(pixels, cutoff)]

@@ -15,7 +15,6 @@ from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 from omnisim.short_repr import counted
 
 _NEAREST = 9728  # OpenGL's number
-_MATTE_IOR = 1.5  # the default: 4 % reflectance
 
 
 class Support(Enum):
@@ -100,69 +99,21 @@ def _extension(name: str, key: str, effect: str, neutral: float = 0.0) -> Featur
     return Feature(name, Support.LEFT_OUT, effect, "materials", is_used)
 
 
-def _map(name: str, share: str, effect: str) -> Feature:
-    """Texture of materials that is left out; `share` is the key of its strength."""
-
-    def is_used(material: JsonObject) -> bool:
-        return material.has(name) and material.object(name).number(share, 1.0) != 0.0
-
-    return Feature(name, Support.LEFT_OUT, effect, "materials", is_used)
-
-
 def _color(entry: JsonObject, key: str, default: float) -> tuple[float, ...]:
     return entry.numbers(key, 3) or (default, default, default)
 
 
-def _emits(material: JsonObject) -> bool:
-    return any(_color(material, "emissiveFactor", 0.0))
+def _has_map(extension: str, *names: str) -> Callable[[JsonObject], bool]:
+    def is_used(material: JsonObject) -> bool:
+        found = material.extension(extension)
+        return found is not None and any(found.has(name) for name in names)
 
-
-def _emits_strongly(material: JsonObject) -> bool:
-    extension = material.extension("KHR_materials_emissive_strength")
-    strength = 1.0 if extension is None else extension.number("emissiveStrength", 1.0)
-    return _emits(material) and strength != 1.0
-
-
-def _is_glossy(material: JsonObject) -> bool:
-    glossy = material.extension("KHR_materials_pbrSpecularGlossiness")
-    return glossy is not None and (
-        any(_color(glossy, "specularFactor", 1.0)) or glossy.has("specularGlossinessTexture")
-    )
-
-
-def _metallic(material: JsonObject) -> JsonObject | None:
-    """Metallic-roughness values, where they are stated and count."""
-    if material.extension("KHR_materials_pbrSpecularGlossiness") is not None:
-        return None
-    has = material.has("pbrMetallicRoughness")
-    return material.object("pbrMetallicRoughness") if has else None
-
-
-def _is_metal(material: JsonObject) -> bool:
-    values = _metallic(material)
-    if values is None or values.has("metallicRoughnessTexture"):
-        return False
-    return values.number("metallicFactor", 1.0) > 0.0
-
-
-def _has_metal_map(material: JsonObject) -> bool:
-    values = _metallic(material)
-    return values is not None and values.has("metallicRoughnessTexture")
+    return is_used
 
 
 def _has_sheen(material: JsonObject) -> bool:
     sheen = material.extension("KHR_materials_sheen")
     return sheen is not None and any(_color(sheen, "sheenColorFactor", 0.0))
-
-
-def _has_specular(material: JsonObject) -> bool:
-    specular = material.extension("KHR_materials_specular")
-    return specular is not None and (
-        specular.number("specularFactor", 1.0) != 1.0
-        or _color(specular, "specularColorFactor", 1.0) != (1.0, 1.0, 1.0)
-        or specular.has("specularTexture")
-        or specular.has("specularColorTexture")
-    )
 
 
 def _is_hidden(node: JsonObject) -> bool:
@@ -208,24 +159,16 @@ FEATURES = (
     ),
     Feature("alphaMode, alphaCutoff", _APPLIED, "opaque, mask and blend"),
     Feature("doubleSided", _APPLIED, "both sides; or the front alone"),
+    Feature("metallicFactor, roughnessFactor", _APPLIED, "without a material: matte"),
+    Feature("metallicRoughnessTexture", _APPLIED, "linear, times the factors"),
+    Feature("normalTexture", _APPLIED, "with its scale; tangents are the triangles'"),
     Feature(
-        "metallicFactor", _LEFT_OUT, "metals are drawn as matt surfaces of their colour",
-        "materials", _is_metal,
+        "TANGENT", _LEFT_OUT, "without a notice: tangents follow from the texture coordinates, of "
+        "each triangle",
     ),
-    Feature(
-        "roughnessFactor", _LEFT_OUT, "without a notice: at most 4 % of the light that a surface "
-        "reflects ahead, if it is no metal",
-    ),
-    Feature(
-        "metallicRoughnessTexture", _LEFT_OUT, "maps of metal and roughness are not drawn",
-        "materials", _has_metal_map,
-    ),
-    _map("normalTexture", "scale", "normal maps are not drawn"),
-    _map("occlusionTexture", "strength", "occlusion maps are not drawn"),
-    Feature(
-        "emissiveFactor, emissiveTexture", _LEFT_OUT, "emission is not drawn", "materials", _emits
-    ),
-    Feature("KHR_texture_transform", _APPLIED, "of the base colour"),
+    Feature("occlusionTexture", _APPLIED, "with its strength, of light from everywhere"),
+    Feature("emissiveFactor, emissiveTexture", _APPLIED, "1 is white, whatever the exposure"),
+    Feature("KHR_texture_transform", _APPLIED, "of the base colour and of all maps"),
     Feature("EXT_texture_webp", _APPLIED, "WebP images"),
     Feature("KHR_texture_basisu", _REFUSED, "KTX 2 images; where not required, the plain image"),
     Feature("KHR_mesh_quantization", _APPLIED, "vertices of 8 and 16 bits"),
@@ -242,28 +185,35 @@ FEATURES = (
     Feature("KHR_node_visibility", _LEFT_OUT, "hidden nodes are drawn", "nodes", _is_hidden),
     Feature("KHR_lights_punctual", _APPLIED, "directional, point and spot, without shadows"),
     Feature("KHR_materials_unlit", _APPLIED, "its other properties do not count"),
-    Feature("KHR_materials_pbrSpecularGlossiness", _APPLIED, "its diffuse factor and texture"),
+    Feature("KHR_materials_pbrSpecularGlossiness", _APPLIED, "as a dielectric"),
     Feature(
-        "specularFactor, specularGlossinessTexture", _LEFT_OUT,
-        "specular colour and glossiness are not drawn", "materials", _is_glossy,
+        "specularGlossinessTexture", _LEFT_OUT, "maps of specular colour and gloss are not drawn",
+        "materials", _has_map("KHR_materials_pbrSpecularGlossiness", "specularGlossinessTexture"),
     ),
     _extension("KHR_materials_anisotropy", "anisotropyStrength", "anisotropy is not drawn"),
-    _extension("KHR_materials_clearcoat", "clearcoatFactor", "clear coats are not drawn"),
+    Feature("KHR_materials_clearcoat", _APPLIED, "its factors"),
+    Feature(
+        "clearcoatTexture, clearcoatRoughnessTexture, clearcoatNormalTexture", _LEFT_OUT,
+        "maps of clear coats are not drawn", "materials",
+        _has_map(
+            "KHR_materials_clearcoat",
+            "clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture",
+        ),
+    ),
     _extension(
         "KHR_materials_diffuse_transmission", "diffuseTransmissionFactor",
         "diffuse transmission is not drawn",
     ),
     _extension("KHR_materials_dispersion", "dispersion", "dispersion is not drawn"),
-    Feature(
-        "KHR_materials_emissive_strength", _LEFT_OUT, "strength of emission is not drawn",
-        "materials", _emits_strongly,
-    ),
-    _extension("KHR_materials_ior", "ior", "refractive indices are not used", _MATTE_IOR),
+    Feature("KHR_materials_emissive_strength", _APPLIED, "times the emission"),
+    Feature("KHR_materials_ior", _APPLIED, "of the gloss of a dielectric"),
     _extension("KHR_materials_iridescence", "iridescenceFactor", "iridescence is not drawn"),
     Feature("KHR_materials_sheen", _LEFT_OUT, "sheen is not drawn", "materials", _has_sheen),
+    Feature("KHR_materials_specular", _APPLIED, "its factors"),
     Feature(
-        "KHR_materials_specular", _LEFT_OUT, "specular strength and colour are not drawn",
-        "materials", _has_specular,
+        "specularTexture, specularColorTexture", _LEFT_OUT,
+        "maps of specular strength and colour are not drawn", "materials",
+        _has_map("KHR_materials_specular", "specularTexture", "specularColorTexture"),
     ),
     _extension(
         "KHR_materials_transmission", "transmissionFactor",

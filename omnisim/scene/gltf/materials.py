@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,20 @@ from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.gltf.accessors import Accessors, read_uri
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import Primitive
+from omnisim.scene.gltf.reflectance import with_reflectance
+from omnisim.scene.imported import LARGEST_COORDINATE
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_PICTURE, TextureStore
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
+
+
+class _Place(NamedTuple):
+    """Placement of a texture: its set of coordinates, and their affine transform (2, 3)."""
+
+    channel: int
+    transform: NDArray[np.float64]
 
 
 class Materials:
@@ -40,25 +51,38 @@ class Materials:
         self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
     def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
-        """Texture coordinates (n, 2) of a primitive for its material's texture, if any.
+        """Texture coordinates (n, 2) of a primitive for its material's texture, if any."""
+        place = self._place(_base_color(self.entries[material])[1])
+        uv = _coordinates(primitive, place.channel)
+        return None if uv is None else uv @ place.transform[:, :2].T + place.transform[:, 2]
+
+    def second_uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+        """Texture coordinates (n, 2) for maps of the material that have another set."""
+        channel = self._second_channel(self.entries[material])
+        return None if channel is None else _coordinates(primitive, channel)
+
+    def _place(self, info: JsonObject) -> _Place:
+        """Placement of a texture.
 
         Source: KHR_texture_transform, translation · rotation · scale.
         """
-        info = _base_color(self.entries[material])[1]
         transform = info.extension("KHR_texture_transform")
-        channel = info.integer("texCoord", 0)
+        channel, matrix = info.integer("texCoord", 0), np.eye(2, 3)
         if transform is not None:
             channel = transform.integer("texCoord", channel)
-        uv = primitive.attribute(f"TEXCOORD_{channel}")
-        if uv is None or uv.shape[1] != 2:
-            return None
-        if transform is not None:
             angle = transform.number("rotation", 0.0)
-            rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-            uv = uv * (transform.numbers("scale", 2) or (1.0, 1.0)) @ rotation
-            uv = uv + (transform.numbers("offset", 2) or (0.0, 0.0))
+            rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            matrix[:, :2] = rotation * (transform.numbers("scale", 2) or (1.0, 1.0))
+            matrix[:, 2] = transform.numbers("offset", 2) or (0.0, 0.0)
         # a mirrored texture is stored with its mirror image beside it
-        return uv * np.where([wrap == _MIRRORED_REPEAT for wrap in self._wraps(info)], 0.5, 1.0)
+        mirrored = np.where([wrap == _MIRRORED_REPEAT for wrap in self._wraps(info)], 0.5, 1.0)
+        return _Place(channel, matrix * mirrored[:, None])
+
+    def _second_channel(self, entry: JsonObject) -> int | None:
+        """Set of texture coordinates beside the base colour's; maps have one at most."""
+        first = self._place(_base_color(entry)[1]).channel
+        others = [self._place(info).channel for info, _ in _maps(entry)]
+        return next((channel for channel in others if channel != first), None)
 
     def read(self, used: set[int]) -> tuple[Material, ...]:
         """All materials; textures of the used ones only."""
@@ -68,7 +92,7 @@ class Materials:
         entry = self.entries[index]
         name, (factor, info) = entry.text("name", f"material {index}"), _base_color(entry)
         red, green, blue, alpha = factor or (1.0, 1.0, 1.0, 1.0)
-        return Material(
+        plain = Material(
             name=name,
             base_color=(red, green, blue, alpha),
             texture=self._decode(info, name) if is_used and info.has("index") else None,
@@ -76,6 +100,32 @@ class Materials:
             alpha_cutoff=entry.number("alphaCutoff", 0.5),
             double_sided=entry.flag("doubleSided"),
             unlit=is_unlit(entry),
+        )
+        if plain.unlit or index == len(self.entries) - 1:
+            return plain  # what states no material is no metal, as by the defaults of one
+        maps = [self._map(entry, info, linear, name) for info, linear in _maps(entry)]
+        return with_reflectance(plain, entry, maps if is_used else [None] * len(maps))
+
+    def _map(
+        self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
+    ) -> Texture | None:
+        """Texture of a map, placed by the coordinates of the base colour or by the second ones."""
+        texture = self._decode(info, material, is_linear) if info.has("index") else None
+        if texture is None:
+            return None
+        base, own = self._place(_base_color(entry)[1]), self._place(info)
+        matrix = own.transform
+        if own.channel == base.channel:
+            matrix = _relative(own.transform, base.transform)
+        elif own.channel != self._second_channel(entry):
+            self.notices.append(f"third set of texture coordinates of {material!r} is not read")
+            return None
+        if not np.abs(matrix).max() < LARGEST_COORDINATE:  # also false for NaN
+            self.notices.append(f"map of {material!r} cannot be placed: it is not drawn")
+            return None
+        (a, b, c), (d, e, f) = matrix.tolist()
+        return replace(
+            texture, uv_set=int(own.channel != base.channel), uv_transform=((a, b, c), (d, e, f))
         )
 
     def _texture(self, info: JsonObject) -> JsonObject:
@@ -88,7 +138,7 @@ class Materials:
         sampler = self._samplers[self._texture(info).index("sampler", self._samplers)]
         return sampler.integer("wrapS", _REPEAT), sampler.integer("wrapT", _REPEAT)
 
-    def _decode(self, info: JsonObject, material: str) -> Texture | None:
+    def _decode(self, info: JsonObject, material: str, is_linear: bool = False) -> Texture | None:
         texture, image, uri = self._texture(info), None, ""
         source = texture.extension("EXT_texture_webp") or texture
         if source.has("source"):
@@ -97,7 +147,7 @@ class Materials:
         if image is not None:
             u, v = self._wraps(info)
             mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
-            return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored)
+            return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored, is_linear)
         if uri not in self._assets.faults:
             self.notices.append(
                 f"texture of {material!r} cannot be decoded: its plain colour is drawn"
@@ -128,6 +178,32 @@ def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObj
         return glossy.numbers("diffuseFactor", 4), glossy.object("diffuseTexture")
     metallic = material.object("pbrMetallicRoughness")
     return metallic.numbers("baseColorFactor", 4), metallic.object("baseColorTexture")
+
+
+def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
+    """Textures in the order of `Material.maps`, and true for linear ones."""
+    metallic = material.object("pbrMetallicRoughness")
+    if material.extension("KHR_materials_pbrSpecularGlossiness") is not None:
+        metallic = JsonObject({}, metallic.place)
+    return (
+        (metallic.object("metallicRoughnessTexture"), True),
+        (material.object("normalTexture"), True),
+        (material.object("occlusionTexture"), True),
+        (material.object("emissiveTexture"), False),
+    )
+
+
+def _coordinates(primitive: Primitive, channel: int) -> NDArray[np.float64] | None:
+    uv = primitive.attribute(f"TEXCOORD_{channel}")
+    return None if uv is None or uv.shape[1] != 2 else uv
+
+
+@np.errstate(all="ignore")
+def _relative(own: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Affine map (2, 3) from coordinates that one map (2, 3) has placed to those of another."""
+    a, b, c, d = base[:, :2].ravel()
+    linear: NDArray[np.float64] = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return np.column_stack((linear, own[:, 2] - linear @ base[:, 2]))
 
 
 def _wrap(number: int) -> Wrap:

@@ -142,6 +142,7 @@ class _Meshes:
                 normals=primitive.attribute("NORMAL"),
                 texture_coordinates=self._materials.uv(primitive, material),
                 colors=None if colors is None else colors_rgba(colors, 1.0),
+                second_texture_coordinates=self._materials.second_uv(primitive, material),
             )
             self.meshes.append(made)
             yield _Part(primitive, len(self.meshes) - 1, center)
@@ -161,7 +162,7 @@ class _Meshes:
         positions, normals = skin_vertices(part.primitive, matrices)
         skinned, center = make_mesh(
             mesh.name, positions, mesh.triangles, mesh.material,
-            normals, mesh.texture_coordinates, mesh.colors,
+            normals, mesh.texture_coordinates, mesh.colors, mesh.second_texture_coordinates,
         )  # fmt: skip
         self.meshes.append(skinned)
         return len(self.meshes) - 1, center

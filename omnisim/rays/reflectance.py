@@ -1,0 +1,139 @@
+"""Light that surfaces reflect and emit, in NumPy: the twin of shaders/scene/reflectance.glsl.
+
+Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.bilinear import sample
+from omnisim.rays.lights import LampLight, ambient_light, lamps_at
+from omnisim.scene.model import Lighting
+from omnisim.scene.reflectance import COAT_F0, environment_table, smith_visibility
+
+Floats = NDArray[np.floating]
+_MIN_COSINE = 1e-3
+
+
+class Reflectance(NamedTuple):
+    """Reflectance of surfaces (n,) or (n, 3), as in shaders/scene/reflectance.glsl."""
+
+    body: Floats
+    dielectric_f0: Floats
+    f0: Floats
+    dielectric_f90: Floats
+    f90: Floats
+    roughness: Floats
+    coat: Floats
+    coat_roughness: Floats
+    occlusion: Floats
+    emissive: Floats
+
+
+class Placed(NamedTuple):
+    """Places and directions of surfaces that are seen.
+
+    Attributes:
+        points_m: (n, 3) world.
+        normals, plain_normals: (n, 3) unit, by the normal map and without it.
+        views: (n, 3) unit, towards the origins of the rays.
+    """
+
+    points_m: NDArray[np.float64]
+    normals: Floats
+    plain_normals: Floats
+    views: Floats
+
+
+def reflected_light(surface: Reflectance, placed: Placed, lighting: Lighting) -> Floats:
+    """Light (n, 3), linear RGB, that surfaces send along the views."""
+    grazing = (1.0 - _cosines(placed.plain_normals, placed.views)) ** 5
+    coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
+    total = (1.0 - coat)[:, None] * surface.emissive
+    total += _environment(surface, placed, coat, lighting)
+    for lamp in lamps_at(lighting, placed.points_m):
+        total += _lamp(surface, placed, coat, lamp)
+    return total
+
+
+def _lamp(surface: Reflectance, placed: Placed, coat: Floats, lamp: LampLight) -> Floats:
+    towards = np.broadcast_to(lamp.directions, placed.views.shape)
+    halfway = towards + placed.views
+    halfway = halfway / np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-7)
+    grazing = (1.0 - np.clip(_dot(placed.views, halfway), 0.0, 1.0)) ** 5
+    gloss = _between(surface.f0, surface.f90, grazing)
+    light = np.maximum(_dot(placed.normals, towards), 0.0)
+    view = _cosines(placed.normals, placed.views)
+    gloss *= _microfacets(surface.roughness, placed.normals, halfway, light, view)[:, None]
+    lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
+    total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
+    light = np.maximum(_dot(placed.plain_normals, towards), 0.0)
+    view = _cosines(placed.plain_normals, placed.views)
+    facets = _microfacets(surface.coat_roughness, placed.plain_normals, halfway, light, view)
+    total += (coat * light * facets)[:, None]
+    lit: Floats = lamp.levels[:, None] * lamp.color * total
+    return lit
+
+
+def _environment(surface: Reflectance, placed: Placed, coat: Floats, lighting: Lighting) -> Floats:
+    normals, views = placed.normals, placed.views
+    shares = _shares(_cosines(normals, views), surface.roughness)
+    lost = _between(surface.dielectric_f0, surface.dielectric_f90, shares[:, 2]).max(axis=1)
+    body = surface.body * (1.0 - lost)[:, None]
+    gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
+    total = body * ambient_light(lighting, normals.astype(np.float32))
+    total += gloss * _radiance(lighting, normals, views, surface.roughness)
+    total *= (1.0 - coat)[:, None]
+    if coat.any():
+        coated = _shares(_cosines(placed.plain_normals, views), surface.coat_roughness)
+        seen = _radiance(lighting, placed.plain_normals, views, surface.coat_roughness)
+        total += (coat * coated[:, :2].sum(axis=1))[:, None] * seen
+    lit: Floats = surface.occlusion[:, None] * total
+    return lit
+
+
+def _radiance(lighting: Lighting, normals: Floats, views: Floats, roughness: Floats) -> Floats:
+    """Radiance (n, 3) of the environment in the mirror's direction."""
+    total: Floats = np.tile(np.array(lighting.ambient), (len(normals), 1))
+    if lighting.environment is not None:
+        mirrored = 2.0 * _dot(normals, views)[:, None] * normals - views
+        total = total + lighting.environment.light(mirrored, roughness)
+    return total
+
+
+def _shares(cosines: Floats, roughness: Floats) -> Floats:
+    table = environment_table()
+    rows, columns = table.shape[:2]
+    places = np.stack((cosines * (columns - 1), roughness * (rows - 1)), axis=-1)
+    return np.stack([sample(table[..., channel], places) for channel in range(3)], axis=-1)
+
+
+def _microfacets(
+    roughness: Floats, normals: Floats, halfway: Floats, light: Floats, view: Floats
+) -> Floats:
+    """Distribution of GGX times visibility, times pi (n,)."""
+    squared = roughness**4
+    across, height = np.cross(normals, halfway), _dot(normals, halfway)
+    spread = _dot(across, across) + height * height * squared
+    facets: Floats = squared / np.maximum(spread * spread, 1e-12)
+    return facets * smith_visibility(light, view, squared)
+
+
+def _between(f0: Floats, f90: Floats, grazing: Floats) -> Floats:
+    """Reflectance (n, 3) by Schlick."""
+    values: Floats = f0 + (f90[:, None] - f0) * grazing[:, None]
+    return values
+
+
+def _cosines(normals: Floats, views: Floats) -> Floats:
+    cosines: Floats = np.clip(np.abs(_dot(normals, views)), _MIN_COSINE, 1.0)
+    return cosines
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    products: Floats = np.einsum("nc,nc->n", one, other)
+    return products

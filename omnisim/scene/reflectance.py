@@ -1,0 +1,101 @@
+"""Reflectance of surfaces as glTF 2.0 defines it: constants, and light from everywhere.
+
+Source: glTF 2.0, appendix B; the split sum: Karis, "Real shading in Unreal Engine 4", 2013.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Smoother surfaces would be mirrors, in which a lamp without an extent is not seen.
+MIN_ROUGHNESS = 0.04
+COAT_F0 = 0.04  # of a clear coat, whose refractive index is 1.5
+TABLE_SIZE = 64, 32  # cosines, roughnesses
+_DIRECTIONS = 512
+
+
+def dielectric_f0(
+    ior: float, specular: float, color: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Reflectance at normal incidence, linear RGB, of a dielectric in air.
+
+    Source: KHR_materials_specular, implementation.
+    """
+    reflectance = ((ior - 1.0) / (ior + 1.0)) ** 2
+    red, green, blue = (specular * min(reflectance * one, 1.0) for one in color)
+    return red, green, blue
+
+
+@cache
+def environment_table() -> NDArray[np.float32]:
+    """Light that surfaces reflect of a white environment (roughnesses, cosines, 3).
+
+    Cosines of the view and the normal run from 0 to 1 along columns, roughnesses along rows. The
+    gloss of a surface reflects first · f0 + second · f90; the body below it gets what is left by
+    f0 + third · (f90 − f0) of the light.
+    """
+    cosines = np.linspace(0.0, 1.0, TABLE_SIZE[0])[None, :, None]
+    cosines = np.maximum(cosines, 1e-3)
+    roughness = np.maximum(np.linspace(0.0, 1.0, TABLE_SIZE[1]), MIN_ROUGHNESS)[:, None, None]
+    view = np.concatenate((np.sqrt(1.0 - cosines**2), 0.0 * cosines, cosines), axis=-1)
+    first, second = _radical_inverse_pairs(_DIRECTIONS)
+    gloss = _gloss(view[:, :, None], roughness, first, second)
+    body = np.broadcast_to(_body(view[:, :, None], first, second), gloss.shape[:2])
+    return np.concatenate((gloss, body[..., None]), axis=-1).astype(np.float32)
+
+
+def _gloss(
+    view: NDArray[np.float64],
+    roughness: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Shares (roughnesses, cosines, 2) of f0 and f90, by half vectors of GGX."""
+    squared = roughness**4
+    height = np.sqrt((1.0 - first) / (1.0 + (squared - 1.0) * first))
+    side = np.sqrt(1.0 - height**2)
+    azimuth = 2.0 * np.pi * second
+    half_x, view_x, view_z = side * np.cos(azimuth), view[..., 0], view[..., 2]
+    along = np.maximum(view_x * half_x + view_z * height, 0.0)
+    light_z = 2.0 * along * height - view_z
+    visible = smith_visibility(np.maximum(light_z, 0.0), view_z, squared)
+    weight = np.where(light_z > 0.0, 4.0 * visible * light_z * along / height, 0.0)
+    fresnel = (1.0 - along) ** 5
+    shares = (weight * (1.0 - fresnel)).mean(axis=-1), (weight * fresnel).mean(axis=-1)
+    return np.stack(shares, axis=-1)
+
+
+def _body(
+    view: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Means (1, cosines) of Schlick's term over light by Lambert's cosine."""
+    height, side, azimuth = np.sqrt(1.0 - first), np.sqrt(first), 2.0 * np.pi * second
+    between = view[..., 0] * side * np.cos(azimuth) + view[..., 2] * height
+    along = np.sqrt(np.clip(0.5 * (1.0 + between), 0.0, 1.0))
+    mean: NDArray[np.float64] = ((1.0 - along) ** 5).mean(axis=-1)
+    return mean
+
+
+def smith_visibility(
+    light: NDArray[np.floating], view: NDArray[np.floating], squared: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Height-correlated visibility of microfacets, by cosines and the squared alpha.
+
+    Source: Heitz, 2014, as in glTF 2.0, appendix B.3.2.
+    """
+    behind = light * np.sqrt(view * view * (1.0 - squared) + squared)
+    before = view * np.sqrt(light * light * (1.0 - squared) + squared)
+    visibility: NDArray[np.floating] = 0.5 / np.maximum(behind + before, 1e-7)
+    return visibility
+
+
+def _radical_inverse_pairs(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points of Hammersley's set in the unit square, (count,) each."""
+    number = np.arange(count)
+    inverse = np.zeros(count)
+    for bit in range(32):
+        inverse += ((number >> bit) & 1) * 0.5 ** (bit + 1)
+    return (number + 0.5) / count, inverse

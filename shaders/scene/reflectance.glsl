@@ -1,0 +1,105 @@
+// Reflectance of metals and dielectrics.
+// struct Reflectance: a surface's, of one fragment.
+// vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 view): linear RGB that a
+// lit surface reflects and emits. Position, normal and view in axes of the world; the view is a unit
+// vector towards the viewpoint.
+// Twin of omnisim/rays/reflectance.py. Includes scene/lighting.glsl.
+// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat.
+
+const float PI = 3.14159265358979;
+const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/reflectance.py
+const float MIN_COSINE = 1e-3;
+
+struct Reflectance {
+    vec3 body;          // what a dielectric scatters below its surface
+    vec3 dielectric_f0;
+    vec3 f0;            // of the dielectric and the metal together
+    float dielectric_f90;
+    float f90;
+    float roughness;
+    float coat;
+    float coat_roughness;
+    float occlusion;    // of light from the environment
+    vec3 emissive;
+};
+
+uniform sampler2D u_environment_table;  // omnisim/scene/reflectance.py
+
+vec3 environment_shares(float cosine, float roughness) {
+    vec2 size = vec2(textureSize(u_environment_table, 0));
+    return textureLod(
+        u_environment_table, (vec2(cosine, roughness) * (size - 1.0) + 0.5) / size, 0.0).rgb;
+}
+
+float largest(vec3 color) {
+    return max(color.r, max(color.g, color.b));
+}
+
+// Distribution times visibility, times PI.
+float microfacets(float roughness, vec3 normal, vec3 halfway, float light, float view) {
+    float alpha = roughness * roughness, squared = alpha * alpha;
+    vec3 across = cross(normal, halfway);
+    float height = dot(normal, halfway);
+    float spread = dot(across, across) + height * height * squared;
+    float visible = light * sqrt(view * view * (1.0 - squared) + squared)
+        + view * sqrt(light * light * (1.0 - squared) + squared);
+    return 0.5 * squared / max(spread * spread * visible, 1e-12);
+}
+
+vec3 reflected_lamp(
+    Reflectance surface, Lamp lamp, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
+    float light = max(dot(normal, lamp.direction), 0.0);
+    float view_cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
+    vec3 halfway = normalize(lamp.direction + view);
+    float grazing = pow(1.0 - clamp(dot(view, halfway), 0.0, 1.0), 5.0);
+    vec3 gloss = mix(surface.f0, vec3(surface.f90), grazing)
+        * microfacets(surface.roughness, normal, halfway, light, view_cosine);
+    float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), grazing));
+    vec3 total = light * (1.0 - coat) * (surface.body * (1.0 - lost) + gloss);
+    if (coat > 0.0) {
+        float coat_light = max(dot(coat_normal, lamp.direction), 0.0);
+        float coat_view = clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0);
+        total += coat * coat_light
+            * microfacets(surface.coat_roughness, coat_normal, halfway, coat_light, coat_view);
+    }
+    return lamp.color * lamp.level * total;
+}
+
+vec3 reflected_environment(
+    Reflectance surface, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
+    float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
+    vec3 shares = environment_shares(cosine, surface.roughness);
+    float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), shares.z));
+    vec3 total = surface.body * (1.0 - lost) * ambient_light(normal)
+        + (surface.f0 * shares.x + surface.f90 * shares.y)
+            * environment_light(reflect(-view, normal), surface.roughness);
+    total *= 1.0 - coat;
+    if (coat > 0.0) {
+        vec2 coated = environment_shares(
+            clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0), surface.coat_roughness).xy;
+        total += coat * (coated.x + coated.y)
+            * environment_light(reflect(-view, coat_normal), surface.coat_roughness);
+    }
+    return surface.occlusion * total;
+}
+
+vec3 reflected_light(
+    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view) {
+    float coat_cosine = clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0);
+    float coat = surface.coat * mix(COAT_F0, 1.0, pow(1.0 - coat_cosine, 5.0));
+    vec3 total = (1.0 - coat) * surface.emissive
+        + reflected_environment(surface, normal, coat_normal, view, coat);
+#if DIRECTIONAL_LIGHTS > 0
+    for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
+        total += reflected_lamp(
+            surface, directional_lamp(i, position, coat_normal),
+            normal, coat_normal, view, coat);
+#endif
+#if PUNCTUAL_LIGHTS > 0
+    for (int i = 0; i < PUNCTUAL_LIGHTS; ++i)
+        total += reflected_lamp(
+            surface, punctual_lamp(i, position, coat_normal),
+            normal, coat_normal, view, coat);
+#endif
+    return total;
+}
