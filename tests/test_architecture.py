@@ -19,7 +19,7 @@ LAYERS = (
     {"plots"},
     {"exporting"},
     {"simulation"},
-    {"localization"},
+    {"localization", "mujoco"},
     {"sensors", "perception", "robot"},
     {"gpu", "rays"},
     {"optics"},

@@ -1,4 +1,4 @@
-"""Importer of MuJoCo models: files, and models in memory at the moment of their data."""
+"""Importer of MuJoCo models, from files and from memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.poses import pose_from_rotation
 from omnisim.scene.imported import ImportedScene, translate
-from omnisim.scene.mujoco.deformables import Deformable, flexes, skins
+from omnisim.scene.mujoco.deformables import flexes, skins
 from omnisim.scene.mujoco.geometry import Geom
 from omnisim.scene.mujoco.lights import read_background, read_lighting
 from omnisim.scene.mujoco.meshes import Meshes, Parts
@@ -37,96 +37,98 @@ def read_mjcf(path: Path) -> ImportedScene:
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
+    update_poses(model, data)
+    return ModelReader(model, data, VISIBLE_GROUPS).read()
+
+
+def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Compute poses from the joints, as the first part of mj_forward."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)  # of which lights and cameras are in the tracking modes
     mujoco.mj_camlight(model, data)
     mujoco.mj_flex(model, data)
-    return read_model(model, data)
 
 
-def read_model(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    groups: Collection[int] = VISIBLE_GROUPS,
-    bodies: Collection[int] | None = None,
-) -> ImportedScene:
-    """Import a model as it is at the moment of its data.
+class ModelReader:
+    """Importer of a model at the moment of its data, whose poses are computed.
 
     Args:
-        model, data: after mj_forward, or what of it makes the poses.
+        model, data: of MuJoCo.
         groups: of the geoms, skins and flexible bodies that are drawn.
-        bodies: whose geoms are, without skins and flexible bodies; None: all.
+
+    Attributes:
+        geoms: that are drawn.
+        names: of all geoms.
+        meshes: of those that became instances.
     """
-    meshes, names = Meshes(model), geom_names(model)
-    geoms = visible_geoms(model, meshes, groups)
-    notices = _geom_notices(model, geoms, groups)
-    if bodies is not None:
-        geoms = [geom for geom in geoms if int(model.geom_bodyid[geom]) in bodies]
-    instances = [
-        instance
-        for geom in geoms
-        for instance in place_parts(
-            names[geom], meshes.of_geom(geom, names[geom]), _pose(data, geom)
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]):
+        self._model, self._data, self._groups = model, data, groups
+        self.meshes, self.names = Meshes(model), geom_names(model)
+        self.geoms = [
+            geom
+            for geom in range(model.ngeom)
+            if int(model.geom_group[geom]) in groups and self.meshes.rgba(geom)[3] > 0.0
+        ]
+
+    def read(self) -> ImportedScene:
+        """Import everything that is drawn."""
+        return self.content([*self.instances(self.geoms, np.eye(4)), *self.deformables()])
+
+    def content(self, instances: Iterable[Instance]) -> ImportedScene:
+        """Import some instances that were made here."""
+        lighting, lights = read_lighting(self._model, self._data)
+        background, sky = read_background(self._model, self.meshes.materials.textures)
+        return ImportedScene(
+            tuple(self.meshes.entries),
+            tuple(self.meshes.materials.entries),
+            tuple(instances),
+            [*self._notices(), *self.meshes.materials.notices, *lights, *sky],
+            lighting=lighting,
+            background=background,
         )
-    ]
-    if bodies is None:
-        soft = [one for one in (*skins(model, data), *flexes(model, data)) if one.group in groups]
-        instances += _deformed(meshes, soft)
-    lighting, lights = read_lighting(model, data)
-    background, sky = read_background(model, meshes.materials.textures)
-    return ImportedScene(
-        tuple(meshes.entries),
-        tuple(meshes.materials.entries),
-        tuple(instances),
-        [*notices, *meshes.materials.notices, *lights, *sky],
-        lighting=lighting,
-        background=background,
-    )
+
+    def instances(
+        self, geoms: Iterable[int], frame_from_world: NDArray[np.float64]
+    ) -> list[Instance]:
+        """Instances of geoms in a frame, whose pose (4, 4) is that at the moment of the data."""
+        instances = []
+        for geom in geoms:
+            rotation = self._data.geom_xmat[geom].reshape(3, 3)
+            pose = frame_from_world @ pose_from_rotation(rotation, self._data.geom_xpos[geom])
+            parts = self.meshes.of_geom(geom, self.names[geom])
+            instances += _place(self.names[geom], parts, pose)
+        return instances
+
+    def deformables(self) -> list[Instance]:
+        """Instances of the skins and flexible bodies in the world."""
+        instances = []
+        for one in (*skins(self._model, self._data), *flexes(self._model, self._data)):
+            if one.group in self._groups and len(one.mapped.surface.triangles):
+                parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
+                instances += _place(one.name, parts, np.eye(4))
+        return instances
+
+    def _notices(self) -> list[str]:
+        """One line for each kind of geom that is not drawn, or not as it is."""
+        model, groups, notices = self._model, self._groups, []
+        hidden = sum(int(group) not in groups for group in model.geom_group)
+        if hidden:
+            others = sorted({int(group) for group in model.geom_group} - set(groups))
+            listed = ", ".join(map(str, others))
+            notices.append(f"not drawn, as in MuJoCo: {counted(hidden, 'geom')} of group {listed}")
+        fields = sum(int(model.geom_type[geom]) == Geom.mjGEOM_SDF for geom in self.geoms)
+        if fields:
+            notices.append(f"drawn as meshes: {counted(fields, 'signed distance field')}")
+        ropes = int((model.flex_dim == 1).sum())
+        if ropes:
+            notices.append(f"not drawn: {counted(ropes, 'flexible line')} without a surface")
+        return notices
 
 
-def visible_geoms(model: mujoco.MjModel, meshes: Meshes, groups: Collection[int]) -> list[int]:
-    """Geoms of some groups that are not wholly transparent."""
-    return [
-        geom
-        for geom in range(model.ngeom)
-        if int(model.geom_group[geom]) in groups and meshes.rgba(geom)[3] > 0.0
-    ]
-
-
-def place_parts(name: str, parts: Parts, pose: NDArray[np.float64]) -> Iterable[Instance]:
-    """Instances of a geom's meshes, at its pose."""
-    return (Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts)
-
-
-def _pose(data: mujoco.MjData, geom: int) -> NDArray[np.float64]:
-    return pose_from_rotation(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
-
-
-def _deformed(meshes: Meshes, soft: Iterable[Deformable]) -> list[Instance]:
-    return [
-        instance
-        for one in soft
-        if len(one.mapped.surface.triangles)
-        for instance in place_parts(
-            one.name, meshes.add(one.name, one.mapped, one.material, one.rgba), np.eye(4)
-        )
-    ]
-
-
-def _geom_notices(model: mujoco.MjModel, geoms: list[int], groups: Collection[int]) -> list[str]:
-    notices = []
-    hidden = sum(int(group) not in groups for group in model.geom_group)
-    if hidden:
-        others = sorted({int(group) for group in model.geom_group} - set(groups))
-        listed = ", ".join(map(str, others))
-        notices.append(f"not drawn, as in MuJoCo: {counted(hidden, 'geom')} of group {listed}")
-    fields = sum(int(model.geom_type[geom]) == Geom.mjGEOM_SDF for geom in geoms)
-    if fields:
-        notices.append(f"drawn as meshes: {counted(fields, 'signed distance field')}")
-    ropes = int((model.flex_dim == 1).sum())
-    if ropes:
-        notices.append(f"not drawn: {counted(ropes, 'flexible line')} without a surface")
-    return notices
+def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
+    """Instances of meshes at the pose of what they belong to."""
+    return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
 
 
 def _one_line(text: str) -> str:
