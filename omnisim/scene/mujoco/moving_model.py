@@ -1,4 +1,4 @@
-"""Models in motion: what stands still, and the bodies that move, as scenes."""
+"""Models in motion: the static scene, and the moving bodies as objects."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def split_model(
     groups: Collection[int],
     hidden: Collection[str],
 ) -> MovingModel:
-    """Split a model into what stands still and what moves.
+    """Split a model into its static geometry and its moving bodies.
 
     Args:
         model, data: of MuJoCo, with poses.
