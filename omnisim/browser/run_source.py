@@ -14,7 +14,6 @@ from omnisim.browser.taken import Taken
 from omnisim.errors import RunError
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.poses import pose_from_rotation
-from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Stage
 from omnisim.sensors.picture_file import read_picture
 from omnisim.simulation.run_folder import GROUND_TRUTH, RunFolder
@@ -44,7 +43,7 @@ class RunSource:
         self._run = RunFolder.read(folder)
         self._camera_name = self._run.camera(camera_name)
         recorded = self._run.manifest.scene
-        self.scene = load_scene(scene or recorded.file, recorded.up_axis, recorded.meters_per_unit)
+        self.scene = recorded.load(scene)
         self.steps = self._run.steps_done()
         if self.steps == 0:
             raise RunError(f"{folder}: has no pictures yet: run its command again to go on")

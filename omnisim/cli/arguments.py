@@ -47,7 +47,8 @@ SceneArgument = Annotated[
     typer.Argument(
         metavar="SCENE",
         autocompletion=complete_scene,
-        help="Scene file (.glb .gltf .obj .ply .stl .dae, MuJoCo's .xml, or a scene's .toml), "
+        help="Scene file (.glb .gltf .obj .ply .stl .dae .sdf .world, MuJoCo's .xml, or a scene's "
+        ".toml), "
         "or name of a built-in scene.",
     ),
 ]
@@ -176,6 +177,17 @@ UnitOption = Annotated[
         metavar="M",
         help="Metres in a unit of the scene file: 0.001 for millimetres.",
         show_default="as its format has it",
+    ),
+]
+ResourcesOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--resources",
+        metavar="DIR",
+        help="Folder of models that the scene names by URI, such as model://chair; can be "
+        "repeated.",
+        show_default="GZ_SIM_RESOURCE_PATH, GAZEBO_MODEL_PATH, ROS_PACKAGE_PATH, "
+        "and folders around the scene's",
     ),
 ]
 PresetOption = Annotated[

@@ -184,7 +184,9 @@ def load_requested_scene(request: RenderRequest | ScanRequest | DriveRequest) ->
     Raises:
         SceneError: it cannot be read.
     """
-    scene = load_scene(request.scene, request.up_axis, request.meters_per_unit)
+    scene = load_scene(
+        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+    )
     for notice in scene.notices:
         print_note(notice)
     return scene

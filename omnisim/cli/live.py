@@ -37,7 +37,9 @@ def run(request: LiveRequest) -> None:
         source = run_source(request.run, request.scene, request.camera_name, request.device)
         _serve(LivePage(source, request.host, request.port), request)
         return
-    scene = load_scene(request.scene or SCENE, request.up_axis, request.meters_per_unit)
+    scene = load_scene(
+        request.scene or SCENE, request.up_axis, request.meters_per_unit, request.resources or ()
+    )
     for notice in scene.notices:
         print_note(notice)
     settings, place = _settings(request, scene), _place(request, scene)
@@ -86,6 +88,8 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         scene_words += ["--up-axis", request.up_axis]
     if request.meters_per_unit is not None:
         scene_words += ["--meters-per-unit", repr(request.meters_per_unit)]
+    for folder in request.resources or ():
+        scene_words += ["--resources", str(folder)]
     if request.robot is not None:
         scene_words += ["--robot", request.robot]
     return LiveSettings(

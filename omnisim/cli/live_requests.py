@@ -13,6 +13,7 @@ from omnisim.cli.arguments import (
     DeviceOption,
     MirroredOption,
     PresetOption,
+    ResourcesOption,
     SensorOption,
     SizeOption,
     TimeOption,
@@ -114,4 +115,5 @@ class LiveRequest:
     ] = None
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
+    resources: ResourcesOption = None
     device: DeviceOption = None

@@ -26,6 +26,7 @@ from omnisim.cli.arguments import (
     PolygonsOption,
     PresetOption,
     QualityOption,
+    ResourcesOption,
     RollOption,
     SceneArgument,
     SensorOption,
@@ -204,6 +205,7 @@ class RenderRequest:
     ] = None
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
+    resources: ResourcesOption = None
     backend: BackendOption = Backend.CUBE
     device: DeviceOption = None
 
@@ -371,6 +373,7 @@ class ScanRequest:
     ] = 0
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
+    resources: ResourcesOption = None
     device: DeviceOption = None
 
 
@@ -447,3 +450,4 @@ class SceneRequest:
     labels: LabelsOption = None
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
+    resources: ResourcesOption = None

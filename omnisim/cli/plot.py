@@ -12,7 +12,7 @@ from omnisim.image_files import read_image
 from omnisim.plots.plot_file import check_plot_target, write_plot
 from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.robot import read_odometry
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene
 from omnisim.simulation.drive import scene_contents
 from omnisim.simulation.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
 from omnisim.trajectories import Trajectory, read_trajectory
@@ -73,7 +73,7 @@ def _scene(run: RunFolder, scene: str | None) -> Scene | None:
     """Load the run's scene; None with a note where it is missing."""
     recorded = run.manifest.scene
     try:
-        found = load_scene(scene or recorded.file, recorded.up_axis, recorded.meters_per_unit)
+        found = recorded.load(scene)
     except SceneError as reason:
         if scene is not None:
             raise

@@ -54,6 +54,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
         device=request.device,
         up_axis=request.up_axis,
         meters_per_unit=request.meters_per_unit,
+        resources=tuple(request.resources or ()),
         channels=channels,
         boxes_3d=request.boxes_3d,
         channel_format=parse_channel_format(request.channel_format, channels),

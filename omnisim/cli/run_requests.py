@@ -18,6 +18,7 @@ from omnisim.cli.arguments import (
     PolygonsOption,
     PresetOption,
     QualityOption,
+    ResourcesOption,
     RunArgument,
     RunCameraOption,
     RunSceneOption,
@@ -131,6 +132,7 @@ class DriveRequest:
     preset: PresetOption = None
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
+    resources: ResourcesOption = None
     device: DeviceOption = None
 
 

@@ -29,7 +29,9 @@ def run(request: SceneRequest) -> None:
         from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.plot)
-    scene = load_scene(request.scene, request.up_axis, request.meters_per_unit)
+    scene = load_scene(
+        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+    )
     if request.labels is not None:
         scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
     document = describe(scene)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -22,12 +22,13 @@ class AssetResolver(Mapping[str, bytes]):
         faults: reasons by the names of the files that were asked for and cannot be read.
     """
 
-    def __init__(self, scene_file: Path):
+    def __init__(self, scene_file: Path, also: Sequence[Path] = ()):
+        """Resolve names in the scene file's folder, then in others."""
         self.file_name = scene_file.name
         self.given: dict[str, bytes] = {}
         self.read: set[str] = set()
         self.faults: dict[str, str] = {}
-        self._folder = scene_file.parent
+        self._folders = (scene_file.parent, *also)
 
     def __contains__(self, name: object) -> bool:
         try:
@@ -73,16 +74,18 @@ class AssetResolver(Mapping[str, bytes]):
     def _find(self, name: str) -> Path | None:
         plain = unquote(name).strip().removeprefix("file://").replace("\\", "/")
         for candidate in (name.strip(), plain, plain.lstrip("/"), Path(plain).name):
-            exact = self._folder / candidate
-            if exact.is_file():
-                return exact
-            other_case = _ignoring_case(self._folder, candidate)
-            if other_case is not None:
-                return other_case
+            for folder in self._folders:
+                exact = folder / candidate
+                if exact.is_file():
+                    return exact
+                other_case = find_ignoring_case(folder, candidate)
+                if other_case is not None:
+                    return other_case
         return None
 
 
-def _ignoring_case(folder: Path, name: str) -> Path | None:
+def find_ignoring_case(folder: Path, name: str) -> Path | None:
+    """File by its path in a folder, in upper or lower case, or None."""
     for part in Path(name).parts:
         if part in ("..", ".", "/"):
             folder = folder / part

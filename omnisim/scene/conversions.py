@@ -72,14 +72,6 @@ CONVERSIONS = (
     Conversion((".skp",), "SketchUp", "export it from SketchUp as glTF"),
     Conversion((".umap", ".uasset"), "Unreal", "export it with Unreal Editor's glTF exporter"),
     Conversion(
-        (".sdf", ".world"),
-        "SDFormat, Gazebo's worlds",
-        "let Gazebo write the world as COLLADA: add <plugin "
-        'filename="gz-sim-collada-world-exporter-system" '
-        'name="gz::sim::systems::ColladaWorldExporter"/> to its <world>',
-        f"gz sim -s -r --iterations 1 {SOURCE}",
-    ),
-    Conversion(
         (".urdf",),
         "URDF",
         "convert its meshes to glTF with yourdfpy, and pass --up z",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 from omnisim.errors import SceneError, printable
@@ -33,11 +34,15 @@ from omnisim.scene.textures import TextureStore, large_textures
 
 _GLTF = {".glb", ".gltf"}
 _MJCF = {".xml", ".mjcf"}
+_SDF = {".sdf", ".world"}
 MAX_NOTICE = 300
 
 
 def load_scene(
-    source: str | Path, up_axis: str | None = None, meters_per_unit: float | None = None
+    source: str | Path,
+    up_axis: str | None = None,
+    meters_per_unit: float | None = None,
+    resources: Sequence[str | Path] = (),
 ) -> Scene:
     """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
 
@@ -49,15 +54,21 @@ def load_scene(
             (glTF and OBJ: y; COLLADA: as it states; others: z).
         meters_per_unit: metres in a unit of the file, by default its format's (COLLADA: as it
             states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in metres.
+        resources: folders of models and packages that the scene names by URI, before those of the
+            environment.
 
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
-    return _load_source(source, FileAxes(up_axis, meters_per_unit), ())
+    return _load_source(source, FileAxes(up_axis, meters_per_unit), tuple(map(Path, resources)), ())
 
 
 def _load_source(
-    source: str | Path, axes: FileAxes, outer: tuple[Path, ...], is_shape: bool = False
+    source: str | Path,
+    axes: FileAxes,
+    resources: tuple[Path, ...],
+    outer: tuple[Path, ...],
+    is_shape: bool = False,
 ) -> Scene:
     """Load a scene that those of the outer TOMLs extend, or have as the shape of an object."""
     try:
@@ -65,18 +76,18 @@ def _load_source(
     except OSError as reason:  # a name too long, a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if found.toml is None:
-        return _load_mesh_file(source, found, axes, is_shape)
+        return _load_mesh_file(source, found, axes, resources, is_shape)
     path = found.toml.resolve()
     if path in outer:
         raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
     outer = (*outer, path)
     if found.settings.extends is None:
-        scene = _load_mesh_file(source, found, axes, is_shape)
+        scene = _load_mesh_file(source, found, axes, resources, is_shape)
     else:
-        scene = _load_extended(str(source), found, axes, outer)
+        scene = _load_extended(str(source), found, axes, resources, outer)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
-        return _load_source(path, FileAxes(axis), outer, is_shape=True)
+        return _load_source(path, FileAxes(axis), resources, outer, is_shape=True)
 
     try:
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
@@ -85,14 +96,20 @@ def _load_source(
     return with_objects(scene, objects, str(found.toml))
 
 
-def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[Path, ...]) -> Scene:
+def _load_extended(
+    name: str,
+    found: SceneSource,
+    axes: FileAxes,
+    resources: tuple[Path, ...],
+    outer: tuple[Path, ...],
+) -> Scene:
     """Load the scene that a TOML extends, and add what the TOML has."""
     settings, toml = found.settings, found.toml
     assert settings.extends is not None
     assert toml is not None
     beside = toml.parent / settings.extends
     try:
-        base = _load_source(beside if beside.exists() else settings.extends, axes, outer)
+        base = _load_source(beside if beside.exists() else settings.extends, axes, resources, outer)
     except SceneError as reason:
         raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
     return extend(
@@ -113,7 +130,11 @@ def _load_extended(name: str, found: SceneSource, axes: FileAxes, outer: tuple[P
 
 
 def _load_mesh_file(
-    source: str | Path, found: SceneSource, axes: FileAxes, is_shape: bool
+    source: str | Path,
+    found: SceneSource,
+    axes: FileAxes,
+    resources: tuple[Path, ...],
+    is_shape: bool,
 ) -> Scene:
     path, settings = found.mesh_file, found.settings
     assert path is not None
@@ -126,7 +147,7 @@ def _load_mesh_file(
         raise SceneError(f"{path}: is an empty file")
     try:
         with large_textures():
-            return _load(str(source), path, data, settings, axes, is_shape)
+            return _load(str(source), path, data, settings, axes, resources, is_shape)
     except SceneError as reason:
         raise SceneError(f"{path}: {reason}") from None
     except MemoryError:
@@ -137,14 +158,20 @@ def _check_format(path: Path) -> None:
     """Check that there is a reader for files with the suffix of `path`."""
     if path.suffix.lower() in _MJCF:
         require_extra("mujoco", str(path), SceneError)
-    elif path.suffix.lower() not in _GLTF:
+    elif path.suffix.lower() not in _GLTF | _SDF:
         from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
 
         check_format(path)
 
 
 def _load(
-    name: str, path: Path, data: bytes, settings: SceneFile, axes: FileAxes, is_shape: bool
+    name: str,
+    path: Path,
+    data: bytes,
+    settings: SceneFile,
+    axes: FileAxes,
+    resources: tuple[Path, ...],
+    is_shape: bool,
 ) -> Scene:
     suffix = path.suffix.lower()
     matrix = world_from_file(suffix, data, settings, axes)
@@ -155,6 +182,11 @@ def _load(
         from omnisim.scene.mujoco.reader import read_mjcf  # of an extra
 
         read = read_mjcf(path)
+    elif suffix in _SDF:
+        from omnisim.scene.resources import ResourcePath
+        from omnisim.scene.sdf.reader import read_sdf  # with trimesh, slow to import
+
+        read = read_sdf(path, data, textures, ResourcePath(path, resources), matrix)
     else:
         from omnisim.scene.other_formats import read_other  # slow to import
 

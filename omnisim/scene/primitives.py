@@ -99,6 +99,20 @@ def capsule(radius_m: float, half_length_m: float) -> Surface:
     )
 
 
+def cone(radius_m: float, half_length_m: float) -> Surface:
+    """Closed cone about z, its tip up."""
+    count = segments(radius_m)
+    outer = radius_m * _outside(count)
+    side = _tube(count, outer, half_length_m)
+    positions = side.positions.copy()
+    positions[count + 1 :, :2] = 0.0
+    normals = np.tile(side.positions[: count + 1], (2, 1))
+    normals[:, 2] = 0.5 * outer * outer / half_length_m  # across the slope
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    slope = Surface(positions, side.triangles[::2], normals)  # the others end in the tip
+    return join(slope, _disc(count, outer, -half_length_m))
+
+
 def join(*surfaces: Surface) -> Surface:
     """All triangles of several surfaces, which all have normals or all have none."""
     starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])

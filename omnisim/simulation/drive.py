@@ -59,6 +59,7 @@ class Drive:
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
         up_axis, meters_per_unit: that the scene was loaded with, for the record, or None.
+        resources: folders that it was loaded with, for the record.
         channels: of ground truth, as `check_channels` gives them.
         channel_format: of their files.
         boxes_3d: also record the oriented boxes of the visible instances.
@@ -72,6 +73,7 @@ class Drive:
     device: int | None = None
     up_axis: str | None = None
     meters_per_unit: float | None = None
+    resources: tuple[Path, ...] = ()
     channels: tuple[str, ...] = ()
     channel_format: ChannelFormat = ChannelFormat.AUTO
     boxes_3d: bool = False
@@ -215,6 +217,7 @@ class PlannedDrive:
         """
         drive, vehicle = self.drive, self.drive.vehicle
         unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
+        folders = [str(folder.absolute()) for folder in drive.resources]
         content = {
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
@@ -223,6 +226,7 @@ class PlannedDrive:
                 "file": _file_or_name(drive.scene.name),
                 "up_axis": drive.up_axis,
                 **unit,
+                **({"resources": folders} if folders else {}),
                 "contents": scene_contents(drive.scene),
             },
             "sensors": {

@@ -12,6 +12,7 @@ from omnisim.errors import RunError, did_you_mean
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.parameters import Table, parse_table
 from omnisim.robot.sensor_names import SensorName
+from omnisim.scene import Scene, load_scene
 from omnisim.simulation.sensors import MountedSensor
 from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
@@ -19,7 +20,14 @@ MANIFEST_FORMAT = 2
 LONG = 16  # a list that is compared value by value
 # For the record: other versions of these, or from elsewhere, may go on with a run; and what follows
 # from its poses.
-FOR_THE_RECORD = ("libraries", "scene.file", "path.name", "path.follows_floor", "path.contacts")
+FOR_THE_RECORD = (
+    "libraries",
+    "scene.file",
+    "scene.resources",
+    "path.name",
+    "path.follows_floor",
+    "path.contacts",
+)
 
 
 class _OpenTable(Table):
@@ -33,7 +41,16 @@ class _Scene(_OpenTable):
     file: str
     up_axis: str | None
     meters_per_unit: float | None = None
+    resources: tuple[str, ...] = Field(default=(), strict=False)
     contents: str
+
+    def load(self, moved_to: str | None = None) -> Scene:
+        """Load the scene as the run did, from where it was or has moved to.
+
+        Raises:
+            SceneError: it cannot be read.
+        """
+        return load_scene(moved_to or self.file, self.up_axis, self.meters_per_unit, self.resources)
 
 
 class _Named(_OpenTable):

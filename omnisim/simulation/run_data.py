@@ -14,7 +14,7 @@ from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
 from omnisim.robot import read_odometry
 from omnisim.robot.odometry import Odometry
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.calibration_file import CALIBRATION, read_mount
@@ -112,7 +112,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     run = RunFolder.read(folder)
     name = run.camera(camera)
     recorded = run.manifest.scene
-    found = load_scene(scene or recorded.file, recorded.up_axis, recorded.meters_per_unit)
+    found = recorded.load(scene)
     if not found.landmarks:
         raise RunError(
             f"{folder}: its scene {found.name} has no [[landmarks]]: expected a scene with some"

@@ -123,6 +123,16 @@ def _scene_file(folder: Path) -> None:
     (folder / "scene.toml").write_text(LINES.sub("", text) + "".join(labels[:4]))
 
 
+def _gazebo_world(folder: Path) -> None:
+    """World with every geometry, and a model that it includes."""
+    _box_obj(folder)
+    (folder / "cup").mkdir()
+    (folder / "cup" / "model.config").write_text("<model><sdf version='1.9'>cup.sdf</sdf></model>")
+    (folder / "cup" / "cup.sdf").write_text(GAZEBO_MODEL)
+    (folder / "cup" / "cup.material").write_text("material Cup { diffuse 0.1 0.2 0.3 1 }")
+    (folder / "a.world").write_text(GAZEBO_WORLD)
+
+
 def _moving_objects(folder: Path) -> None:
     """Objects of every motion, in a scene that extends another."""
     _scene_file(folder)
@@ -343,6 +353,8 @@ def _readers() -> list[Reader]:
                partial(_read_scene, "a.glb")),
         Reader("gltf", _gltf_json, partial(_read_scene, "box.gltf")),
         Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
+        Reader("sdf", _gazebo_world, partial(_read_scene, "a.world"),
+               ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material")),
         Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
         Reader("objects", _moving_objects, partial(_read_scene, "objects.toml"),
                ("objects.toml", "ball.tum")),
@@ -434,6 +446,36 @@ distortion = [-0.1, 0.01, 0.0, 0.0]
 preset = "webcam"
 [degradation.vignetting]
 enabled = true
+"""
+GAZEBO_MODEL = """<sdf version="1.9"><model name="cup" placement_frame="f">
+<frame name="f"><pose degrees="true">1 0 0 0 90 0</pose></frame>
+<link name="a"><pose relative_to="f">0 0 1 0 0 0</pose>
+<visual name="v"><transparency>0.5</transparency><geometry><mesh><uri>box.obj</uri>
+<scale>1 2 1</scale><submesh><name>box</name><center>true</center></submesh></mesh></geometry>
+<material><script><uri>model://cup</uri><name>Cup</name></script></material></visual>
+<light name="l" type="spot"><attenuation><range>9</range></attenuation>
+<spot><inner_angle>0.1</inner_angle><outer_angle>1</outer_angle></spot></light></link>
+<joint name="j"><child>a</child></joint></model></sdf>
+"""
+GAZEBO_WORLD = """<sdf version="1.9"><world name="w">
+<scene><background>0.1 0.2 0.3</background></scene>
+<include><uri>model://cup</uri><name>one</name><pose rotation_format="quat_xyzw">
+1 2 0 0 0 0 1</pose></include><include merge="true"><uri>cup</uri></include>
+<light name="sun" type="directional"><direction>0 1 -1</direction></light>
+<model name="m"><link name="l">
+<visual name="a"><geometry><box><size>1 2 3</size></box></geometry><material>
+<diffuse>1 0 0 1</diffuse><pbr><metal><albedo_map>wood.png</albedo_map></metal></pbr>
+</material></visual>
+<visual name="b"><geometry><sphere><radius>0.1</radius></sphere></geometry></visual>
+<visual name="c"><geometry><ellipsoid><radii>0.1 0.2 0.3</radii></ellipsoid></geometry></visual>
+<visual name="d"><geometry><cylinder><radius>0.1</radius><length>1</length></cylinder></geometry>
+</visual><visual name="e"><geometry><cone><radius>0.1</radius><length>1</length></cone></geometry>
+</visual><visual name="f"><geometry><capsule><radius>0.1</radius><length>1</length></capsule>
+</geometry></visual><visual name="g"><geometry><plane><normal>0 1 1</normal><size>2 3</size>
+</plane></geometry></visual><visual name="h"><geometry><polyline><point>0 0</point>
+<point>3 0</point><point>0 3</point><height>2</height></polyline><polyline><point>1 1</point>
+<point>1 0.5</point><point>0.5 1</point></polyline></geometry></visual>
+</link><pose relative_to="one::f">1 2 3 0.1 0.2 0.3</pose></model></world></sdf>
 """
 OBJECTS = """
 extends = "scene.toml"

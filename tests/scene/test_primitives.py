@@ -17,6 +17,7 @@ SOLIDS = {
         (0.5, 1.0, 2.0),
     ),
     "cylinder": (primitives.cylinder(0.3, 0.7), math.pi * 0.3**2 * 1.4, (0.3, 0.3, 0.7)),
+    "cone": (primitives.cone(0.3, 0.7), math.pi * 0.3**2 * 1.4 / 3, (0.3, 0.3, 0.7)),
     "capsule": (primitives.capsule(0.3, 0.7), CAPSULE, (0.3, 0.3, 1.0)),
 }
 
@@ -44,7 +45,7 @@ def test_spheres_deviate_less_than_they_say(radius_m):
 
 
 def test_normals_point_outside():
-    for name in ("ellipsoid", "cylinder", "capsule"):
+    for name in ("ellipsoid", "cylinder", "cone", "capsule"):
         surface = SOLIDS[name][0]
         corners = surface.positions[surface.triangles]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,0 +1,21 @@
+"""Models that worlds of Gazebo Classic expect to be installed, for those who lack them."""
+
+from __future__ import annotations
+
+BUILTIN_MODELS = {
+    "sun": """
+        <light name="sun" type="directional">
+          <pose>0 0 10 0 0 0</pose>
+          <diffuse>0.8 0.8 0.8 1</diffuse>
+          <direction>-0.5 0.1 -0.9</direction>
+        </light>""",
+    "ground_plane": """
+        <model name="ground_plane">
+          <link name="link">
+            <visual name="visual">
+              <geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry>
+              <material><diffuse>0.5 0.5 0.5 1</diffuse></material>
+            </visual>
+          </link>
+        </model>""",
+}

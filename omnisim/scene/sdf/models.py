@@ -1,0 +1,215 @@
+"""Tree of models: nested ones, and those that others include from files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from omnisim.errors import SceneError
+from omnisim.scene.resources import ResourcePath
+from omnisim.scene.sdf.builtin_models import BUILTIN_MODELS
+from omnisim.scene.sdf.document import parse_xml
+from omnisim.scene.sdf.element import Omissions, SdfElement
+from omnisim.scene.sdf.frames import Scope
+from omnisim.short_repr import counted
+
+_DEEPEST = 24  # models in models
+_MOST = 200_000  # models of a world: a few files that include each other twice make billions
+_SHOWN = 4  # names in a notice
+ENTITIES = ("model", "light", "actor")
+
+
+@dataclass
+class Model:
+    """World or model with its frames.
+
+    Attributes:
+        name: distinct in the model or world that it is in.
+        element: `<world>` or `<model>`.
+        scope: its frames.
+        models: nested ones.
+        others: lights and actors of the world, those of included files too.
+        is_merged: its links belong to the model that includes it.
+    """
+
+    name: str
+    element: SdfElement
+    scope: Scope = field(default_factory=Scope)
+    models: list[Model] = field(default_factory=list)
+    others: list[SdfElement] = field(default_factory=list)
+    is_merged: bool = False
+
+
+class ModelLibrary:
+    """Models by URI, each file read once.
+
+    Attributes:
+        resources: search path.
+        omissions: of what is in the models.
+    """
+
+    def __init__(self, resources: ResourcePath, omissions: Omissions) -> None:
+        self.resources, self.omissions = resources, omissions
+        self._files: dict[Path, Element] = {}
+        self._missing: Counter[str] = Counter()
+        self._remote: Counter[str] = Counter()
+        self._substitutes: set[str] = set()
+        self._count = 0
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for the models that are missing, and one for those that are on the net."""
+        notices = []
+        if self._missing:
+            notices.append(
+                f"{counted(self._missing.total(), 'object')} not found, and not drawn: "
+                f"{_names(self._missing)}: pass the folder of their models as --resources"
+            )
+        if self._remote:
+            notices.append(
+                f"{counted(self._remote.total(), 'object')} of the net not fetched, and not drawn: "
+                f"{_names(self._remote)}: `gz fuel download -u` gets them"
+            )
+        notices += [f"{uri} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)]
+        return notices
+
+    def miss(self, uri: str) -> None:
+        """Count an object that is not found."""
+        (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
+
+    def tree(self, element: SdfElement, name: str, depth: int = 0) -> Model:
+        """Model or world with all that it includes.
+
+        Raises:
+            SceneError: a file that is damaged, models without end, or values that are none.
+        """
+        self._count += 1
+        if depth > _DEEPEST or self._count > _MOST:
+            raise element.error(f"at most {_DEEPEST} models in each other", "more, or a circle")
+        model = Model(name, element)
+        taken: set[str] = set()
+        for child in element.children("model", "include"):
+            if child.element.tag == "include":
+                self._include(model, child, taken, depth)
+            else:
+                inner = self.tree(child, _unique(child.name or "model", taken), depth + 1)
+                model.models.append(inner)
+                model.scope.add_model(
+                    inner.name, child, inner.scope, child.attribute("placement_frame")
+                )
+        for link in element.children("link"):
+            model.scope.add(link.name, link)
+        for frame in element.children("frame"):
+            model.scope.add(frame.name, frame, frame.attribute("attached_to"))
+        for joint in element.children("joint"):
+            model.scope.add(joint.name, joint, joint.text("child"))
+        model.others += element.children("light", "actor")
+        return model
+
+    def _include(self, model: Model, include: SdfElement, taken: set[str], depth: int) -> None:
+        found = self._included(include)
+        if found is None:
+            return
+        if found.element.tag != "model":
+            posed = include if include.find("pose") is not None else found
+            model.others.append(_with_pose_of(found, posed))
+            return
+        is_merged = include.attribute("merge").lower() in ("true", "1")
+        name = _unique(include.text("name") or found.name or "model", taken)
+        inner = self.tree(found, name, depth + 1)
+        inner.is_merged = is_merged
+        model.models.append(inner)
+        posed = include if include.find("pose") is not None else found
+        placement = include.text("placement_frame") or found.attribute("placement_frame")
+        model.scope.add_model(name, posed, inner.scope, placement)
+        if is_merged:
+            for frame in found.children("link", "frame", "joint", "model"):
+                model.scope.add_alias(frame.name, f"{name}::{frame.name}")
+
+    def _included(self, include: SdfElement) -> SdfElement | None:
+        """First entity of an included file; None: it is missing, and counted."""
+        uri = include.text("uri")
+        if not uri:
+            raise include.error("a <uri>", "none")
+        path = self.resources.find(uri, include.file.parent)
+        if path is not None and path.is_dir():
+            path = self._model_file(path)
+        if path is None:
+            return self._substitute(uri)
+        root = self._root(path)
+        entity = next((child for child in root if child.tag in ENTITIES), None)
+        if entity is None:
+            raise include.error(f"a model, light or actor in {path}", uri)
+        name = entity.get("name")
+        step = entity.tag if name is None else f"{entity.tag}[{name}]"
+        return SdfElement(entity, f"{path}: {step}", path)
+
+    def _substitute(self, uri: str) -> SdfElement | None:
+        """Model of omnisim's own, for those that every world of Gazebo Classic includes."""
+        name = uri.removeprefix("model://")
+        if name not in BUILTIN_MODELS:
+            self.miss(uri)
+            return None
+        self._substitutes.add(uri)
+        entity = parse_xml(BUILTIN_MODELS[name].encode())
+        return SdfElement(entity, f"{uri}: {entity.tag}", Path(name))
+
+    def _root(self, path: Path) -> Element:
+        if path not in self._files:
+            try:
+                self._files[path] = parse_xml(path.read_bytes())
+            except OSError as reason:
+                raise SceneError(f"{path}: cannot be read: {reason.strerror}") from None
+            except SceneError as reason:
+                raise SceneError(f"{path}: {reason}") from None
+        return self._files[path]
+
+    def _model_file(self, folder: Path) -> Path | None:
+        """SDF file of a model's folder: of the latest version that its `model.config` names."""
+        manifests = [folder / name for name in ("model.config", "manifest.xml")]
+        manifest = next((path for path in manifests if path.is_file()), None)
+        named = []
+        if manifest is not None:
+            try:
+                root = self._root(manifest)
+            except SceneError:  # Gazebo's parser takes what is no XML; most have a model.sdf
+                root = Element("model")
+            entries = [entry for entry in root.iter("sdf") if entry.text]
+            entries.sort(key=lambda entry: _version(entry.get("version")), reverse=True)
+            named = [(entry.text or "").strip() for entry in entries]
+        for name in (*named, "model.sdf"):
+            if (folder / name).is_file():
+                return folder / name
+        return next(iter(sorted(folder.glob("*.sdf"))), None)
+
+
+def _names(counts: Counter[str]) -> str:
+    """The most frequent of some URIs, with how many more there are."""
+    shown = [uri if count == 1 else f"{uri} × {count}" for uri, count in counts.most_common(_SHOWN)]
+    more = len(counts) - len(shown)
+    return ", ".join([*shown, *([f"and {more} others"] if more else [])])
+
+
+def _version(text: str | None) -> tuple[int, ...]:
+    return tuple(int(part) for part in (text or "").split(".") if part.isdecimal())
+
+
+def _unique(name: str, taken: set[str]) -> str:
+    """The name, numbered where another has it."""
+    unique, number = name, 0
+    while unique in taken:
+        unique, number = f"{name}_{number}", number + 1
+    taken.add(unique)
+    return unique
+
+
+def _with_pose_of(entity: SdfElement, posed: SdfElement) -> SdfElement:
+    """Entity with the pose of the `<include>`."""
+    pose = posed.element.find("pose")
+    if posed is entity or pose is None:
+        return entity
+    copy = Element(entity.element.tag, entity.element.attrib)
+    copy.extend([pose, *(child for child in entity.element if child.tag != "pose")])
+    return entity._replace(element=copy)

@@ -1,0 +1,216 @@
+"""Importer: visuals and lights of a world, or of a model, as an SDF file states them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import SceneError
+from omnisim.scene.imported import ImportedScene, make_mesh, translate
+from omnisim.scene.lighting import DEFAULT_BACKGROUND
+from omnisim.scene.parts import Instance, Light, Mesh
+from omnisim.scene.resources import ResourcePath
+from omnisim.scene.sdf import shapes
+from omnisim.scene.sdf.document import parse_xml
+from omnisim.scene.sdf.element import Omissions, SdfElement
+from omnisim.scene.sdf.lights import read_light
+from omnisim.scene.sdf.materials import MaterialReader
+from omnisim.scene.sdf.meshes import MeshLibrary, centre, submesh
+from omnisim.scene.sdf.models import ENTITIES, Model, ModelLibrary
+from omnisim.scene.sdf.shapes import Shape
+from omnisim.scene.textures import TextureStore
+
+# What a world has beside models, lights and physics.
+_LEFT_OUT = {
+    "road": "roads are not drawn",
+    "population": "populations of models are not made",
+    "actor": "actors are not drawn",
+}
+
+
+def read_sdf(
+    path: Path,
+    data: bytes,
+    textures: TextureStore,
+    resources: ResourcePath,
+    world_from_file: NDArray[np.float64],
+) -> ImportedScene:
+    """Read a world or model.
+
+    Raises:
+        SceneError: it is damaged; naming element, value and what was expected.
+    """
+    reader = _Reader(resources, textures, world_from_file)
+    return reader.read(_root(path, data))
+
+
+def _root(path: Path, data: bytes) -> SdfElement:
+    root = parse_xml(data)
+    if root.tag == "gazebo":
+        raise SceneError("is of SDFormat before 1.4: expected <sdf>, got <gazebo>")
+    if root.tag != "sdf":
+        raise SceneError(f"expected <sdf>, got <{root.tag}>")
+    return SdfElement(root, "", path)
+
+
+class _Reader:
+    """Meshes, materials, instances and lights of a file."""
+
+    def __init__(
+        self, resources: ResourcePath, textures: TextureStore, world_from_file: NDArray[np.float64]
+    ) -> None:
+        self._omissions = Omissions()
+        self._library = ModelLibrary(resources, self._omissions)
+        self._resources = resources
+        self._materials = MaterialReader(resources, textures, self._omissions)
+        self._files = MeshLibrary(textures)
+        self._world_from_file = world_from_file
+        self._meshes: list[Mesh] = []
+        self._shapes: dict[tuple[object, ...], Shape] = {}
+        # by shape or mesh, and material: number of the mesh, and its centre
+        self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
+        self._instances: list[Instance] = []
+        self._lights: list[Light] = []
+
+    def read(self, root: SdfElement) -> ImportedScene:
+        """Read the first world of a file, or all of its models and lights."""
+        worlds = list(root.children("world"))
+        for _ in worlds[1:]:
+            self._omissions.add("only the first world is drawn", "further world")
+        outer = worlds[0] if worlds else root
+        if not worlds and not any(True for _ in root.children(*ENTITIES)):
+            raise SceneError("expected a <world>, <model> or <light>, got none")
+        world = self._library.tree(outer, "")
+        scene = outer.find("scene")
+        background = None if scene is None else self._read_scene(scene)
+        self._read_model(world, np.eye(4), "")
+        for each in outer.children("road", "population"):
+            self._omissions.add(_LEFT_OUT[each.element.tag], each.element.tag)
+        notices = [*self._library.notices, *self._omissions.notices, *self._files.notices]
+        return ImportedScene(
+            tuple(self._meshes),
+            tuple(self._materials.materials),
+            tuple(self._instances),
+            notices,
+            tuple(self._lights),
+            background=background,
+        )
+
+    def _read_scene(self, scene: SdfElement) -> tuple[float, float, float] | None:
+        """Background of the `<scene>`."""
+        if scene.find("sky") is not None:
+            self._omissions.add("the sky is drawn in one colour", "sky")
+            return DEFAULT_BACKGROUND
+        if scene.find("fog") is not None and scene.text("fog/type", "none") != "none":
+            self._omissions.add("fog is not drawn", "fog")
+        return scene.color("background")
+
+    def _read_model(self, model: Model, file_from_model: NDArray[np.float64], path: str) -> None:
+        for other in model.others:
+            if other.element.tag == "actor":
+                self._omissions.add(_LEFT_OUT["actor"], "actor")
+            else:
+                self._read_light(other, file_from_model @ model.scope.pose_of(other))
+        for inner in model.models:
+            pose = file_from_model @ model.scope.model_pose(inner.name)
+            self._read_model(inner, pose, path if inner.is_merged else f"{path}{inner.name}/")
+        for link in model.element.children("link"):
+            for visual in link.children("visual"):
+                pose = file_from_model @ model.scope.pose_of(visual, link.name)
+                name = f"{path}{link.name or 'link'}/{visual.name or 'visual'}"
+                self._read_visual(visual, pose, name)
+            for light in link.children("light"):
+                pose = file_from_model @ model.scope.pose_of(light, link.name)
+                self._read_light(light, pose)
+            for extra in link.children("projector", "particle_emitter"):
+                self._omissions.add(f"{extra.element.tag}s are not drawn", "element")
+
+    def _read_light(self, element: SdfElement, file_from_light: NDArray[np.float64]) -> None:
+        light = read_light(element, self._world_from_file @ file_from_light, self._omissions)
+        if light is not None:
+            self._lights.append(light)
+
+    def _read_visual(
+        self, visual: SdfElement, file_from_visual: NDArray[np.float64], name: str
+    ) -> None:
+        geometry = visual.find("geometry")
+        kind = None if geometry is None else next(geometry.children(*shapes.GEOMETRIES), None)
+        if geometry is None or kind is None:
+            return
+        tag = kind.element.tag
+        if tag == "mesh":
+            self._read_mesh(kind, visual, file_from_visual, name)
+        elif tag in shapes.SHAPES or tag == "polyline":
+            shape = self._shape(geometry, kind)
+            material = self._materials.read(visual, double_sided=not shape.is_closed)
+            self._place(shape, material, file_from_visual, name)
+        else:
+            self._omissions.add(f"<{tag}> is not drawn", "visual")
+
+    def _shape(self, geometry: SdfElement, kind: SdfElement) -> Shape:
+        """Shape of a geometry; equal ones are one."""
+        key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
+        if key not in self._shapes:
+            self._shapes[key] = shapes.make_shape(geometry, kind)
+        return self._shapes[key]
+
+    def _place(
+        self, shape: Shape, material: int, file_from_visual: NDArray[np.float64], name: str
+    ) -> None:
+        key = id(shape), material
+        if key not in self._made:
+            surface = shape.surface
+            mesh, center = make_mesh(
+                name, surface.positions, surface.triangles, material, surface.normals, shape.uv
+            )
+            self._made[key] = len(self._meshes), center
+            self._meshes.append(mesh)
+        index, center = self._made[key]
+        pose = translate(file_from_visual, center)
+        self._instances.append(Instance(name, index, pose, file_from_visual))
+
+    def _read_mesh(
+        self,
+        element: SdfElement,
+        visual: SdfElement,
+        file_from_visual: NDArray[np.float64],
+        name: str,
+    ) -> None:
+        uri, scale = element.text("uri"), element.vector("scale", (1.0, 1.0, 1.0))
+        if not all(scale):
+            raise element.error("a <scale> other than 0", element.text("scale"))
+        path = self._resources.find(uri, element.file.parent)
+        if path is None or not path.is_file():
+            self._library.miss(uri)
+            return
+        file = self._files.load(path)
+        if isinstance(file, str):
+            self._omissions.add(f"{path.name}: not drawn: {file}", "visual")
+            return
+        visual_from_file, instances = np.diag((*scale, 1.0)), file.instances
+        if chosen := element.text("submesh/name"):
+            instances = submesh(file, chosen)
+            if not instances:
+                self._omissions.add(f"{path.name}: submesh {chosen!r} not found", "visual")
+                return
+            if element.flag("submesh/center"):
+                visual_from_file = translate(visual_from_file, -centre(file.meshes, instances))
+        own = None
+        if self._materials.is_stated(visual):
+            own = self._materials.read(visual, double_sided=True)
+        transparency = visual.number("transparency", 0.0)
+        for one in instances:
+            mesh = file.meshes[one.mesh]
+            material = own
+            if material is None:
+                plain = file.materials[mesh.material]
+                material = self._materials.translucent(plain, transparency)
+            key = id(mesh), material
+            if key not in self._made:
+                self._made[key] = len(self._meshes), np.zeros(3)
+                self._meshes.append(replace(mesh, material=material))
+            pose = file_from_visual @ visual_from_file @ one.world_from_mesh
+            self._instances.append(Instance(name, self._made[key][0], pose, file_from_visual))
