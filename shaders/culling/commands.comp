@@ -1,11 +1,14 @@
 // Draw commands of the visible clusters of one bucket and one camera, near ones first: a stable
-// counting sort by distance. One work group for each bucket and camera.
+// counting sort by distance. One work group for each bucket and camera. Clusters of a group that
+// follow each other, visible in a tile and of the same bin, are a run and share a command: drivers
+// take longer for a command than for some triangles. In a tile the order of clusters stays.
 #version 430 core
 
 #define THREADS 32u
 layout(local_size_x = 32) in;
 
 #include "culling/views.glsl"
+#include "culling/bounds.glsl"
 
 struct Command {  // of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
@@ -23,19 +26,41 @@ shared uint s_counts[BINS * THREADS];  // [bin][thread]
 shared uint s_sums[THREADS];
 shared uint s_first[2];  // by band, without the commands of the band before
 
+struct Child {
+    uint cluster;
+    uint bin;
+    uint tiles;  // in which it is visible, of one word
+};
+
+const Child NONE = Child(0xFFFFFFFEu, BINS, 0u);
+
+Child child_at(uint cluster, uint camera, uint word) {
+    uint at = camera * u_clusters + cluster;
+    return Child(cluster, bins[at], visible_tiles[at * tile_words() + word]);
+}
+
+// Tiles in which a child begins a run; the visible one before it is given.
+uint run_starts(Child child, Child before) {
+    bool follows = child.cluster == before.cluster + 1u && child.bin == before.bin;
+    return follows ? child.tiles & ~before.tiles : child.tiles;
+}
+
 void main() {
     uint thread = gl_LocalInvocationID.x, camera = gl_WorkGroupID.y;
     Bucket bucket = buckets[gl_WorkGroupID.x];
     uint last = bucket.first_group + bucket.groups, words = tile_words();
     for (uint bin = 0u; bin < BINS; ++bin) s_counts[bin * THREADS + thread] = 0u;
     for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
-        uint children = visible_of_group[camera * u_groups + group];
-        uint first_cluster = camera * u_clusters + groups[group].first_cluster;
-        for (; children != 0u; children &= children - 1u) {
-            uint at = first_cluster + uint(findLSB(children)), tiles = 0u;
-            for (uint word = 0u; word < words; ++word)
-                tiles += uint(bitCount(visible_tiles[at * words + word]));
-            s_counts[bins[at] * THREADS + thread] += tiles;
+        uint visible = visible_of_group[camera * u_groups + group];
+        if (visible == 0u) continue;
+        uint first_child = group_at(group).first_cluster;
+        for (uint word = 0u; word < words; ++word) {
+            Child before = NONE;
+            for (uint children = visible; children != 0u; children &= children - 1u) {
+                Child child = child_at(first_child + uint(findLSB(children)), camera, word);
+                s_counts[child.bin * THREADS + thread] += uint(bitCount(run_starts(child, before)));
+                before = child;
+            }
         }
     }
     barrier();
@@ -65,25 +90,35 @@ void main() {
     }
     barrier();
     for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
-        uint children = visible_of_group[camera * u_groups + group];
+        uint visible = visible_of_group[camera * u_groups + group];
+        if (visible == 0u) continue;
         visible_of_group[camera * u_groups + group] = 0u;  // for the next pass
-        uint first_cluster = groups[group].first_cluster;
-        for (; children != 0u; children &= children - 1u) {
-            uint cluster = first_cluster + uint(findLSB(children));
-            uint at = camera * u_clusters + cluster, place = bins[at] * THREADS + thread;
-            uint band = bins[at] < FAR_BIN ? 0u : 1u;
-            uint command = s_first[band] + s_sums[place / BINS] + s_counts[place];
-            Command own = Command(
-                clusters[cluster].indices, 1u, clusters[cluster].first_index, 0u, 0u);
-            uint first_instance = (clusters[cluster].object * u_cameras + camera) * u_tiles;
-            for (uint word = 0u; word < words; ++word) {
-                uint tiles = visible_tiles[at * words + word];
-                visible_tiles[at * words + word] = 0u;
-                s_counts[place] += uint(bitCount(tiles));
-                for (; tiles != 0u; tiles &= tiles - 1u) {
-                    own.base_instance = first_instance + 32u * word + uint(findLSB(tiles));
-                    commands[command++] = own;
+        Group self = group_at(group);
+        for (uint word = 0u; word < words; ++word) {
+            uint first_instance = (self.object * u_cameras + camera) * u_tiles + 32u * word;
+            Child before = NONE;
+            for (uint children = visible; children != 0u; children &= children - 1u) {
+                uint index = uint(findLSB(children));
+                Child child = child_at(self.first_cluster + index, camera, word);
+                uint place = child.bin * THREADS + thread;
+                uint command = s_counts[place] + s_sums[place / BINS]
+                    + s_first[child.bin < FAR_BIN ? 0u : 1u];
+                uvec2 first = index_ranges[child.cluster];
+                uint starts = run_starts(child, before);
+                s_counts[place] += uint(bitCount(starts));
+                for (; starts != 0u; starts &= starts - 1u) {
+                    uint tile = uint(findLSB(starts)), indices = first.y;
+                    for (uint next = index + 1u; next < 32u; ++next) {
+                        if ((visible >> next & 1u) == 0u) break;
+                        Child follower = child_at(self.first_cluster + next, camera, word);
+                        if (follower.bin != child.bin || (follower.tiles >> tile & 1u) == 0u) break;
+                        indices += index_ranges[follower.cluster].y;
+                    }
+                    commands[command++] =
+                        Command(indices, 1u, first.x, 0u, first_instance + tile);
                 }
+                visible_tiles[(camera * u_clusters + child.cluster) * words + word] = 0u;
+                before = child;
             }
         }
     }

@@ -1,37 +1,18 @@
-// Culls a group of clusters for one view, then its clusters: outside of the frustum, turned away, or
-// too small to cover a sample.
+// Culls the clusters of a candidate, a group in a view: outside of the frustum, turned away, or too
+// small to cover a sample.
 // PASS 0: the only one; 1: only what occludes others is drawn, the rest waits; 2: of what waits, but
-// for what is behind the depth of the passes before, in the same way. Bounds are conservative: what is drawn differs by nothing that shows.
+// for what is behind the depth of the passes before, in the same way. Bounds are conservative: what is
+// drawn differs by nothing that shows.
 #version 430 core
 
 layout(local_size_x = 64) in;
 
 #include "culling/views.glsl"
+#include "culling/bounds.glsl"
+#include "culling/boxes.glsl"
 layout(std430, binding = 2) readonly buffer Rectangles { vec4 rectangles_px[]; };  // [view]
-layout(std430, binding = 10) readonly buffer Shown { uint shown[]; };  // clusters of each group
 
-// Boxes are projected as floats: each counts as larger by this share of its distance.
-const float TOLERANCE = 2e-6;
 const float CONE_TOLERANCE = 1e-5;
-
-float reach(vec3 edges) {
-    return dot(abs(edges), vec3(1.0));
-}
-
-// Box in clip space; false: all of it is outside of one plane of the frustum.
-struct ClipBox {
-    vec3 centre;  // x, y, w
-    vec3 x_edges, y_edges, w_edges;
-};
-
-bool is_inside(ClipBox box) {
-    float depth = reach(box.w_edges), x = box.centre.x, y = box.centre.y, w = box.centre.z;
-    return w + depth >= u_depths_m.x && w - depth <= u_depths_m.y
-        && w + x + reach(box.w_edges + box.x_edges) >= 0.0
-        && w - x + reach(box.w_edges - box.x_edges) >= 0.0
-        && w + y + reach(box.w_edges + box.y_edges) >= 0.0
-        && w - y + reach(box.w_edges - box.y_edges) >= 0.0;
-}
 
 // Bounds of a box on the screen.
 struct Bounds {
@@ -68,7 +49,7 @@ bool covers_texel(Bounds bounds) {
 
 #if PASS == 2
 #include "culling/hi_z.glsl"
-layout(std430, binding = 12) readonly buffer HiZ { float farthest[]; };
+layout(std430, binding = 11) readonly buffer HiZ { float farthest[]; };
 
 const float DEPTH_TOLERANCE = 1e-4;  // of a depth: what is this close behind a surface is drawn
 const int MAX_CELLS = 4;             // to a side
@@ -99,23 +80,10 @@ bool is_occluded(Bounds bounds, vec2 corner_px, uint camera) {
 }
 #endif
 
-#if PASS > 0
-// Bits of a group's clusters that wait for a later pass: [camera][group][tile].
-layout(std430, binding = 11) buffer Waiting { uint waiting[]; };
-#endif
-
-ClipBox clip_box(mat4 rows, vec3 centre, vec3 extent) {
-    vec4 at = vec4(centre, 1.0);
-    return ClipBox(
-        vec3(dot(rows[0], at), dot(rows[1], at), dot(rows[3], at)),
-        rows[0].xyz * extent, rows[1].xyz * extent, rows[3].xyz * extent);
-}
-
 // Distances double every two bins.
 const float NEAREST_M = 0.25;
 
-void show(uint view, uint group, uint child, float far_m) {
-    uint cluster = groups[group].first_cluster + child;
+void show(uint view, uint group, uint child, uint cluster, float far_m) {
     uint at = view / u_tiles * u_clusters + cluster, tile = view % u_tiles;
     bins[at] = uint(clamp(2.0 * log2(far_m / NEAREST_M), 0.0, float(BINS - 1u)));
     // the outcome is the same in any order
@@ -124,60 +92,48 @@ void show(uint view, uint group, uint child, float far_m) {
 }
 
 void main() {
-    uint group = gl_GlobalInvocationID.x, view = gl_GlobalInvocationID.y;
-    if (group >= u_groups) return;
-    uint place = (view / u_tiles * u_groups + group) * u_tiles + view % u_tiles;
-    Group self = groups[group];
-    uint object = self.clusters_and_object >> 6u;
+    uint index = gl_GlobalInvocationID.x;
+    if (index >= lists[u_pass].candidates) return;
+    Candidate self = candidates[candidate_place(u_pass, index)];
+    uint left = 0u, view = self.view;
+    Group group = group_at(self.group);
+    Instance instance = instances[group.object * u_cameras * u_tiles + view];
+    mat4 rows = transpose(instance.clip_from_object);
+    vec3 viewpoint = instance.viewpoint.xyz;
+    float margin = instance.viewpoint.w;
+    vec4 rectangle_px = rectangles_px[view];
+    uint children = self.clusters;
 #if PASS == 2
-    uint candidates = waiting[place];
-#else
-    uint candidates = shown[group];
+    vec3 middle = 0.5 * (group.aabb_min + group.aabb_max);
+    Bounds around = bounds_of(
+        clip_box(rows, middle, group.aabb_max - middle, margin), rectangle_px.zw);
+    if (is_occluded(around, rectangle_px.xy, view / u_tiles)) children = 0u;
 #endif
-    uint left = 0u;
-    if (candidates != 0u) {
-        Instance instance = instances[object * u_cameras * u_tiles + view];
-        mat4 rows = transpose(instance.clip_from_object);
-        vec3 viewpoint = viewpoint_of(instance.viewpoint_from_object);
-        float margin = reach(viewpoint);
-        vec4 rectangle_px = rectangles_px[view];
-        vec3 centre = 0.5 * (self.aabb_min + self.aabb_max), extent = self.aabb_max - centre;
-        extent += TOLERANCE * (margin + reach(centre) + reach(extent));
-        ClipBox box = clip_box(rows, centre, extent);
+    for (; children != 0u; children &= children - 1u) {
+        uint child = uint(findLSB(children)), index = group.first_cluster + child;
+        Cluster cluster = cluster_at(index);
+        vec3 centre = 0.5 * (cluster.aabb_min + cluster.aabb_max);
+        vec3 extent = cluster.aabb_max - centre;
+        vec3 away = centre - viewpoint;
+        float distance_m = length(away), radius_m = length(extent);
+        ClipBox box = clip_box(rows, centre, extent, margin);
 #if PASS == 2
-        bool is_kept = !is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles);
+        if (is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles)) continue;
 #else
-        bool is_kept = is_inside(box);
-#endif
-        if (!is_kept) candidates = 0u;
-        for (; candidates != 0u; candidates &= candidates - 1u) {
-            uint child = uint(findLSB(candidates));
-            Cluster cluster = clusters[self.first_cluster + child];
-            centre = 0.5 * (cluster.aabb_min + cluster.aabb_max);
-            extent = cluster.aabb_max - centre;
-            vec3 away = centre - viewpoint;
-            float distance_m = length(away), radius_m = length(extent);
-            extent += TOLERANCE * (margin + reach(centre) + reach(extent));
-            box = clip_box(rows, centre, extent);
-#if PASS == 2
-            if (is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles))
-                continue;
-#else
-            bool faces_away = !u_both_sides && dot(cluster.cone_axis, away)
-                > (cluster.cone_sine + CONE_TOLERANCE) * distance_m + radius_m;
-            if (faces_away || !is_inside(box)) continue;
-            if (!covers_texel(bounds_of(box, rectangle_px.zw))) continue;
+        bool faces_away = !u_both_sides && dot(cluster.cone_axis, away)
+            > (cluster.cone_sine + CONE_TOLERANCE) * distance_m + radius_m;
+        if (faces_away || !is_inside(box)) continue;
+        if (!covers_texel(bounds_of(box, rectangle_px.zw))) continue;
 #endif
 #if PASS > 0
-            if (cluster.width <= u_occluder_rad * max(distance_m - radius_m, 1e-3)) {
-                left |= 1u << child;
-                continue;
-            }
-#endif
-            show(view, group, child, distance_m + radius_m);
+        if (cluster.width <= u_occluder_rad * max(distance_m - radius_m, 1e-3)) {
+            left |= 1u << child;
+            continue;
         }
+#endif
+        show(view, self.group, child, index, distance_m + radius_m);
     }
 #if PASS > 0
-    waiting[place] = left;
+    if (left != 0u) append(u_pass + 1u, Candidate(self.group, view, left));
 #endif
 }

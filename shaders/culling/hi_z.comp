@@ -9,7 +9,7 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(std430, binding = 12) buffer HiZ { float farthest[]; };
+layout(std430, binding = 11) buffer HiZ { float farthest[]; };
 uniform uvec2 u_groups;  // cells of the last level
 // With LAYERED each camera has a layer, and an invocation is of the camera of its z.
 

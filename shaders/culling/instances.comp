@@ -1,4 +1,5 @@
-// Matrices of each object in each view, from the poses of the cameras and objects; no commands yet.
+// Matrices of each object in each view, from the poses of the cameras and objects; no
+// commands yet, and no candidates.
 #version 430 core
 
 layout(local_size_x = 64) in;
@@ -16,6 +17,7 @@ const uint MAX_PASSES = 3u;
 void main() {
     uint at = gl_GlobalInvocationID.x, views = u_cameras * u_tiles;
     if (at < MAX_PASSES * BANDS * u_buckets) counts[at] = 0u;
+    if (at < LISTS) lists[at] = List(0u, 1u, 1u, 0u);
     if (at >= views * u_objects) return;
     uint view = at % views, object = at / views;
     uint first = 3u * (1u + u_objects) * (view / u_tiles);
@@ -31,4 +33,8 @@ void main() {
     vec2 scale = rectangle.zw / u_atlas_px;
     instances[at].placement = vec4(scale, 2.0 * rectangle.xy / u_atlas_px + scale - 1.0);
     instances[at].viewpoint_from_object = rows;
+    // its pose is rigid
+    vec3 viewpoint =
+        -(rows[0].xyz * rows[0].w + rows[1].xyz * rows[1].w + rows[2].xyz * rows[2].w);
+    instances[at].viewpoint = vec4(viewpoint, dot(abs(viewpoint), vec3(1.0)));
 }

@@ -4,42 +4,26 @@
 // vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
 // The layouts are those in omnisim/gpu/culling/.
 
+#define LISTS 4u  // of candidates, one for each pass that there can be, and one more
+
 struct Instance {
     mat4 clip_from_object;         // of the tile alone
     vec4 placement;                // scale and shift of the tile in the clip space of the atlas
     vec4 viewpoint_from_object[3]; // rows
-};
-
-struct Cluster {
-    vec3 aabb_min;
-    uint first_index;
-    vec3 aabb_max;
-    uint indices;
-    vec3 cone_axis;
-    float cone_sine;  // above 1: some triangle is seen from everywhere
-    float width;      // of its triangles, for occlusion
-    uint group;
-    uint object;
-    uint unused;
-};
-
-struct Group {
-    vec3 aabb_min;
-    uint first_cluster;
-    vec3 aabb_max;
-    uint clusters_and_object;  // number of clusters, at most 32, and 64 times the object
+    vec4 viewpoint;                // in the frame of the object, and the sum of its distances along
+                                   // the axes
 };
 
 layout(std430, binding = 3) buffer Instances { Instance instances[]; };  // [object][view]
-layout(std430, binding = 4) readonly buffer Groups { Group groups[]; };
-layout(std430, binding = 5) readonly buffer Clusters { Cluster clusters[]; };
+// First index of a cluster, and the number of its indices.
+layout(std430, binding = 5) readonly buffer Ranges { uvec2 index_ranges[]; };
 // Bits of the tiles that a cluster is visible in: [camera][cluster][word].
 layout(std430, binding = 6) buffer Visible { uint visible_tiles[]; };
 // Bin of a visible cluster's distance, from near to far: [camera][cluster].
-layout(std430, binding = 13) buffer Bins { uint bins[]; };
+layout(std430, binding = 12) buffer Bins { uint bins[]; };
 
 // Bits of a group's clusters that are visible in any tile: [camera][group].
-layout(std430, binding = 14) buffer VisibleOfGroup { uint visible_of_group[]; };
+layout(std430, binding = 13) buffer VisibleOfGroup { uint visible_of_group[]; };
 
 #define BINS 32u
 #define BANDS 2u  // of distance: all buckets are drawn band by band
@@ -61,6 +45,24 @@ layout(std140, binding = 0) uniform Settings {
     float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits
 };
 
+// Group of clusters in a view, to be tested in a pass.
+struct Candidate {
+    uint group;
+    uint view;
+    uint clusters;  // bits of its clusters
+};
+
+// Each pass reads the list that the one before wrote. Its order does not show.
+struct List {
+    uint work_groups, work_groups_y, work_groups_z;  // of the pass that reads it
+    uint candidates;
+};
+
+layout(std430, binding = 4) buffer Lists {
+    List lists[LISTS];
+    Candidate candidates[];  // of the lists with even numbers, then of those with odd ones
+};
+
 // Words of a cluster's tiles.
 uint tile_words() {
     return (u_tiles + 31u) / 32u;
@@ -69,9 +71,4 @@ uint tile_words() {
 vec3 transformed(vec4 rows[3], vec3 point) {
     vec4 extended = vec4(point, 1.0);
     return vec3(dot(rows[0], extended), dot(rows[1], extended), dot(rows[2], extended));
-}
-
-// Viewpoint in an object's frame; its pose is rigid.
-vec3 viewpoint_of(vec4 rows[3]) {
-    return -(rows[0].xyz * rows[0].w + rows[1].xyz * rows[1].w + rows[2].xyz * rows[2].w);
 }

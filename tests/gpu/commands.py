@@ -34,12 +34,12 @@ class _ShowAll:
     """Shader that culls, and then shows all clusters in all of up to 32 tiles."""
 
     def __init__(self, shader, culler):
-        self._shader, self._visible, self._of_group = shader, culler._bound[6], culler._bound[14]
+        self._shader, self._visible, self._of_group = shader, culler._bound[6], culler._bound[13]
         self._shown = culler._buffers.all_shown
         self._tiles = np.uint32((1 << culler.views.tiles) - 1)
 
-    def run(self, *groups):
-        self._shader.run(*groups)
+    def run_indirect(self, *place):
+        self._shader.run_indirect(*place)
         self._visible.write(np.full(self._visible.size // 4, self._tiles))
         self._of_group.write(self._shown)
 
@@ -63,5 +63,5 @@ def show_all(culler):
 def show_occluded(culler):
     """Let a culler draw in two passes, but leave what is occluded."""
     with culler._context:
-        culler._bound[12].clear()
+        culler._bound[11].clear()
     culler._shaders = culler._shaders._replace(hi_z=(_NoDepth(),) * 2)

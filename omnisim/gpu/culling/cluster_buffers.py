@@ -12,29 +12,27 @@ from numpy.typing import NDArray
 from omnisim.gpu.culling.clusters import ClusterHierarchy
 from omnisim.gpu.shader_files import build_compute_shader
 
-_CLUSTER = np.dtype(
-    [
-        ("aabb_min", "<f4", 3),
-        ("first_index", "<u4"),
-        ("aabb_max", "<f4", 3),
-        ("indices", "<u4"),
-        ("cone_axis", "<f4", 3),
-        ("cone_sine", "<f4"),
-        ("width", "<f4"),
-        ("group", "<u4"),
-        ("object", "<u4"),
-        ("unused", "<u4"),
-    ]
-)
+# Bounds, in a texture: entries of four words, see shaders/culling/bounds.glsl.
 _GROUP = np.dtype(
     [
         ("aabb_min", "<f4", 3),
         ("first_cluster", "<u4"),
         ("aabb_max", "<f4", 3),
-        ("clusters_and_object", "<u4"),
+        ("object", "<u4"),
     ]
 )
-_CHILDREN_BITS = 6
+_CLUSTER = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("width", "<f4"),
+        ("aabb_max", "<f4", 3),
+        ("unused", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cone_sine", "<f4"),
+    ]
+)
+_ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries
+BOUNDS_UNIT = 8
 DEPTH_UNIT = 7  # whose sampler is the texture's own, whatever draws in between
 
 
@@ -43,12 +41,14 @@ class CullingShaders(NamedTuple):
 
     Attributes:
         instances: matrices.
+        groups: candidates of the first pass.
         cull: in one pass, or the first and a later one.
         commands: of what is left.
         hi_z: depth between two passes: fine and coarse levels.
     """
 
     instances: moderngl.ComputeShader
+    groups: moderngl.ComputeShader
     cull: tuple[moderngl.ComputeShader, ...]
     commands: moderngl.ComputeShader
     hi_z: tuple[moderngl.ComputeShader, moderngl.ComputeShader]
@@ -65,7 +65,8 @@ class ClusterBuffers:
         buckets: (groups,) in order.
 
     Attributes:
-        clusters, groups: buffers.
+        index_ranges: buffer, first index of each cluster, and number of its indices.
+        bounds: texture of the groups and then of the clusters.
         clusters_of_bucket, groups_of_bucket: their number in each bucket.
         cluster_count, group_count: of all.
     """
@@ -86,20 +87,18 @@ class ClusterBuffers:
         self._bits = np.uint32(1) << (np.arange(self.cluster_count) - groups.first[group]).astype(
             np.uint32
         )
-        packed = np.zeros(self.cluster_count, dtype=_CLUSTER)
+        index_ranges = np.stack((3 * clusters.first, 3 * clusters.triangles), axis=1)
+        self.index_ranges = context.buffer(index_ranges.astype("<u4"))
+        of_groups = np.zeros(self.group_count, dtype=_GROUP)
+        of_groups["first_cluster"], of_groups["object"] = groups.first, objects
+        of_clusters = np.zeros(self.cluster_count, dtype=_CLUSTER)
         for name in ("aabb_min", "aabb_max"):
-            packed[name] = getattr(clusters, name)
-        packed["first_index"], packed["indices"] = 3 * clusters.first, 3 * clusters.triangles
-        packed["cone_axis"] = clusters.cone_axes
-        packed["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
-        packed["width"], packed["group"] = clusters.widths, group
-        packed["object"] = objects[group]
-        self.clusters = context.buffer(packed)
-        packed = np.zeros(self.group_count, dtype=_GROUP)
-        packed["aabb_min"], packed["aabb_max"] = groups.aabb_min, groups.aabb_max
-        packed["first_cluster"] = groups.first
-        packed["clusters_and_object"] = groups.children + (objects << _CHILDREN_BITS)
-        self.groups = context.buffer(packed)
+            of_groups[name], of_clusters[name] = getattr(groups, name), getattr(clusters, name)
+        of_clusters["width"], of_clusters["cone_axis"] = clusters.widths, clusters.cone_axes
+        of_clusters["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
+        self.bounds = _table(
+            context, np.concatenate((of_groups.view(_ENTRY), of_clusters.view(_ENTRY)))
+        )
         self.clusters_of_bucket = np.bincount(buckets, weights=groups.children).astype(int).tolist()
         self.groups_of_bucket = np.bincount(buckets).tolist()
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
@@ -116,11 +115,9 @@ class ClusterBuffers:
         context = self._context
         return CullingShaders(
             build_compute_shader(context, "culling/instances.comp"),
-            tuple(
-                build_compute_shader(context, "culling/cull.comp", [f"PASS {number}"])
-                for number in range(3)
-            ),
-            build_compute_shader(context, "culling/commands.comp"),
+            self._with_bounds("groups.comp"),
+            tuple(self._with_bounds("cull.comp", f"PASS {number}") for number in range(3)),
+            self._with_bounds("commands.comp"),
             self._hi_z(),
         )
 
@@ -129,7 +126,22 @@ class ClusterBuffers:
         """Shaders of the depth of cameras that have a layer each."""
         return self._hi_z("LAYERED")
 
+    def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
+        shader = build_compute_shader(self._context, f"culling/{name}", defines)
+        shader["u_bounds"] = BOUNDS_UNIT
+        return shader
+
     def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
         fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
         fine["u_depth"] = DEPTH_UNIT
         return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
+
+
+def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:
+    """Texture of entries, row by row."""
+    rows = max(1, -(-len(entries) // _ROW))
+    padded = np.zeros(rows * _ROW, dtype=_ENTRY)
+    padded[: len(entries)] = entries
+    texture = context.texture((_ROW, rows), 4, padded, dtype="u4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture

@@ -14,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.culling.cluster_buffers import DEPTH_UNIT, ClusterBuffers
+from omnisim.gpu.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.gl_functions import COMMAND_BYTES, bind_storage_buffers
 from omnisim.gpu.memory import gpu_allocation
 
 # Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
 EDGE_PX = 0.125
-_INSTANCE_BYTES = 128
+_INSTANCE_BYTES = 144
+_LIST_BYTES, _CANDIDATE_BYTES = 16, 12  # in shaders/culling/views.glsl
 _MAX_PASSES = 3
 BANDS = 2  # of distance, in shaders/culling/views.glsl
 _GROUP_SIZE = 64  # local_size_x of the shaders
@@ -116,7 +117,10 @@ class ClusterCuller:
             groups_visible = np.zeros(views.cameras * buffers.group_count, dtype=np.uint32)
             visible_of_group = context.buffer(groups_visible)
             bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
-            waiting = context.buffer(reserve=4 * (words if depth else 1))
+            halves = min(self.passes, 2)  # each pass reads one, and writes the other
+            self._lists = context.buffer(
+                reserve=(_MAX_PASSES + 1) * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
+            )
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
             hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
         buckets = np.zeros((len(most), 4), dtype=np.uint32)
@@ -139,9 +143,8 @@ class ClusterCuller:
         self._shown = context.buffer(buffers.all_shown)
         self._bound = [
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
-            buffers.groups, buffers.clusters, visible_tiles, self.commands, self.counts,
-            context.buffer(buckets), self._shown, waiting, hi_z, bins,
-            visible_of_group,
+            self._lists, buffers.index_ranges, visible_tiles, self.commands, self.counts,
+            context.buffer(buckets), self._shown, hi_z, bins, visible_of_group,
         ]  # fmt: skip
         self._names = [one.glo for one in self._bound]
         self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
@@ -161,6 +164,7 @@ class ClusterCuller:
                 settings.write(np.uint32(self.views.cameras))
         self._settings[pass_index].bind_to_uniform_block(0)
         bind_storage_buffers(self._names)
+        self._buffers.bounds.use(BOUNDS_UNIT)
 
     def run(self, pass_index: int) -> None:
         """Make the commands of one pass, by the poses that were written.
@@ -173,6 +177,8 @@ class ClusterCuller:
         if pass_index == 0:
             entries = max(views.count * views.objects, _MAX_PASSES * BANDS * len(self.ranges))
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
+            context.memory_barrier(barrier)
+            shaders.groups.run(self._groups, views.count)
         elif self._depth is not None:
             self._depth.use(DEPTH_UNIT)
             columns, rows = self._cells
@@ -183,9 +189,9 @@ class ClusterCuller:
             fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 in one of the last
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
-        context.memory_barrier(barrier)
+        context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
         cull = shaders.cull[0 if self.passes == 1 else 1 + min(pass_index, 1)]
-        cull.run(self._groups, views.count)
+        cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
         context.memory_barrier(barrier)
         shaders.commands.run(len(self.ranges), views.cameras)
         context.memory_barrier(

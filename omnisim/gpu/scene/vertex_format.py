@@ -30,6 +30,7 @@ INSTANCE = np.dtype(  # of an object in a view, as in shaders/culling/views.glsl
         ("in_clip_from_object", "<f4", (4, 4)),
         ("in_placement", "<f4", 4),
         ("in_viewpoint_from_object", "<f4", (3, 4)),
+        ("viewpoint", "<f4", 4),  # of culling alone
     ]
 )
 # Attribute of baked triangles, stored in the place of another one.

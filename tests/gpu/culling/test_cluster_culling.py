@@ -138,6 +138,15 @@ def _is_large(view, corners_m, world_from_rig):
     return 2.0 * area / np.maximum(around, 1e-9) > 0.75
 
 
+def _drawn_clusters(commands, clusters):
+    """Number of the clusters that commands (n, 5) draw, whole and in every tile."""
+    ends = clusters.first + clusters.triangles
+    first, last = commands[:, 2] // 3, (commands[:, 2] + commands[:, 0]) // 3
+    assert np.all(np.isin(first, clusters.first))
+    assert np.all(np.isin(last, ends))
+    return int(np.sum(np.searchsorted(ends, last) - np.searchsorted(clusters.first, first) + 1))
+
+
 def test_near_clusters_come_first_and_every_run_gives_the_same(context):
     meshes = [sheet(f"sheet {number}", number % 2, seed=number) for number in range(12)]
     poses = [pose((0.7 * number, 0.3, -0.4)) for number in range(12)]
@@ -151,6 +160,8 @@ def test_near_clusters_come_first_and_every_run_gives_the_same(context):
         culler.run(0)
         runs.append(submitted_commands(culler))
     assert all(np.array_equal(one, runs[0]) for one in runs)
+    # clusters that follow each other share commands
+    assert len(runs[0]) < 0.8 * _drawn_clusters(runs[0], geometry.clusters)
     cluster = np.searchsorted(geometry.clusters.first, runs[0][:, 2] // 3)
     distance_m = np.linalg.norm(middle_m[cluster], axis=1)
     bucket = geometry.bucket_of_cluster[cluster]

@@ -50,7 +50,7 @@ def test_each_cell_has_its_farthest_depth(context, shape):
     groups = [math.ceil(side / (CELL_PX * SIDE)) for side in shape[::-1]]
     cells = [groups[0] * groups[1] * (SIDE >> level) ** 2 for level in range(LEVELS)]
     buffer = context.buffer(reserve=4 * sum(cells))
-    buffer.bind_to_storage_buffer(12)
+    buffer.bind_to_storage_buffer(11)
     _drawn(context, values).use(DEPTH_UNIT)
     fine["u_groups"] = coarse["u_groups"] = groups
     fine.run(*groups)

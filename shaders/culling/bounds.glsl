@@ -1,0 +1,37 @@
+// Table of the bounds of groups and clusters, a texture: software drivers fetch from one quicker than
+// they read buffers. The layout is that of omnisim/gpu/culling/cluster_buffers.py.
+// Group group_at(uint index), Cluster cluster_at(uint index).
+
+uniform usampler2D u_bounds;
+
+const uint ROW_BITS = 12u;  // of entries in a row
+const uint GROUP_ENTRIES = 2u, CLUSTER_ENTRIES = 3u;
+
+struct Group {
+    vec3 aabb_min, aabb_max;
+    uint first_cluster;
+    uint object;
+};
+
+struct Cluster {
+    vec3 aabb_min, aabb_max;
+    vec3 cone_axis;
+    float cone_sine;  // above 1: some triangle is seen from everywhere
+    float width;      // of its triangles, for occlusion
+};
+
+uvec4 entry_at(uint at) {
+    return texelFetch(u_bounds, ivec2(at & ((1u << ROW_BITS) - 1u), at >> ROW_BITS), 0);
+}
+
+Group group_at(uint index) {
+    uvec4 low = entry_at(GROUP_ENTRIES * index), high = entry_at(GROUP_ENTRIES * index + 1u);
+    return Group(uintBitsToFloat(low.xyz), uintBitsToFloat(high.xyz), low.w, high.w);
+}
+
+Cluster cluster_at(uint index) {
+    uint first = GROUP_ENTRIES * u_groups + CLUSTER_ENTRIES * index;
+    vec4 low = uintBitsToFloat(entry_at(first)), high = uintBitsToFloat(entry_at(first + 1u));
+    vec4 cone = uintBitsToFloat(entry_at(first + 2u));
+    return Cluster(low.xyz, high.xyz, cone.xyz, cone.w, low.w);
+}

@@ -1,0 +1,43 @@
+// Boxes of a view's clip space, and lists of candidates for the passes.
+// Boxes are projected as floats: each counts as larger by this share of its distance.
+const float TOLERANCE = 2e-6;
+const uint WORK_GROUP = 64u;  // of the shader that reads a list
+
+float reach(vec3 edges) {
+    return dot(abs(edges), vec3(1.0));
+}
+
+struct ClipBox {
+    vec3 centre;  // x, y, w
+    vec3 x_edges, y_edges, w_edges;
+};
+
+// Box in the frame of an object, as an instance of it has it.
+ClipBox clip_box(mat4 rows, vec3 centre, vec3 extent, float margin) {
+    vec4 at = vec4(centre, 1.0);
+    extent += TOLERANCE * (margin + reach(centre) + reach(extent));
+    return ClipBox(
+        vec3(dot(rows[0], at), dot(rows[1], at), dot(rows[3], at)),
+        rows[0].xyz * extent, rows[1].xyz * extent, rows[3].xyz * extent);
+}
+
+// False: all of it is outside of one plane of the frustum.
+bool is_inside(ClipBox box) {
+    float depth = reach(box.w_edges), x = box.centre.x, y = box.centre.y, w = box.centre.z;
+    return w + depth >= u_depths_m.x && w - depth <= u_depths_m.y
+        && w + x + reach(box.w_edges + box.x_edges) >= 0.0
+        && w - x + reach(box.w_edges - box.x_edges) >= 0.0
+        && w + y + reach(box.w_edges + box.y_edges) >= 0.0
+        && w - y + reach(box.w_edges - box.y_edges) >= 0.0;
+}
+
+// Place of a candidate of a list.
+uint candidate_place(uint list, uint at) {
+    return (list & 1u) * u_cameras * u_tiles * u_groups + at;
+}
+
+void append(uint list, Candidate candidate) {
+    uint at = atomicAdd(lists[list].candidates, 1u);
+    if (at % WORK_GROUP == 0u) atomicAdd(lists[list].work_groups, 1u);
+    candidates[candidate_place(list, at)] = candidate;
+}

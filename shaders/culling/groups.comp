@@ -1,0 +1,21 @@
+// Culls groups of clusters: those in the frustum of a view are the candidates of the first pass.
+#version 430 core
+
+layout(local_size_x = 64) in;
+
+#include "culling/views.glsl"
+#include "culling/bounds.glsl"
+#include "culling/boxes.glsl"
+layout(std430, binding = 10) readonly buffer Shown { uint shown[]; };  // clusters of each group
+
+void main() {
+    uint index = gl_GlobalInvocationID.x, view = gl_GlobalInvocationID.y;
+    if (index >= u_groups) return;
+    Group group = group_at(index);
+    uint clusters = shown[index];
+    Instance instance = instances[group.object * u_cameras * u_tiles + view];
+    vec3 centre = 0.5 * (group.aabb_min + group.aabb_max), extent = group.aabb_max - centre;
+    mat4 rows = transpose(instance.clip_from_object);
+    ClipBox box = clip_box(rows, centre, extent, instance.viewpoint.w);
+    if (clusters != 0u && is_inside(box)) append(0u, Candidate(index, view, clusters));
+}
