@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from omnisim.gpu.culling.spatial_clustering import spatial_clusters
 
 # Triangles of a cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
-# has to be tested.
+# has to be tested, and most of those of a large scene are not seen.
 MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
+LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
 # Likewise, children of a cluster group: none is tested where the group is culled. Those that are
 # visible are the bits of a word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0
@@ -81,10 +82,11 @@ def build_clusters(
         group_keys: (n,) from 0, equal within a group and wherever `keys` are; groups are in their
             order.
     """
+    min_triangles = MIN_TRIANGLES if len(corners) < LARGE_SCENE else MIN_TRIANGLES_IN_LARGE
     order, first = spatial_clusters(
-        _bounds(corners), keys, MIN_TRIANGLES, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
+        _bounds(corners), keys, min_triangles, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
     )
-    clusters = bound_clusters(corners[order], first)
+    clusters = bound_clusters(corners[order], first, min_triangles)
     bounds = np.concatenate((-clusters.aabb_min.T, clusters.aabb_max.T))
     # clusters of about the same width are drawn in the same pass
     widths = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, WIDTHS - 1)
@@ -117,12 +119,15 @@ def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int
     return numbers
 
 
-def bound_clusters(corners: NDArray[np.float32], first: NDArray[np.intp]) -> Clusters:
+def bound_clusters(
+    corners: NDArray[np.float32], first: NDArray[np.intp], min_triangles: int = MIN_TRIANGLES
+) -> Clusters:
     """Clusters of consecutive triangles, with their bounding boxes and normal cones.
 
     Args:
         corners: (n, 3, 3), a triangle's three in a row.
         first: (m,) first triangle of each cluster.
+        min_triangles: widths count from so many on as those of many.
     """
     count = np.diff(first, append=len(corners))
     bounds = np.maximum.reduceat(_bounds(corners), first, axis=1)
@@ -136,7 +141,7 @@ def bound_clusters(corners: NDArray[np.float32], first: NDArray[np.intp]) -> Clu
     cosines = np.minimum.reduceat(cosines, first)
     sines = np.where(cosines > 0.0, np.sqrt(np.maximum(1.0 - cosines**2, 0.0)), 2.0)
     widths = np.sqrt(np.add.reduceat(0.5 * lengths, first) / count)
-    widths *= np.minimum(MIN_TRIANGLES / count, 1.0) ** 0.25
+    widths *= np.minimum(min_triangles / count, 1.0) ** 0.25
     return Clusters(
         first, count, -bounds[:3].T, bounds[3:].T.copy(), axes,
         sines.astype(np.float32), widths.astype(np.float32),

@@ -148,3 +148,12 @@ def test_large_triangles_are_kept_apart():
     assert 3 <= is_large.sum() <= 6
     # cutting it off has to be worth it: not a full cluster each
     assert clusters.triangles[has_large].sum() < 0.7 * MAX_TRIANGLES * has_large.sum()
+
+
+def test_clusters_of_large_scenes_are_larger(monkeypatch):
+    corners = _corners(1000)
+    small = _built(corners)[1]
+    monkeypatch.setattr("omnisim.gpu.culling.clusters.LARGE_SCENE", len(corners))
+    large = _built(corners)[1]
+    assert len(large.first) < 0.5 * len(small.first)
+    assert large.triangles.max() <= MAX_TRIANGLES
