@@ -39,7 +39,7 @@ GPU_LAYERS = (
     {"batch_pipeline", "parallax_pipeline"},
     {"cuda_buffer", "pipeline", "readback_ring"},
     {"ground_truth"},
-    {"capture", "degradation"},
+    {"capture", "degradation", "shadows"},
     {"scene"},
     {"culling"},
     {"atlas"},

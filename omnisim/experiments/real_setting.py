@@ -71,8 +71,9 @@ def _uneven(lighting: Lighting) -> Lighting:
         for light in lighting.lights
     ]
     lamp = Light(
-        LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M), range_m=math.inf
-    )
+        LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M),
+        range_m=math.inf, casts_shadow=False,
+    )  # fmt: skip
     red, green, blue = lighting.ambient
     ambient = (EVEN_SHARE * red, EVEN_SHARE * green, EVEN_SHARE * blue)
     return Lighting(ambient, (*even, lamp), lighting.exposure)

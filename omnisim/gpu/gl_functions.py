@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 
 _COLOR = 0x1800  # GL_COLOR
@@ -91,6 +91,25 @@ def delete_texture(name: int) -> None:
     """Delete a texture that is not moderngl's."""
     names = ctypes.c_uint(name)
     gl_function("glDeleteTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(names))
+
+
+def copy_regions(source: int, target: int, rectangles_px: Iterable[Sequence[int]]) -> None:
+    """Copy rectangles of a 2D texture to the same place of another.
+
+    Args:
+        source, target: names of the textures.
+        rectangles_px: left, top, width and height.
+    """
+    copy = gl_function(
+        "glCopyImageSubData",
+        _ENUM, _ENUM, _INT, _INT, _INT, _INT,
+        _ENUM, _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT,
+    )  # fmt: skip
+    for left, top, width, height in rectangles_px:
+        copy(
+            source, _TEXTURE_2D, 0, left, top, 0,
+            target, _TEXTURE_2D, 0, left, top, 0, width, height, 1,
+        )  # fmt: skip
 
 
 class IndirectDraws:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rays.shadows import Shadows
 from omnisim.scene.model import Light, Lighting, LightKind
 
 
@@ -24,9 +25,24 @@ class LampLight(NamedTuple):
     levels: NDArray[np.float32]
     directions: NDArray[np.float32]
 
+    def take(self, indices: NDArray[np.intp]) -> LampLight:
+        """Light at some of the points."""
+        directions = self.directions
+        return LampLight(
+            self.color,
+            self.levels[indices],
+            directions if len(directions) == 1 else directions[indices],
+        )
 
-def lamps_at(lighting: Lighting, points_m: NDArray[np.float64]) -> Iterator[LampLight]:
-    """Light of each lamp at points (n, 3)."""
+
+def lamps_at(
+    lighting: Lighting,
+    points_m: NDArray[np.float64],
+    normals: NDArray[np.float32],
+    shadows: Shadows,
+) -> list[LampLight]:
+    """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
+    lamps = []
     for light in lighting.lights:
         color = np.array(light.color) * (light.intensity * lighting.exposure)
         if light.kind is LightKind.DIRECTIONAL:
@@ -34,7 +50,11 @@ def lamps_at(lighting: Lighting, points_m: NDArray[np.float64]) -> Iterator[Lamp
             directions = -light.direction.astype(np.float32)[None]
         else:
             levels, directions = _punctual(light, points_m)
-        yield LampLight(color.astype(np.float32), levels, directions)
+        if light.casts_shadow:
+            facing = np.einsum("nc,nc->n", normals, directions) > 0.0
+            levels = levels * shadows.share(light, points_m, facing & (levels > 0.0))
+        lamps.append(LampLight(color.astype(np.float32), levels, directions))
+    return lamps
 
 
 def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -46,11 +66,11 @@ def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[n
 
 
 def light_on_surfaces(
-    lighting: Lighting, points_m: NDArray[np.float64], normals: NDArray[np.float32]
+    lighting: Lighting, lamps: Sequence[LampLight], normals: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Light on white surfaces, linear RGB (n, 3), at points (n, 3) with unit normals (n, 3)."""
+    """Light on white surfaces, linear RGB (n, 3), by all lamps, with unit normals (n, 3)."""
     total = ambient_light(lighting, normals)
-    for lamp in lamps_at(lighting, points_m):
+    for lamp in lamps:
         cosines = np.maximum(np.einsum("nc,nc->n", normals, lamp.directions), np.float32(0.0))
         total += (cosines * lamp.levels)[:, None] * lamp.color
     return total

@@ -14,6 +14,7 @@ from omnisim.rays.caster import RayCaster, RayHits, Rays
 from omnisim.rays.embree import NO_TRIANGLE
 from omnisim.rays.geometry import Poses
 from omnisim.rays.shading import Shading
+from omnisim.rays.shadows import CastShadow
 from omnisim.scene.model import Scene
 from omnisim.world import ObjectPart
 
@@ -104,7 +105,8 @@ class RayScene:
             light = colors[shown, :3]
             if not unlit:
                 some = None if widths is None else widths[shown]
-                light = shading.lit(light, rays.take(shown), hits.take(shown), poses, some)
+                cast = self._shadow_caster(poses)
+                light = shading.lit(light, rays.take(shown), hits.take(shown), cast, poses, some)
             weights = share[active[shown]] * opacity[shown]
             total[active[shown]] += weights[:, None] * light
             share[active] *= 1.0 - opacity
@@ -157,6 +159,15 @@ class RayScene:
             found.put(active, further)
             active = active[further.triangles != NO_TRIANGLE]
         return found
+
+    def _shadow_caster(self, poses: Poses) -> CastShadow:
+        """Caster of shadow rays, whose hits are on either side, and hidden instances too."""
+        everything = ObjectState(poses)
+
+        def cast(rays: Rays, triangles: NDArray[np.int32]) -> RayHits:
+            return self.first_hits(rays, everything, triangles, both_sides=True)
+
+        return cast
 
     def in_threads(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Results of a function of each item, in order; Embree and NumPy free the GIL."""

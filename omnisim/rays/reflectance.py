@@ -5,13 +5,14 @@ Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.bilinear import sample
-from omnisim.rays.lights import LampLight, ambient_light, lamps_at
+from omnisim.rays.lights import LampLight, ambient_light
 from omnisim.scene.model import Lighting
 from omnisim.scene.reflectance import COAT_F0, environment_table, smith_visibility
 
@@ -38,24 +39,24 @@ class Placed(NamedTuple):
     """Places and directions of surfaces that are seen.
 
     Attributes:
-        points_m: (n, 3) world.
         normals, plain_normals: (n, 3) unit, by the normal map and without it.
         views: (n, 3) unit, towards the origins of the rays.
     """
 
-    points_m: NDArray[np.float64]
     normals: Floats
     plain_normals: Floats
     views: Floats
 
 
-def reflected_light(surface: Reflectance, placed: Placed, lighting: Lighting) -> Floats:
+def reflected_light(
+    surface: Reflectance, placed: Placed, lighting: Lighting, lamps: Sequence[LampLight]
+) -> Floats:
     """Light (n, 3), linear RGB, that surfaces send along the views."""
     grazing = (1.0 - _cosines(placed.plain_normals, placed.views)) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     total = (1.0 - coat)[:, None] * surface.emissive
     total += _environment(surface, placed, coat, lighting)
-    for lamp in lamps_at(lighting, placed.points_m):
+    for lamp in lamps:
         total += _lamp(surface, placed, coat, lamp)
     return total
 

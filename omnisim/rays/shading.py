@@ -7,6 +7,7 @@ Source of the footprints: Igehy, "Tracing ray differentials", 1999.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 
 from omnisim.rays.caster import RayHits, Rays
 from omnisim.rays.geometry import Geometry, Poses
-from omnisim.rays.lights import light_on_surfaces
+from omnisim.rays.lights import LampLight, lamps_at, light_on_surfaces
 from omnisim.rays.normal_maps import mapped_normals
 from omnisim.rays.reflectance import Placed, reflected_light
+from omnisim.rays.shadows import CastShadow, Shadows
 from omnisim.rays.surface_table import NORMAL, Sampler, SurfaceTable
 from omnisim.rays.textures import TextureTable
 from omnisim.scene.model import AlphaMode, Lighting
@@ -143,6 +145,7 @@ class Shading:
         colors: NDArray[np.float32],
         rays: Rays,
         hits: RayHits,
+        cast_shadow: CastShadow,
         world_from_objects: Poses = (),
         footprints: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
@@ -150,7 +153,8 @@ class Shading:
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)
-        light = light_on_surfaces(self._lighting, points_m, normals)
+        lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
+        light = light_on_surfaces(self._lighting, lamps, normals)
         light[self._is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
         glossy = np.flatnonzero(~self.table.is_matte[surfaces])
@@ -158,7 +162,7 @@ class Shading:
             some = None if footprints is None else footprints[glossy]
             view = _View(rays.take(glossy), hits.take(glossy), world_from_objects, some)
             light[glossy] = self._reflected(
-                colors[glossy, :3], view, points_m[glossy], normals[glossy]
+                colors[glossy, :3], view, [lamp.take(glossy) for lamp in lamps], normals[glossy]
             )
         return light
 
@@ -166,7 +170,7 @@ class Shading:
         self,
         colors: NDArray[np.float32],
         view: _View,
-        points_m: NDArray[np.float64],
+        lamps: Sequence[LampLight],
         normals: NDArray[np.float32],
     ) -> NDArray[np.float32]:
         """Light (n, 3) of surfaces that are not matte."""
@@ -176,11 +180,9 @@ class Shading:
             table = self.table.maps[slot]
             return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
 
-        placed = Placed(
-            points_m, self._mapped(normals, view, sampled), normals, -view.rays.directions
-        )
+        placed = Placed(self._mapped(normals, view, sampled), normals, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        return reflected_light(reflectance, placed, self._lighting).astype(np.float32)
+        return reflected_light(reflectance, placed, self._lighting, lamps).astype(np.float32)
 
     def _mapped(
         self, normals: NDArray[np.float32], view: _View, sampled: Sampler

@@ -19,7 +19,11 @@ DEFAULT_LIGHTING = Lighting(
     (0.38, 0.39, 0.42),
     tuple(
         Light(
-            LightKind.DIRECTIONAL, color, intensity, direction=direction / np.linalg.norm(direction)
+            LightKind.DIRECTIONAL,
+            color,
+            intensity,
+            direction=direction / np.linalg.norm(direction),
+            casts_shadow=False,
         )
         for direction, color, intensity in (
             (np.array((0.45, -0.30, -0.85)), (1.0, 0.97, 0.90), 0.56),

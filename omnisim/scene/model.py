@@ -17,6 +17,7 @@ from omnisim.scene.instance_boxes import instance_boxes
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
 from omnisim.scene.object_motion import ObjectMotion
 from omnisim.scene.parts import (
+    LAMP_NEAR_M,
     MAX_LIGHTS,
     SLIM_M,
     AlphaMode,
@@ -40,6 +41,7 @@ from omnisim.scene.start_pose import find_start
 from omnisim.short_repr import counted, short_repr
 
 __all__ = [
+    "LAMP_NEAR_M",
     "MAX_LIGHTS",
     "SLIM_M",
     "AlphaMode",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -202,7 +203,7 @@ class LightKind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """Punctual light; it casts no shadows.
+    """Directional, point or spot light.
 
     Attributes:
         kind: directional, point or spot.
@@ -212,6 +213,7 @@ class Light:
         direction: (3,) unit, world, the way the light travels; unused for a point light.
         range_m: where a point or spot light ends.
         cone_cosines: cosines of a spot light's inner and outer half-angle.
+        casts_shadow: surfaces hide it, but for those nearer to it than `LAMP_NEAR_M`.
 
     Source: glTF extension KHR_lights_punctual.
     """
@@ -223,11 +225,14 @@ class Light:
     direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     range_m: float = math.inf
     cone_cosines: tuple[float, float] = (1.0, 0.0)
+    casts_shadow: bool = True
 
     def __repr__(self) -> str:
         return short_repr(self, self.kind.value, f"intensity {self.intensity:g}")
 
 
+# A lamp stands inside of its bulb, which hides nothing.
+LAMP_NEAR_M = 0.05
 MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
 
 
@@ -251,6 +256,25 @@ class Lighting:
     exposure: float = 1.0
     environment: Environment | None = None
     is_matte: bool = False
+
+    @property
+    def has_shadows(self) -> bool:
+        """Some light casts shadows."""
+        return any(light.casts_shadow for light in self.lights)
+
+    def by_kind(self) -> tuple[tuple[Light, ...], tuple[Light, ...]]:
+        """Directional lights, and point and spot lights."""
+        is_directional = [light.kind is LightKind.DIRECTIONAL for light in self.lights]
+        return (
+            tuple(itertools.compress(self.lights, is_directional)),
+            tuple(itertools.compress(self.lights, (not one for one in is_directional))),
+        )
+
+    def without_shadows(self) -> Lighting:
+        """Lighting by the same lights, none of which casts shadows."""
+        return replace(
+            self, lights=tuple(replace(light, casts_shadow=False) for light in self.lights)
+        )
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.lights), "light"), f"exposure {self.exposure:g}")

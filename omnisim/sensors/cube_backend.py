@@ -43,6 +43,7 @@ from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.gpu.shadows.shadow_maps import ShadowMaps
 from omnisim.ground_truth.hits import Hits
 from omnisim.ground_truth.lidar_beams import LidarBeams
 from omnisim.scene import Scene
@@ -89,7 +90,10 @@ class CubeBackend(SceneBackend):
         try:
             with self.context:
                 self.buffers = SceneBuffers(self.context, scene, tuple(objects.values()))
-                self.surface_programs = SurfacePrograms(self.buffers, scene.lighting)
+                self._shadows = (
+                    ShadowMaps(self.buffers, scene.lighting) if scene.lighting.has_shadows else None
+                )
+                self.surface_programs = SurfacePrograms(self.buffers, scene.lighting, self._shadows)
         except BaseException:
             self.close()
             raise
@@ -117,6 +121,8 @@ class CubeBackend(SceneBackend):
     def update(self, scene: Scene) -> None:
         """Take another static scene; its context is current. Meshes that stay are not uploaded."""
         self.buffers.update(scene)
+        if self._shadows is not None:
+            self._shadows.refresh()
         self.scene = scene
 
     def camera(self, setup: CameraSetup) -> CameraBackend:
@@ -140,7 +146,7 @@ class CubeBackend(SceneBackend):
     def close(self) -> None:
         """Release the OpenGL context with everything in it."""
         if self._finalizer.detach() is not None:
-            for name in ("buffers", "surface_programs"):
+            for name in ("buffers", "surface_programs", "_shadows"):
                 self.__dict__.pop(name, None)
             release_context(self.context)
 

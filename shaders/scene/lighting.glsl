@@ -16,16 +16,26 @@ uniform vec3 u_ambient;
 uniform vec3 u_directional_color[DIRECTIONAL_LIGHTS];      // intensity and exposure multiplied in
 uniform vec3 u_directional_direction[DIRECTIONAL_LIGHTS];  // unit, the way the light travels
 #endif
+#ifdef SHADOWS
+const int POSITIONS = PUNCTUAL_LIGHTS + 1;
+#else
+const int POSITIONS = PUNCTUAL_LIGHTS;
+#endif
+#ifdef LAYERED
+// Of the punctual lights and of the shadow maps' origin, metres from the viewpoint: [camera].
+layout(std430, binding = 15) readonly buffer LightPositions { vec4 light_positions[]; };
+flat in int v_camera;
+#define PUNCTUAL_POSITION(i) light_positions[v_camera * POSITIONS + i].xyz
+#define SHADOW_VIEWPOINT (-light_positions[v_camera * POSITIONS + PUNCTUAL_LIGHTS].xyz)
+#else
+uniform vec3 u_shadow_viewpoint;  // metres from the shadow maps' origin
+#define PUNCTUAL_POSITION(i) u_punctual_position[i]
+#define SHADOW_VIEWPOINT u_shadow_viewpoint
+#endif
 #if PUNCTUAL_LIGHTS > 0
 uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];      // intensity and exposure multiplied in
-#ifdef LAYERED
-// Metres from the effective viewpoint: [camera][light].
-layout(std430, binding = 15) readonly buffer PunctualPositions { vec4 punctual_positions[]; };
-flat in int v_camera;
-#define PUNCTUAL_POSITION(i) punctual_positions[v_camera * PUNCTUAL_LIGHTS + i].xyz
-#else
+#ifndef LAYERED
 uniform vec3 u_punctual_position[PUNCTUAL_LIGHTS];   // metres from the effective viewpoint
-#define PUNCTUAL_POSITION(i) u_punctual_position[i]
 #endif
 uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light travels
 uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone

@@ -57,8 +57,21 @@ MATERIALS = [
     Material("red on both sides", (0.8, 0.2, 0.1, 1.0), double_sided=True),
     Material("red unlit", (0.8, 0.2, 0.1, 1.0), unlit=True),
 ]
-SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.9, 0.8), 0.5, direction=np.array([0.6, 0.0, -0.8]))
-LAMP = Light(LightKind.POINT, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.5, -0.5, 1.0]))
+# Without shadows, which have tests of their own.
+SUN = Light(
+    LightKind.DIRECTIONAL,
+    (1.0, 0.9, 0.8),
+    0.5,
+    direction=np.array([0.6, 0.0, -0.8]),
+    casts_shadow=False,
+)
+LAMP = Light(
+    LightKind.POINT,
+    (1.0, 1.0, 1.0),
+    2.0,
+    position_m=np.array([0.5, -0.5, 1.0]),
+    casts_shadow=False,
+)
 
 
 def mixed_scene(*lights):

@@ -90,6 +90,8 @@ def test_body_moves_with_the_vehicle():
 @pytest.mark.parametrize("hidden", [{"hull"}, {"tail", "tube"}, {"cage", "hull", "box"}])
 def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     scene, base = surroundings(), POSES["tilted"]
+    # their shadows are not
+    scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     rest = without(body(), *hidden)
     with Stage(scene, body()) as stage:
         one, other = Renderer(stage, CAMERA, hidden=hidden), Renderer(stage, CAMERA)

@@ -92,6 +92,11 @@ class TilePlan:
         """Texels of all tiles."""
         return sum(tile.size_px[0] * tile.size_px[1] for tile in self.tiles)
 
+    @property
+    def rectangles_px(self) -> NDArray[np.float64]:
+        """Left, top, width and height (tiles, 4) of the tiles in the atlas."""
+        return np.array([(one.left_px, one.top_px, *one.size_px) for one in self.tiles], np.float64)
+
 
 def plan_tiles(
     camera: CentralCamera,

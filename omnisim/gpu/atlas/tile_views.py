@@ -47,11 +47,16 @@ class TileViews:
         faces_from_viewpoint = self._faces_from_rig @ world_from_rig[:3, :3].T
         clips = self._clips_from_face.copy()
         clips[..., :3] = self._clips_from_face[..., :3] @ faces_from_viewpoint
-        x, y, z, w = np.moveaxis(clips, 1, 0)
-        planes = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
-        lengths = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
-        planes /= np.maximum(lengths, _MIN_LENGTH)
-        return list(map(TileView, self._tiles, clips, planes))
+        return list(map(TileView, self._tiles, clips, frustum_planes(clips)))
+
+
+def frustum_planes(clips: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Frustum planes (n, 6, 4), see `TileView`, of matrices (n, 4, 4) to clip space."""
+    x, y, z, w = np.moveaxis(clips, 1, 0)
+    planes: NDArray[np.float64] = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
+    lengths = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
+    planes /= np.maximum(lengths, _MIN_LENGTH)
+    return planes
 
 
 def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> NDArray[np.float64]:

@@ -13,8 +13,6 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.atlas.tile_plan import TilePlan
-from omnisim.gpu.atlas.tile_views import clips_from_rig
 from omnisim.gpu.uniforms import columns_first
 
 
@@ -23,8 +21,8 @@ class Views:
 
     Args:
         context: where.
-        plan: the tiles of each camera.
-        near_m, far_m: depth range.
+        clips_from_rig: (tiles, 4, 4) of each camera's tiles, see `tile_views.clips_from_rig`.
+        rectangles_px: (tiles, 4) left, top, width and height of each in the atlas.
         anchor_m: (3,) origin of the static geometry, world.
         objects: number of objects, the static one included.
         cameras: most that there can be.
@@ -41,20 +39,19 @@ class Views:
     def __init__(
         self,
         context: moderngl.Context,
-        plan: TilePlan,
-        depths_m: tuple[float, float],
+        clips_from_rig: NDArray[np.float64],
+        rectangles_px: NDArray[np.float64],
         anchor_m: NDArray[np.float64],
         objects: int,
         cameras: int = 1,
     ):
-        self.cameras, self.tiles, self.objects = cameras, len(plan.tiles), objects
+        self.cameras, self.tiles, self.objects = cameras, len(clips_from_rig), objects
         self._anchor_m = anchor_m
         self._poses = np.zeros((self.cameras, 1 + objects, 3, 4), dtype=np.float32)
         self._poses[:, 1, :, :3] = np.eye(3)
         self.poses = context.buffer(self._poses)
-        self.clips_from_rig = context.buffer(columns_first(clips_from_rig(plan, *depths_m)))
-        rectangles_px = [(tile.left_px, tile.top_px, *tile.size_px) for tile in plan.tiles]
-        self.rectangles_px = context.buffer(np.array(cameras * rectangles_px, dtype=np.float32))
+        self.clips_from_rig = context.buffer(columns_first(clips_from_rig))
+        self.rectangles_px = context.buffer(np.tile(rectangles_px, (cameras, 1)).astype(np.float32))
 
     @property
     def count(self) -> int:

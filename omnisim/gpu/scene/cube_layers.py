@@ -55,6 +55,7 @@ class CubeLayers:
         atlases: moderngl.TextureArray,
     ):
         self.atlases, self._background = atlases, cameras.background
+        self._is_unlit = cameras.unlit
         self._context = buffers.context
         self._target, self._depth = layered_target(buffers.context, atlases)
         used: dict[int, moderngl.Program] = {}
@@ -77,9 +78,8 @@ class CubeLayers:
             program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit))
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._programs, self._tile_count = list(used.values()), len(plan.tiles)
-        self._surface_programs = programs
-        self._lights_m = programs.punctual_positions_m
-        self._positions = buffers.context.buffer(reserve=16 * max(1, count * len(self._lights_m)))
+        self._surface_programs, positions = programs, len(programs.positions_m)
+        self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))
 
     def draw(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
@@ -87,10 +87,14 @@ class CubeLayers:
         """Draw all from poses of the cameras' rigs and of the dynamic objects."""
         rigs = np.array([rig for rig, _ in poses])
         objects = np.array([objects for _, objects in poses])
-        if len(self._lights_m):
-            positions = np.zeros((len(poses), len(self._lights_m), 4), dtype=np.float32)
-            positions[..., :3] = self._lights_m - rigs[:, None, :3, 3]
+        positions_m = self._surface_programs.positions_m
+        shadows = None if self._is_unlit else self._surface_programs.shadows
+        if len(positions_m):
+            positions = np.zeros((len(poses), len(positions_m), 4), dtype=np.float32)
+            positions[..., :3] = positions_m - rigs[:, None, :3, 3]
             self._positions.write(positions)
+        if shadows is not None:
+            shadows.prepare(rigs[0, :3, 3], objects[0])
         for program in self._programs:  # which cameras of other plans use, too
             uniform(program, "u_cameras").value = len(poses)
             uniform(program, "u_tiles").value = self._tile_count

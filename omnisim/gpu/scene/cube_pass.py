@@ -164,6 +164,9 @@ class CubePass:
     def _layers_of(self, atlases: moderngl.TextureArray) -> CubeLayers | None:
         """Draws all layers together; None: here they are drawn one after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
+        shadows = None if self._cameras.unlit else self._programs.shadows
+        if shadows is not None and not shadows.is_shared:
+            has_drawers = False
         if self._blended.size and self._blended_drawer is None:
             has_drawers = False
         if self._is_multisampled or not has_drawers or not self._context.extensions >= EXTENSIONS:
@@ -195,6 +198,8 @@ class CubePass:
     ) -> None:
         context, target, tiles = self._context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
+        if self._programs.shadows is not None and not self._cameras.unlit:
+            self._programs.shadows.prepare(viewpoint_m, world_from_objects)
         for program in self._programs_used:
             program.set_viewpoint(viewpoint_m)
         self._programs.bind_tables()

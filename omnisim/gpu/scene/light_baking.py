@@ -23,7 +23,7 @@ class Shading(Enum):
 
     UNKNOWN = 0
     NORMALS_AGREE = 1  # all three point to the front side
-    BAKED = 2  # flat and of one colour, and no light is punctual
+    BAKED = 2  # flat and of one colour, no light is punctual, and those it faces cast no shadows
 
 
 def shadings(
@@ -66,6 +66,9 @@ def shadings(
     if (colors != 1.0).any():
         own = colors[triangles]
         baked &= (own == own[:, :1]).all(axis=(1, 2))
+    for light in lighting.lights:
+        if light.casts_shadow:
+            baked &= ~(normals @ light.direction < 0.0)
     values[baked & static] = Shading.BAKED.value
     return values, normals
 

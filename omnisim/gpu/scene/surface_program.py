@@ -16,11 +16,12 @@ from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.shadow_source import ShadowSource
 from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, set_sampler, uniform
 from omnisim.scene.environment import Environment
-from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Light, Lighting, LightKind
+from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
@@ -62,11 +63,11 @@ class SurfaceVariant(NamedTuple):
         """Light is computed for each fragment."""
         return self.lit and self.shading is not Shading.BAKED
 
-    def defines(self, lighting: Lighting) -> tuple[str, ...]:
+    def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
         """Defines of the shaders."""
         defines = []
         if self.computes_light:
-            directional, punctual = _by_kind(lighting)
+            directional, punctual = lighting.by_kind()
             defines += [
                 "LIT",
                 f"DIRECTIONAL_LIGHTS {len(directional)}",
@@ -75,10 +76,12 @@ class SurfaceVariant(NamedTuple):
             agree = self.shading is Shading.NORMALS_AGREE
             if agree:
                 defines.append("NORMALS_AGREE")
-            if punctual or not agree or self.maps is not None:
+            if punctual or not agree or self.maps is not None or shadows is not None:
                 defines.append("POSITION")
             if lighting.environment is not None:
                 defines.append("ENVIRONMENT")
+            if shadows is not None:
+                defines += shadows.defines
             defines += self._reflectance_defines()
         elif self.lit:
             defines.append("BAKED")
@@ -148,14 +151,25 @@ class SurfaceProgram:
         context: where.
         variant: to compile.
         lighting: of the scene.
+        shadows: of its lights; None: there are none.
 
     Attributes:
         program: as compiled.
     """
 
-    def __init__(self, context: moderngl.Context, variant: SurfaceVariant, lighting: Lighting):
+    def __init__(
+        self,
+        context: moderngl.Context,
+        variant: SurfaceVariant,
+        lighting: Lighting,
+        shadows: ShadowSource | None = None,
+    ):
         files = "scene/surface.vert", "scene/surface.frag"
-        self.program = program = build_program(context, *files, variant.defines(lighting))
+        self.program = program = build_program(context, *files, variant.defines(lighting, shadows))
+        self._shadows = shadows
+        self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
+        if shadows is not None:
+            shadows.connect(program)
         self._is_textured = variant.textured
         # those of single items
         self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
@@ -165,7 +179,7 @@ class SurfaceProgram:
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
         self._light_positions = find_uniform(program, "u_punctual_position")
-        self._light_positions_m = np.array([one.position_m for one in _by_kind(lighting)[1]])
+        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
         if variant.textured:
             arrays = variant.blended_arrays or 1
             units = 0 if arrays == 1 else tuple(range(arrays))
@@ -182,10 +196,13 @@ class SurfaceProgram:
                 _write_environment(program, lighting.environment)
 
     def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
-        """Count positions of punctual lights from the effective viewpoint (3,), world."""
+        """Count positions of lights and shadow maps from the effective viewpoint (3,), world."""
         if self._light_positions is not None:
             positions_m = self._light_positions_m - viewpoint_m
             self._light_positions.write(positions_m.astype(np.float32))
+        if self._shadow_viewpoint is not None and self._shadows is not None:
+            offset_m = viewpoint_m - self._shadows.anchor_m
+            self._shadow_viewpoint.write(offset_m.astype(np.float32))
 
     def set_matrices(
         self,
@@ -225,22 +242,36 @@ class SurfacePrograms:
     All cameras that draw from the same buffers share them: per-camera uniforms are set in every
     frame.
 
+    Args:
+        buffers: the scene and its dynamic objects.
+        lighting: of the scene.
+        shadows: of its lights; None: there are none.
+
+    Attributes:
+        shadows: as given.
+
     Raises:
         GraphicsError: more lights than one would want in a shader.
     """
 
-    def __init__(self, buffers: SceneBuffers, lighting: Lighting):
+    def __init__(
+        self, buffers: SceneBuffers, lighting: Lighting, shadows: ShadowSource | None = None
+    ):
         if len(lighting.lights) > MAX_LIGHTS:
             raise GraphicsError(
                 f"lights: expected at most {MAX_LIGHTS}, got {len(lighting.lights)}"
             )
         self._context, self._buffers, self._lighting = buffers.context, buffers, lighting
-        self._programs: dict[SurfaceVariant, SurfaceProgram] = {}
+        self.shadows = shadows
+        self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
 
     @property
-    def punctual_positions_m(self) -> NDArray[np.float64]:
-        """Positions (n, 3) of the punctual lights, world."""
-        positions_m = [light.position_m for light in _by_kind(self._lighting)[1]]
+    def positions_m(self) -> NDArray[np.float64]:
+        """Positions (n, 3) that count from the viewpoint, world: those of the punctual lights, and
+        the origin of their shadow maps, where they have some."""  # fmt: skip
+        positions_m = [light.position_m for light in self._lighting.by_kind()[1]]
+        if self.shadows is not None:
+            positions_m.append(self.shadows.anchor_m)
         return np.array(positions_m, dtype=np.float64).reshape(-1, 3)
 
     def bind_tables(self) -> None:
@@ -264,16 +295,13 @@ class SurfacePrograms:
         return texture
 
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
-        if variant not in self._programs:
-            self._programs[variant] = SurfaceProgram(self._context, variant, self._lighting)
-        return self._programs[variant]
-
-
-def _by_kind(lighting: Lighting) -> tuple[list[Light], list[Light]]:
-    """Directional lights, and punctual ones."""
-    directional = [light for light in lighting.lights if light.kind is LightKind.DIRECTIONAL]
-    punctual = [light for light in lighting.lights if light.kind is not LightKind.DIRECTIONAL]
-    return directional, punctual
+        # other shadow maps, of an edited scene, need other programs
+        key = variant, () if self.shadows is None else self.shadows.defines
+        if key not in self._programs:
+            self._programs[key] = SurfaceProgram(
+                self._context, variant, self._lighting, self.shadows
+            )
+        return self._programs[key]
 
 
 def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
@@ -282,7 +310,7 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
     def write(name: str, values: ArrayLike) -> None:
         uniform(program, name).write(np.asarray(values, dtype=np.float32))
 
-    directional, punctual = _by_kind(lighting)
+    directional, punctual = lighting.by_kind()
     program["u_ambient"] = lighting.ambient
     for name, lights in (("directional", directional), ("punctual", punctual)):
         if lights:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
-from omnisim.gpu.atlas.tile_views import TileView, TileViews
+from omnisim.gpu.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.gpu.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
@@ -85,7 +85,12 @@ class TileRenderer:
             return
         context, depths_m = buffers.context, (cameras.near_m, cameras.far_m)
         self._cluster_views = Views(
-            context, plan, depths_m, geometry.anchor_m, geometry.objects, most_cameras
+            context,
+            clips_from_rig(plan, *depths_m),
+            plan.rectangles_px,
+            geometry.anchor_m,
+            geometry.objects,
+            most_cameras,
         )
         self.culler = ClusterCuller(
             context,

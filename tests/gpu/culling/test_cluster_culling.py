@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.cube import FACE_FROM_RIG
 from omnisim.gpu.atlas.tile_plan import plan_tiles
-from omnisim.gpu.atlas.tile_views import TileViews
+from omnisim.gpu.atlas.tile_views import TileViews, clips_from_rig
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
@@ -68,7 +68,8 @@ def _stack(count=32, height_m=4.0):
 
 def _culler(context, buffers, far_m):
     geometry, depths_m = buffers.clustered_geometry, (NEAR_M, far_m)
-    views = Views(context, PLAN, depths_m, geometry.anchor_m, geometry.objects)
+    clips = clips_from_rig(PLAN, *depths_m)
+    views = Views(context, clips, PLAN.rectangles_px, geometry.anchor_m, geometry.objects)
     size_px = (PLAN.width_px, PLAN.height_px)
     return ClusterCuller(context, geometry.buffers, views, None, 1, size_px, depths_m), views
 

@@ -1,5 +1,7 @@
 """Baking of directional light: the triangles that allow it, and their values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,14 @@ def test_many_colors_no_area_and_punctual_lights_are_not_baked():
     assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is Shading.UNKNOWN
     beside = Lighting((0.1, 0.2, 0.3), (SUN, LAMP))
     assert _shading([UP] * 3, lighting=beside)[0] is Shading.NORMALS_AGREE
+
+
+def test_light_that_shadows_may_fall_on_is_not_baked():
+    sun = replace(SUN, casts_shadow=True)
+    shadowed = Lighting((0.1, 0.2, 0.3), (sun,))
+    assert _shading([UP] * 3, lighting=shadowed)[0] is Shading.NORMALS_AGREE
+    from_below = Lighting((0.1, 0.2, 0.3), (replace(sun, direction=np.array(UP)),))
+    assert _shading([UP] * 3, lighting=from_below)[0] is Shading.BAKED
 
 
 def test_light_is_lamberts():

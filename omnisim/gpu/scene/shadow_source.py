@@ -1,0 +1,41 @@
+"""Source of shadows, as the passes that draw lit surfaces know it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ShadowSource(Protocol):
+    """Shadow maps of a scene's lamps, for shaders/scene/shadow.glsl."""
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Defines of the shaders."""
+
+    @property
+    def anchor_m(self) -> NDArray[np.float64]:
+        """Origin (3,) of the maps, world."""
+
+    @property
+    def is_shared(self) -> bool:
+        """All viewpoints and poses have the same maps."""
+
+    def connect(self, program: moderngl.Program) -> None:
+        """Connect a program that looks shadows up."""
+
+    def prepare(
+        self,
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the maps that a frame needs, and bind them.
+
+        Args:
+            viewpoint_m: (3,), world.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+        """

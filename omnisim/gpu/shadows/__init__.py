@@ -1,0 +1,1 @@
+"""Shadow maps: depth as the lamps see it."""

@@ -1,0 +1,181 @@
+"""Draws the depth of what casts shadows into maps, static and dynamic parts apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.atlas.tile_views import frustum_planes
+from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.culling.views import Views
+from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
+from omnisim.gpu.scene.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
+from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.scene_drawer import SceneDrawer
+from omnisim.gpu.shadows.caster_program import CasterProgram, CasterVariant
+from omnisim.gpu.uniforms import columns_first
+from omnisim.scene.model import LAMP_NEAR_M
+
+# Of a map that is left alone: all is nearer than the near plane.
+_NOWHERE = np.zeros((4, 4))
+_NOWHERE[3, 3] = -1.0
+
+
+class CasterDrawer:
+    """Draws casters into maps, by clusters where the scene has them.
+
+    Both sides of a surface cast shadows. Masked surfaces have holes; a blended one casts a shadow
+    where its alpha reaches `BLENDED_CUTOFF`, as rays hit it.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        rectangles_px: (maps, 4) left, top, width and height of each in the texture.
+        size_px: of the texture.
+
+    Attributes:
+        anchor_m: (3,) origin of the maps' matrices, world.
+        has_dynamic: something that moves casts shadows.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        anchor_m: NDArray[np.float64],
+        rectangles_px: NDArray[np.float64],
+        size_px: tuple[int, int],
+    ):
+        self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
+        self._rectangles_px = rectangles_px
+        self._programs: dict[CasterVariant, CasterProgram] = {}
+        self._rig = np.eye(4)
+        self._rig[:3, 3] = anchor_m
+        self._clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
+        geometry = buffers.clustered_geometry
+        if geometry is not None:
+            self._clusters = self._cluster_drawer(geometry, size_px)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        buffers, items = self._buffers, self._buffers.draw_items
+        alphas = np.array([one.material.base_color[3] for one in items])
+        single = buffers.shown_one_by_one()
+        single &= alphas >= np.array([one.material.hit_cutoff for one in items])
+        dynamic = np.array([one.object_index is not None for one in items], dtype=np.bool_)
+        self.has_dynamic = bool(np.any(dynamic & buffers.shown()))
+        self._items = {
+            False: np.flatnonzero(single & ~dynamic), True: np.flatnonzero(single & dynamic)
+        }  # fmt: skip
+        self._drawer = SceneDrawer(
+            buffers,
+            buffers.indices,
+            np.flatnonzero(single),
+            self._program_of,
+            id_of_item={},
+            both_sides=True,
+        )
+        if buffers.clustered_geometry is not None:
+            # hidden static items have no triangles
+            shown_clusters = buffers.clustered_geometry.shown_clusters
+            self._shown = {True: shown_clusters(dynamic), False: shown_clusters(~dynamic)}
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        clips: NDArray[np.float64],
+        active: NDArray[np.bool_],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        dynamic: bool,
+    ) -> None:
+        """Draw the static casters, or the dynamic ones, on top of what the target has.
+
+        Args:
+            target: depth.
+            clips: (maps, 4, 4) clip_from_anchor.
+            active: (maps,) those to draw into.
+            world_from_objects: (4, 4) each, of the dynamic objects.
+            dynamic: draw what moves.
+        """
+        context = self._context
+        target.use()
+        target.viewport = (0, 0, *target.size)
+        target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
+        target.depth_mask = True
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = DEPTH_FUNCTION
+        if self._clusters is not None:
+            culler, drawer = self._clusters
+            culler.views.write(self._rig, world_from_objects)
+            seen = np.where(active[:, None, None], clips, _NOWHERE)
+            culler.views.clips_from_rig.write(columns_first(seen))
+            culler.show(self._shown[dynamic])
+            culler.run(0)
+            drawer.draw(0)
+        if self._items[dynamic].size:
+            self._draw_items(target, clips, active, world_from_objects, self._items[dynamic])
+        context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+
+    def _draw_items(
+        self,
+        target: moderngl.Framebuffer,
+        clips: NDArray[np.float64],
+        active: NDArray[np.bool_],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        items: NDArray[np.intp],
+    ) -> None:
+        """Draw items one by one."""
+        transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
+        self._drawer.begin(transforms)
+        sides = frustum_planes(clips)[:, :4]  # no depth is too small or too large
+        for number in np.flatnonzero(active).tolist():
+            seen = items[self._in_frustum(sides[number], transforms, items)]
+            left, top, width, height = map(int, self._rectangles_px[number])
+            target.viewport = target.scissor = left, top, width, height
+            matrices = columns_first(clips[number] @ transforms.viewpoint_from_mesh[seen])
+            for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
+                self._drawer.draw_item(index, clip_from_mesh)
+        target.viewport = (0, 0, *target.size)
+        target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
+
+    def _in_frustum(
+        self, planes: NDArray[np.float64], transforms: InstanceTransforms, items: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
+        inside_m = transforms.centres_m[items] @ planes[:, :3].T + planes[:, 3]
+        kept: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[items] >= 0.0, axis=0)
+        return kept
+
+    def _cluster_drawer(
+        self, geometry: ClusteredGeometry, size_px: tuple[int, int]
+    ) -> tuple[ClusterCuller, ClusterDrawer]:
+        context, count = self._context, len(self._rectangles_px)
+        nowhere = np.tile(_NOWHERE, (count, 1, 1))
+        views = Views(context, nowhere, self._rectangles_px, self.anchor_m, geometry.objects)
+        depths_m = (LAMP_NEAR_M, math.inf)
+        culler = ClusterCuller(
+            context, geometry.buffers, views, None, 1, size_px, depths_m, both_sides=True
+        )
+        programs = [BucketProgram(self._program_of_bucket(one)) for one in geometry.buckets]
+        return culler, ClusterDrawer(context, geometry, culler, programs, both_sides=True)
+
+    def _program_of(self, item: DrawItem) -> CasterProgram:
+        material = item.material
+        textured = material.texture is not None
+        return self._program(CasterVariant(material.hit_cutoff > 0.0, textured))
+
+    def _program_of_bucket(self, bucket: Bucket) -> moderngl.Program:
+        variant = CasterVariant(bucket.cutoff, bucket.array is not None, clustered=True)
+        return self._program(variant).program
+
+    def _program(self, variant: CasterVariant) -> CasterProgram:
+        if not variant.holes:
+            variant = variant._replace(textured=False)
+        if variant not in self._programs:
+            self._programs[variant] = CasterProgram(self._context, variant)
+        return self._programs[variant]

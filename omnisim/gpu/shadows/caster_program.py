@@ -1,0 +1,78 @@
+"""Caster programs: shaders that draw the depth of what casts shadows."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.shader_files import build_program
+from omnisim.gpu.uniforms import find_uniform
+
+
+class CasterVariant(NamedTuple):
+    """Compiled version of the shader.
+
+    Attributes:
+        holes: light passes where alpha is below a cutoff.
+        textured: alpha is a texture's.
+        clustered: of clusters, not of single items.
+    """
+
+    holes: bool
+    textured: bool
+    clustered: bool = False
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Defines of the shaders."""
+        defined = {
+            "ALPHA_MASK": self.holes,
+            "TEXTURED": self.holes and self.textured,
+            "CLUSTERED": self.clustered,
+        }
+        return tuple(name for name, is_defined in defined.items() if is_defined)
+
+
+class CasterProgram:
+    """One compiled variant with its uniforms.
+
+    Attributes:
+        program: as compiled.
+    """
+
+    def __init__(self, context: moderngl.Context, variant: CasterVariant):
+        files = "scene/caster.vert", "scene/caster.frag"
+        self.program = program = build_program(context, *files, variant.defines)
+        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
+        self._base_alpha = find_uniform(program, "u_base_alpha")
+        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
+        self._is_textured = "TEXTURED" in variant.defines
+        if self._is_textured:
+            program["u_textures" if variant.clustered else "u_texture"] = 0
+
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrix (4, 4), columns first, of the next draw calls; depth needs no others."""
+        if self._clip_from_mesh is not None:
+            self._clip_from_mesh.write(clip_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw calls."""
+        if self._base_alpha is not None:
+            self._base_alpha.value = item.material.base_color[3]
+        if self._alpha_cutoff is not None:
+            self._alpha_cutoff.value = item.material.hit_cutoff
+        if self._is_textured:
+            item.texture.use(0)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw some of a vertex array's indices; depth needs no IDs."""
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)

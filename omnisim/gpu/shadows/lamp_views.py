@@ -1,0 +1,89 @@
+"""Views of lamps: the axes and matrices of their shadow maps.
+
+Positions are relative to an anchor, in the world's axes. Depth is reversed, as that of the virtual
+cameras: 1 is near the lamp. x and y of a map run along two axes of its view, whatever their
+handedness, as both sides of all surfaces cast shadows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.model import LAMP_NEAR_M, Light, LightKind
+
+# Axes of a cube's faces as rows of x, y and forward: of +z, +x, +y, then of the opposite ones.
+_CUBE_AXES = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1]] * 2]
+_CUBE_AXES[3:, 2] *= -1.0
+_WIDEST_SPOT_RAD = math.radians(62.0)  # beyond, a cube resolves it better
+_SPOT_MARGIN = 1.02
+_GUTTER_PX = 3.0  # beyond the 90° of a face, where surfaces are looked up beside themselves
+
+
+class PunctualView(NamedTuple):
+    """Views of a point or spot light.
+
+    Attributes:
+        axes: (faces, 3, 3), rows x, y and forward; one face, or the six of a cube.
+        tangent: of half the field of view of each.
+    """
+
+    axes: NDArray[np.float64]
+    tangent: float
+
+
+def is_cube(light: Light) -> bool:
+    """Tell whether a point or spot light needs a whole cube."""
+    return light.kind is LightKind.POINT or math.acos(light.cone_cosines[1]) > _WIDEST_SPOT_RAD
+
+
+def punctual_view(light: Light, size_px: int) -> PunctualView:
+    """Views of a point or spot light, each on a map of so many texels to a side."""
+    if is_cube(light):
+        return PunctualView(_CUBE_AXES, size_px / (size_px - 2.0 * _GUTTER_PX))
+    tangent = math.tan(math.acos(light.cone_cosines[1]))
+    return PunctualView(light_axes(light.direction)[None], _SPOT_MARGIN * tangent)
+
+
+def light_axes(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Axes (3, 3), rows x, y and forward, of a view along a unit direction (3,)."""
+    helper = np.eye(3)[0 if abs(direction[2]) > 0.9 else 2]
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x)
+    return np.stack((x, np.cross(direction, x), direction))
+
+
+def perspective_clips(view: PunctualView, position_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrices (faces, 4, 4) clip_from_anchor of views from a position (3,)."""
+    projection = np.zeros((4, 3))
+    projection[0, 0] = projection[1, 1] = 1.0 / view.tangent
+    projection[3, 2] = 1.0
+    clips = np.zeros((len(view.axes), 4, 4))
+    clips[:, :, :3] = projection @ view.axes
+    clips[:, :, 3] = -clips[:, :, :3] @ position_m
+    clips[:, 2, 3] = LAMP_NEAR_M
+    return clips
+
+
+def orthographic_clip(
+    axes: NDArray[np.float64],
+    middle_m: NDArray[np.float64],
+    half_m: float,
+    depths_m: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Matrix (4, 4) clip_from_anchor of a parallel view.
+
+    Args:
+        axes: (3, 3), rows x, y and forward.
+        middle_m: (2,) x and y of the map's middle, along the axes.
+        half_m: half the map's width.
+        depths_m: nearest and farthest z along the axes.
+    """
+    near_m, far_m = depths_m
+    clip = np.eye(4)
+    clip[:3, :3] = axes / np.array([half_m, half_m, near_m - far_m])[:, None]
+    clip[:3, 3] = *(-middle_m / half_m), far_m / (far_m - near_m)
+    return clip

@@ -1,0 +1,34 @@
+// Vertex of what casts shadows, see scene/vertex.glsl; with ALPHA_MASK also what makes its holes.
+#version 430 core
+
+#include "scene/vertex.glsl"
+
+#ifdef ALPHA_MASK
+in vec4 in_color;  // of clusters, times the base colour
+out float v_alpha;
+#ifdef CLUSTERED
+in vec2 in_material;
+flat out vec2 v_material;
+#else
+uniform float u_base_alpha;
+#endif
+#ifdef TEXTURED
+in vec2 in_texture_coordinate;
+out vec2 v_texture_coordinate;
+#endif
+#endif
+
+void main() {
+    gl_Position = clip_position();
+#ifdef ALPHA_MASK
+    v_alpha = in_color.a;
+#ifdef CLUSTERED
+    v_material = in_material;
+#else
+    v_alpha *= u_base_alpha;
+#endif
+#ifdef TEXTURED
+    v_texture_coordinate = in_texture_coordinate;
+#endif
+#endif
+}
