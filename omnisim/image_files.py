@@ -139,7 +139,10 @@ def write_numbers(
     check_suffix(path, ".png")
     check_target(path)
     channels = numbers.reshape(*numbers.shape[:2], -1)
-    _write(path, channels, {"png:compressionLevel": _PNG_LEVEL}, metadata)
+    attributes: dict[str, str | int | float] = {"png:compressionLevel": _PNG_LEVEL}
+    if channels.shape[2] == 4:  # the fourth is no alpha that the others were multiplied with
+        attributes["oiio:UnassociatedAlpha"] = 1
+    _write(path, channels, attributes, metadata)
 
 
 class ExrData(NamedTuple):

@@ -22,7 +22,10 @@ CALIBRATION_FORMATS = (
     "omnisim", "kalibr", "kitti360", "opencv_omnidir", "opencv_fisheye", "opencv_pinhole", "ros",
     "basalt", "woodscape", "nerfstudio", "foxglove", "ocamcalib", "colmap", "gazebo",
 )  # fmt: skip
-EXPORT_FORMATS = ("ros2-mcap", "ros2-sqlite", "kitti360", "tum", "euroc")
+EXPORT_FORMATS = (
+    "ros2-mcap", "ros2-sqlite", "kitti360", "tum", "euroc", "nerfstudio", "colmap",
+    "colmap-binary", "tartanair",
+)  # fmt: skip
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",

@@ -20,7 +20,13 @@ from omnisim.calibration import CalibratedCamera, calibration_of, save_calibrati
 from omnisim.calibration.encode import caveats, encode
 from omnisim.calibration.file_frame import is_catadioptric, lens_of
 from omnisim.calibration.formats.format import Format, LensT
-from omnisim.cameras import CentralCamera, EllipticCamera, PerspectiveCamera, UnifiedCamera
+from omnisim.cameras import (
+    CentralCamera,
+    EllipticCamera,
+    EquirectangularCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.camera import pixel_grid
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.errors import CalibrationError
@@ -148,6 +154,11 @@ class LensCamera:
             isinstance(lens, UnifiedCamera) and lens.xi == 0.0
         )
 
+    @property
+    def is_panorama(self) -> bool:
+        """True for a picture of all directions."""
+        return isinstance(self.model, EquirectangularCamera)
+
     def depths_m(self, step: int) -> NDArray[np.float32]:
         """Coordinates (height, width) of the points along the lens's axis; +inf: nothing.
 
@@ -155,7 +166,7 @@ class LensCamera:
             OutputError: a file is missing or damaged.
         """
         ranges_m = self.recorded.channel(step, "range")
-        along = self.recorded.directions @ self.optical_from_lens[:3, 2]
+        along = self.recorded.directions @ self.axis
         hit = np.isfinite(ranges_m)
         depths = np.full(ranges_m.shape, np.inf, dtype=np.float32)
         depths[hit] = ranges_m[hit] * along[hit]
@@ -168,11 +179,23 @@ class LensCamera:
             return np.eye(4)
         return _ABOUT_X if isinstance(self.model, EllipticCamera) else _ABOUT_Y
 
+    def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
+        """Pixels (height, width) that show the scene; None: all of them.
+
+        Args:
+            front_only: leave out rays at and past 90° from the axis.
+        """
+        shown = self.recorded.valid
+        if (covered := self.recorded.mount.covered) is not None:
+            shown = shown & covered
+        if front_only:
+            shown = shown & (self.recorded.directions @ self.axis > 0.0)
+        return None if shown.all() else self.flip(shown)
+
     @property
-    def mask(self) -> NDArray[np.bool_] | None:
-        """Pixels (height, width) that show the scene; None: all of them."""
-        covered = self.recorded.mount.covered
-        return None if covered is None or covered.all() else self.flip(covered)
+    def axis(self) -> NDArray[np.float64]:
+        """Axis (3,) of the lens, optical frame."""
+        return self.optical_from_lens[:3, 2]
 
 
 def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:

@@ -118,6 +118,11 @@ class RecordedCamera:
         """Unit vectors (height, width, 3) of the pixels' rays, optical frame."""
         return self._rays[0]
 
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Pixels (height, width) that have a ray."""
+        return self._rays[2]
+
     def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Points (n, 3) in the optical frame of the pixels that hit something, and their mask.
 

@@ -27,6 +27,10 @@ FORMATS = {
     "kitti360": FormatEntry("formats.kitti360", "Kitti360"),
     "tum": FormatEntry("formats.tum", "Tum"),
     "euroc": FormatEntry("formats.euroc", "Euroc"),
+    "nerfstudio": FormatEntry("formats.nerfstudio", "Nerfstudio"),
+    "colmap": FormatEntry("formats.colmap", "Colmap"),
+    "colmap-binary": FormatEntry("formats.colmap", "ColmapBinary"),
+    "tartanair": FormatEntry("formats.tartanair", "Tartanair"),
 }
 EXTRAS = {"ros2-mcap": "ros", "ros2-sqlite": "ros"}
 

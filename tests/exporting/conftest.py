@@ -112,8 +112,8 @@ def seen(run):
 def check_pixels(seen):
     """Checks that projected points of the world land on the pixels that have their colours."""
 
-    def check(pixels, picture, camera, step, within_px=1e-3):
-        expected = seen(camera, step)
+    def check(pixels, picture, camera, step, within_px=1e-3, kept=None):
+        expected = kept or seen(camera, step)
         flipped = camera == "mirror"
         u, v = expected.pixels.T
         u = expected.width_px - 1 - u if flipped else u

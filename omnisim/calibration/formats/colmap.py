@@ -108,7 +108,7 @@ class Colmap(Format[ColmapLens]):
         text += "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
         text += f"# Number of cameras: {len(cameras)}\n"
         for camera in cameras:
-            model, values = _parameters(camera.lens)
+            model, values = parameters(camera.lens)
             size = f"{camera.lens.width_px} {camera.lens.height_px}"
             numbers = " ".join(repr(float(value)) for value in values)
             text += f"{camera.name} {model} {size} {numbers}\n"
@@ -146,7 +146,7 @@ def _lens(model: str, size: tuple[int, int], values: list[float], place: str) ->
         return pinhole(intrinsics, four)
 
 
-def _parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
+def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
     """COLMAP's model and its parameters."""
     if isinstance(lens, EquirectangularCamera):
         return "EQUIRECTANGULAR", (lens.width_px, lens.height_px)

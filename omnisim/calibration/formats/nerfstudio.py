@@ -135,7 +135,7 @@ class Nerfstudio(Format[NerfstudioLens]):
             for pose in camera.poses
             if pose.target == "world"
         ]
-        return json.dumps({**_intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
+        return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
 
 
 def _lens(part: _Intrinsics, place: str) -> CentralCamera:
@@ -167,7 +167,8 @@ def _lens(part: _Intrinsics, place: str) -> CentralCamera:
         return pinhole(intrinsics, (*four, part.k3) if part.k3 else four)
 
 
-def _intrinsics(lens: NerfstudioLens) -> dict[str, Any]:
+def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:
+    """Keys of the intrinsics of a lens."""
     size = {"w": lens.width_px, "h": lens.height_px}
     if isinstance(lens, EquirectangularCamera):
         return {
