@@ -29,6 +29,7 @@ EXTRAS = {
     "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
     "live": {"websockets": "websockets"},
     "mujoco": {"mujoco-core": "mujoco"},
+    "usd": {"usd-core": "pxr"},
     "ros": {"rosbags": "rosbags"},
     "oracles": {
         "embreex": "embreex",

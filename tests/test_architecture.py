@@ -65,6 +65,7 @@ HOMES = {
     "embreex": {"rays"},
     "mujoco": {"scene", "mujoco", "simulation"},
     "websockets": {"browser"},
+    "pxr": {"scene"},
     "rosbags": {"exporting"},
 }
 MODULES = {

@@ -13,7 +13,7 @@ from omnisim.errors import OutputError, SceneError
 from omnisim.extras import EXTRAS, REQUIRED, install_hint, require_extra
 
 PROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
-OPTIONAL = ("matplotlib", "jinja2", "collada", "networkx", "lxml", "av", "mujoco")
+OPTIONAL = ("matplotlib", "jinja2", "collada", "networkx", "lxml", "av", "mujoco", "pxr")
 
 
 def _run(folder, *commands):
@@ -87,18 +87,22 @@ def test_installed_packages_are_no_error():
         ("validate -o a", "omnisim validate", "matplotlib and jinja2", "reports"),
         ("experiments -o a", "omnisim experiments", "matplotlib and jinja2", "reports"),
         ("render box.dae -o a.png", "box.dae", "pycollada", "collada"),
+        ("render box.usda -o a.png", "box.usda", "usd-core", "usd"),
         ("render box.xml -o a.png", "box.xml", "mujoco-core", "mujoco"),
     ],
 )
 def test_a_command_without_its_extra_ends_in_one_line(tmp_path, command, feature, package, extra):
     (tmp_path / "box.dae").write_text("<COLLADA/>")
     (tmp_path / "box.xml").write_text("<mujoco/>")
+    (tmp_path / "box.usda").write_text("#usda 1.0")
     (tmp_path / "run").mkdir()
     done = _run(tmp_path, command)
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr == f"error: {feature} needs {package}: {install_hint(extra)}\n"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["box.dae", "box.xml", "run"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "box.dae", "box.usda", "box.xml", "run"
+    ]  # fmt: skip
 
 
 def test_a_collada_scene_without_its_extra_is_a_scene_error(monkeypatch, tmp_path):

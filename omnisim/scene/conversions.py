@@ -56,9 +56,6 @@ CONVERSIONS = (
         f'bpy.ops.export_scene.gltf(filepath=sys.argv[-1], export_lights=True)" -- {TARGET}',
     ),
     Conversion((".fbx",), "FBX", _BLENDER, _blender("bpy.ops.import_scene.fbx")),
-    Conversion(
-        (".usd", ".usda", ".usdc", ".usdz"), "USD", _BLENDER, _blender("bpy.ops.wm.usd_import")
-    ),
     Conversion((".abc",), "Alembic", _BLENDER, _blender("bpy.ops.wm.alembic_import")),
     Conversion(
         (".3ds", ".ase", ".lwo", ".ms3d", ".x", ".x3d", ".wrl"),

@@ -29,21 +29,23 @@ class FileAxes(NamedTuple):
     meters_per_unit: float | None = None
 
 
-def world_from_file(
-    suffix: str, data: bytes, settings: SceneFile, axes: FileAxes
-) -> NDArray[np.float64]:
+def overruled(settings: SceneFile, axes: FileAxes) -> FileAxes:
+    """Axes that overrule a file's: `axes`, or else those of `settings`."""
+    unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
+    return FileAxes(axes.up_axis or settings.up_axis, unit)
+
+
+def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.float64]:
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
-    `axes` overrule `settings`, which overrule the file, which overrules its format.
+    `axes` overrule the file, which overrules its format.
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
     if suffix == ".dae":
         axis, unit = _collada(data)
-    unit = settings.meters_per_unit or unit
     return world_from_axes(
-        axes.up_axis or settings.up_axis or axis,
-        unit if axes.meters_per_unit is None else axes.meters_per_unit,
+        axes.up_axis or axis, unit if axes.meters_per_unit is None else axes.meters_per_unit
     )
 
 

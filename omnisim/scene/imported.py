@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
-from omnisim.scene.parts import Instance, Light, Lighting, Material, Mesh
+from omnisim.scene.parts import (
+    Instance,
+    LabelRule,
+    Light,
+    Lighting,
+    Material,
+    Mesh,
+    StartPose,
+)
 from omnisim.short_repr import counted
 from omnisim.srgb import linear_from_srgb
 
@@ -30,6 +38,9 @@ class ImportedScene(NamedTuple):
         lights: in the world frame.
         lighting: in place of lights, where the file has levels of its own; None: it has not.
         background: linear RGB where nothing is hit; None: the file has none.
+        dome: linear RGB luminance of light from everywhere, in cd/m².
+        start: of the file's camera.
+        labels: classes that the file states.
     """
 
     meshes: tuple[Mesh, ...]
@@ -39,6 +50,9 @@ class ImportedScene(NamedTuple):
     lights: tuple[Light, ...] = ()
     lighting: Lighting | None = None
     background: tuple[float, float, float] | None = None
+    dome: tuple[float, float, float] | None = None
+    start: StartPose | None = None
+    labels: tuple[LabelRule, ...] = ()
 
 
 def texture_notices(read: ImportedScene) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,10 @@ SAMPLED_TRIANGLES = 20_000
 
 
 def expose(
-    lights: tuple[Light, ...], meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
+    lights: tuple[Light, ...],
+    meshes: tuple[Mesh, ...],
+    instances: tuple[Instance, ...],
+    dome: tuple[float, float, float] | None = None,
 ) -> Lighting:
     """Lighting by a file's lights, exposed so that most of the lit surface is not overexposed.
 
@@ -45,9 +49,12 @@ def expose(
     a white surface under the fill light and the illuminance that `WHITE_SHARE` of the lit surface
     stay below. It depends on the scene alone, not on the viewpoint, so that frames of a drive
     match. Of more than `MAX_LIGHTS` lights those stay that give the scene most light.
+
+    `dome` is the luminance of light from everywhere, in cd/m²: it takes the fill light's place.
     """
+    sky_lux = math.pi * np.array(dome or (0.0, 0.0, 0.0))
     if not lights:
-        return DEFAULT_LIGHTING
+        return _ambient_only(sky_lux) if sky_lux.any() else DEFAULT_LIGHTING
     centers, normals, areas = _surface_samples(meshes, instances)
     by_light = np.array([illuminance(light, centers, normals) for light in lights])
     strongest = np.sort(np.argsort(-(by_light @ areas), kind="stable")[:MAX_LIGHTS])
@@ -55,11 +62,23 @@ def expose(
     total = by_light[strongest].sum(axis=0)
     lit = total > 0.0
     if not lit.any():
-        return Lighting(FILL_AMBIENT, lights)
+        return replace(_ambient_only(sky_lux), lights=lights)
     order = np.argsort(total[lit])
     share = np.cumsum(areas[lit][order])
     white = total[lit][order][np.searchsorted(share, WHITE_SHARE * share[-1])]
+    if sky_lux.any():
+        exposure = 1.0 / float(white + sky_lux.max())
+        red, green, blue = (exposure * sky_lux).tolist()
+        return Lighting((red, green, blue), lights, exposure)
     return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
+
+
+def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
+    """Lighting from everywhere alone, whose brightest colour is white."""
+    if not lux.any():
+        return Lighting(FILL_AMBIENT, ())
+    red, green, blue = (lux / lux.max()).tolist()
+    return Lighting((red, green, blue), (), exposure=1.0 / float(lux.max()))
 
 
 def _surface_samples(

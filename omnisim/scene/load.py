@@ -6,14 +6,14 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.errors import SceneError, printable
-from omnisim.extras import require_extra
-from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import extend, with_objects
-from omnisim.scene.file_axes import FileAxes, world_from_file
-from omnisim.scene.gltf.reader import read_gltf
-from omnisim.scene.imported import place, texture_notices
+from omnisim.scene.file_axes import FileAxes, overruled
+from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
 from omnisim.scene.model import (
@@ -27,14 +27,11 @@ from omnisim.scene.model import (
     StartPose,
     bounds_m,
 )
+from omnisim.scene.readers import check_format, read_file
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import SceneSource, resolve_source
 from omnisim.scene.start_pose import default_start, find_start
-from omnisim.scene.textures import TextureStore, large_textures
 
-_GLTF = {".glb", ".gltf"}
-_MJCF = {".xml", ".mjcf"}
-_SDF = {".sdf", ".world"}
 MAX_NOTICE = 300
 
 
@@ -139,85 +136,53 @@ def _load_mesh_file(
     path, settings = found.mesh_file, found.settings
     assert path is not None
     try:
-        _check_format(path)
-        data = path.read_bytes()
+        check_format(path)
+        if path.stat().st_size == 0:
+            raise SceneError(f"{path}: is an empty file")
+        try:
+            read, matrix = read_file(path, overruled(settings, axes), resources)
+            return _scene(str(source), path, read, matrix, settings, is_shape)
+        except SceneError as reason:
+            raise SceneError(f"{path}: {reason}") from None
     except OSError as reason:  # no permission, a name too long
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
-    if not data:
-        raise SceneError(f"{path}: is an empty file")
-    try:
-        with large_textures():
-            return _load(str(source), path, data, settings, axes, resources, is_shape)
-    except SceneError as reason:
-        raise SceneError(f"{path}: {reason}") from None
     except MemoryError:
         raise SceneError(f"{path}: asks for more memory than there is") from None
 
 
-def _check_format(path: Path) -> None:
-    """Check that there is a reader for files with the suffix of `path`."""
-    if path.suffix.lower() in _MJCF:
-        require_extra("mujoco", str(path), SceneError)
-    elif path.suffix.lower() not in _GLTF | _SDF:
-        from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
-
-        check_format(path)
-
-
-def _load(
+def _scene(
     name: str,
     path: Path,
-    data: bytes,
+    read: ImportedScene,
+    matrix: NDArray[np.float64],
     settings: SceneFile,
-    axes: FileAxes,
-    resources: tuple[Path, ...],
     is_shape: bool,
 ) -> Scene:
-    suffix = path.suffix.lower()
-    matrix = world_from_file(suffix, data, settings, axes)
-    textures, assets = TextureStore(), AssetResolver(path)
-    if suffix in _GLTF:
-        read = read_gltf(data, textures, assets, matrix)
-    elif suffix in _MJCF:
-        from omnisim.scene.mujoco.reader import read_mjcf  # of an extra
-
-        read = read_mjcf(path)
-    elif suffix in _SDF:
-        from omnisim.scene.resources import ResourcePath
-        from omnisim.scene.sdf.reader import read_sdf  # with trimesh, slow to import
-
-        read = read_sdf(path, data, textures, ResourcePath(path, resources), matrix)
-    else:
-        from omnisim.scene.other_formats import read_other  # slow to import
-
-        read = read_other(path, data, textures, assets)
-    if not read.instances:
-        raise SceneError("has no triangles to draw")
+    """Scene of a file's contents and the settings of its TOML."""
     instances = place(read, matrix)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
     # nobody stands in a shape
     start = (
         default_start(bounds_m(read.meshes, instances))
-        if is_shape or settings.start is not None
+        if is_shape or settings.start is not None or read.start is not None
         else find_start(read.meshes, instances)
     )
-    notices = [*assets.notices, *textures.notices, *texture_notices(read), *read.notices]
+    lighting = read.lighting or expose(read.lights, read.meshes, instances, read.dome)
+    background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
     return Scene(
         name=name,
         meshes=read.meshes,
         materials=read.materials,
         instances=instances,
-        lighting=_lighting(read.lighting or expose(read.lights, read.meshes, instances), settings),
-        background=settings.background or read.background or DEFAULT_BACKGROUND,
-        start=_start(settings) or start,
-        notices=tuple(
-            printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in dict.fromkeys(notices)
-        ),
+        lighting=_lighting(lighting, settings),
+        background=settings.background or background,
+        start=_start(settings) or read.start or start,
+        notices=tuple(printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in read.notices),
         starts=_starts(settings),
         paths=_paths(settings),
         landmarks=_landmarks(settings),
-        labels=label_rules(settings.labels),
+        labels=label_rules(settings.labels) or read.labels,
     )
 
 

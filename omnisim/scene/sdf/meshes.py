@@ -16,7 +16,6 @@ from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import texture_notices
 from omnisim.scene.other_formats import check_format, read_other
 from omnisim.scene.parts import Instance, Material, Mesh
-from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.textures import TextureStore
 
 _GLTF = {".glb", ".gltf"}
@@ -76,7 +75,7 @@ class MeshLibrary:
             raise SceneError("is an empty file")
         folder = path.parent
         assets = AssetResolver(path, [folder / inner for inner in _TEXTURE_FOLDERS])
-        metres_from_file = world_from_file(suffix, data, SceneFile(file=path.name), FileAxes("z"))
+        metres_from_file = world_from_file(suffix, data, FileAxes("z"))
         if suffix in _GLTF:
             read = read_gltf(data, self._textures, assets, np.eye(4))
         else:

@@ -1,0 +1,94 @@
+"""Readers of scene files, by their suffixes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.errors import SceneError
+from omnisim.extras import require_extra
+from omnisim.scene.asset_resolver import AssetResolver
+from omnisim.scene.file_axes import FileAxes, world_from_file
+from omnisim.scene.gltf.reader import read_gltf
+from omnisim.scene.imported import ImportedScene, texture_notices
+from omnisim.scene.textures import TextureStore, large_textures
+
+_GLTF = {".glb", ".gltf"}
+_SDF = {".sdf", ".world"}
+_MJCF = {".xml", ".mjcf"}
+_USD = {".usd", ".usda", ".usdc", ".usdz"}
+_EXTRAS = dict.fromkeys(_MJCF, "mujoco") | dict.fromkeys(_USD, "usd")
+
+
+def check_format(path: Path) -> None:
+    """Check that there is a reader for files with the suffix of a path.
+
+    Raises:
+        SceneError: there is none, or its extra is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _EXTRAS:
+        require_extra(_EXTRAS[suffix], str(path), SceneError)
+    elif suffix not in _GLTF | _SDF:
+        from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
+
+        check_format(path)
+
+
+def read_file(
+    path: Path, axes: FileAxes, resources: Sequence[Path]
+) -> tuple[ImportedScene, NDArray[np.float64]]:
+    """Read a file of any format.
+
+    Args:
+        path: of the file.
+        axes: overrule those of the file.
+        resources: folders of models and packages, see `load_scene`.
+
+    Returns:
+        The contents, with all notices, and the transform (4, 4) world_from_file.
+
+    Raises:
+        SceneError: it is damaged, or has nothing to draw.
+        OSError: it cannot be read.
+    """
+    textures, assets = TextureStore(), AssetResolver(path)
+    with large_textures():
+        read, matrix = _read(path, axes, resources, textures, assets)
+    if not read.instances:
+        raise SceneError("has no triangles to draw")
+    notices = [*assets.notices, *textures.notices, *texture_notices(read), *read.notices]
+    return read._replace(notices=list(dict.fromkeys(notices))), matrix
+
+
+def _read(
+    path: Path,
+    axes: FileAxes,
+    resources: Sequence[Path],
+    textures: TextureStore,
+    assets: AssetResolver,
+) -> tuple[ImportedScene, NDArray[np.float64]]:
+    suffix = path.suffix.lower()
+    if suffix in _USD:
+        from omnisim.scene.usd.reader import read_usd  # of an extra
+
+        return read_usd(path, axes)
+    data = path.read_bytes()
+    matrix = world_from_file(suffix, data, axes)
+    if suffix in _GLTF:
+        return read_gltf(data, textures, assets, matrix), matrix
+    if suffix in _MJCF:
+        from omnisim.scene.mujoco.reader import read_mjcf  # of an extra
+
+        return read_mjcf(path), matrix
+    if suffix in _SDF:
+        from omnisim.scene.resources import ResourcePath
+        from omnisim.scene.sdf.reader import read_sdf  # with trimesh, slow to import
+
+        return read_sdf(path, data, textures, ResourcePath(path, resources), matrix), matrix
+    from omnisim.scene.other_formats import read_other  # slow to import
+
+    return read_other(path, data, textures, assets), matrix

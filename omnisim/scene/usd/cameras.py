@@ -1,0 +1,26 @@
+"""Cameras of a stage as start poses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.parts import StartPose
+
+_LEVEL = 1e-6  # of a viewing direction: straight up or down has no heading
+
+
+def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
+    """Start at a camera's position, with its heading; None for a pose that is none.
+
+    Source: UsdGeomCamera looks along −z, its y up.
+    """
+    position, ahead = world_from_camera[:3, 3], -world_from_camera[:3, 2]
+    if not np.isfinite(world_from_camera).all():
+        return None
+    if np.hypot(*ahead[:2]) < _LEVEL * np.linalg.norm(ahead):
+        ahead = world_from_camera[:3, 1] * -np.sign(ahead[2])  # the top of the picture
+    x, y, z = position.tolist()
+    return StartPose((x, y, z), math.degrees(math.atan2(ahead[1], ahead[0])))

@@ -1,0 +1,139 @@
+"""Values at the corners of triangles, of any interpolation, and vertices that share them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Corners(NamedTuple):
+    """Corners (c,) of triangles, by the elements that values are stored for.
+
+    Attributes:
+        sizes: number of elements by interpolation.
+        rows: indices (c,) of the elements by interpolation.
+    """
+
+    sizes: dict[str, int]
+    rows: dict[str, NDArray[np.int64]]
+
+    @classmethod
+    def of(
+        cls,
+        point_count: int,
+        face_count: int,
+        vertices: NDArray[np.int64],
+        corners: NDArray[np.int64],
+        faces: NDArray[np.int64],
+    ) -> Corners:
+        """Corners of triangles.
+
+        Args:
+            point_count, face_count: of the mesh.
+            vertices: (face corners,) indices of points.
+            corners: (m, 3) indices into `vertices`.
+            faces: (m,) of the triangles.
+        """
+        flat = corners.ravel()
+        points = vertices[flat]
+        return cls(
+            {
+                "constant": 1, "uniform": face_count, "varying": point_count,
+                "vertex": point_count, "faceVarying": len(vertices),
+            },
+            {
+                "constant": np.zeros(len(flat), np.int64), "uniform": np.repeat(faces, 3),
+                "varying": points, "vertex": points, "faceVarying": flat,
+            },
+        )  # fmt: skip
+
+    def of_triangles(self, chosen: NDArray[np.bool_]) -> Corners:
+        """Corners of some triangles: mask (m,)."""
+        kept = np.repeat(chosen, 3)
+        return Corners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
+
+
+class Values(NamedTuple):
+    """Values of a primvar.
+
+    Attributes:
+        values: (k, width).
+        interpolation: of the schema UsdGeomPrimvar.
+        indices: (elements,) into `values`; None: one value for each element.
+    """
+
+    values: NDArray[np.float64]
+    interpolation: str
+    indices: NDArray[np.int64] | None = None
+
+    @property
+    def is_shared(self) -> bool:
+        """Values at points: corners at one point have the same."""
+        return self.interpolation in ("constant", "varying", "vertex")
+
+    def rows(self, corners: Corners) -> NDArray[np.int64] | None:
+        """Rows (c,) of the values at corners; None where there are too few or too many."""
+        rows, size = corners.rows.get(self.interpolation), corners.sizes.get(self.interpolation)
+        elements = len(self.values) if self.indices is None else len(self.indices)
+        if rows is None or size is None or elements != size or not elements:
+            return None
+        if self.indices is None:
+            return rows
+        found = self.indices[rows]
+        if len(found) and (found.min() < 0 or found.max() >= len(self.values)):
+            return None
+        return found
+
+
+class Vertices(NamedTuple):
+    """Vertices that triangles share.
+
+    Attributes:
+        points: (n,) indices of the mesh's points.
+        triangles: (m, 3) indices into `points`.
+        values: (n, width) of each primvar; None where there was none that fits.
+    """
+
+    points: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    values: list[NDArray[np.float64] | None]
+
+
+def make_vertices(corners: Corners, primvars: list[Values | None]) -> Vertices:
+    """Vertices of triangles: corners at one point share one as far as their values are equal."""
+    points = corners.rows["vertex"]
+    rows = [None if one is None else one.rows(corners) for one in primvars]
+    code = points
+    for primvar, own in zip(primvars, rows, strict=True):
+        if primvar is not None and own is not None and not primvar.is_shared:
+            code = _paired(code, _ranks(primvar.values)[own])
+    _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
+    return Vertices(
+        points[first],
+        inverse.reshape(-1, 3),
+        [
+            None if primvar is None or own is None else primvar.values[own[first]]
+            for primvar, own in zip(primvars, rows, strict=True)
+        ],
+    )
+
+
+def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Ranks (n,) of pairs of two numbers."""
+    ranks = np.unique(first, return_inverse=True)[1]
+    pairs = ranks * (int(second.max(initial=0)) + 1) + second
+    paired: NDArray[np.int64] = np.unique(pairs, return_inverse=True)[1]
+    return paired
+
+
+def _ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Numbers (k,) that are equal where rows (k, width) of values are, as float32."""
+    with np.errstate(all="ignore"):
+        bits = (values.astype(np.float32) + np.float32(0.0)).view(np.uint32).astype(np.uint64)
+    ranks: NDArray[np.int64] = np.unique(bits[:, 0], return_inverse=True)[1]
+    for column in bits.T[1:]:
+        pairs = ranks.astype(np.uint64) << np.uint64(32) | column
+        ranks = np.unique(pairs, return_inverse=True)[1]
+    return ranks

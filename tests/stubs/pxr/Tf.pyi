@@ -1,0 +1,5 @@
+class Error:
+    commentary: str
+
+class ErrorException(Exception):
+    args: tuple[Error, ...]

@@ -1,0 +1,29 @@
+from pxr.Usd import Attribute, SchemaBase
+from pxr.UsdGeom import Subset
+
+class Tokens:
+    preview: str
+
+class AttributeType:
+    Output: AttributeType
+
+class Utils:
+    @staticmethod
+    def GetType(name: str) -> AttributeType: ...
+    @staticmethod
+    def GetValueProducingAttributes(input: Input) -> list[Attribute]: ...
+
+class Input:
+    def __bool__(self) -> bool: ...
+
+class Shader(SchemaBase):
+    def GetInput(self, name: str) -> Input: ...
+    def GetShaderId(self) -> str: ...
+
+class Material(SchemaBase):
+    def ComputeSurfaceSource(self, context: str) -> tuple[Shader, str, AttributeType]: ...
+    def GetPath(self) -> str: ...
+
+class MaterialBindingAPI(SchemaBase):
+    def ComputeBoundMaterial(self, purpose: str) -> tuple[Material, object]: ...
+    def GetMaterialBindSubsets(self) -> list[Subset]: ...
