@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -48,10 +49,11 @@ class ResourcePath:
                 around the scene's file are for URIs.
         """
         places = list(self._places(uri.strip(), *beside))
+        is_model = re.fullmatch(r"model://[^/]+/?", uri.strip()) is not None  # which is a folder
         for folder, name in places:
-            if _exists(folder / name):
+            if _exists(folder / name) and not (is_model and (folder / name).is_file()):
                 return folder / name
-        for folder, name in places:
+        for folder, name in () if is_model else places:
             with suppress(OSError, ValueError):  # no permission, a name too long
                 found = find_ignoring_case(folder, name) if name else None
                 if found is not None:

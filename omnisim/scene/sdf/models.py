@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 from omnisim.errors import SceneError
@@ -69,8 +71,8 @@ class ModelLibrary:
             )
         if self._remote:
             notices.append(
-                f"{counted(self._remote.total(), 'object')} of the net not fetched, and not drawn: "
-                f"{_names(self._remote)}: `gz fuel download -u` gets them"
+                f"{counted(self._remote.total(), 'object')} not fetched from the net, and not "
+                f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` gets them"
             )
         notices += [f"{uri} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)]
         return notices
@@ -172,11 +174,7 @@ class ModelLibrary:
         manifest = next((path for path in manifests if path.is_file()), None)
         named = []
         if manifest is not None:
-            try:
-                root = self._root(manifest)
-            except SceneError:  # Gazebo's parser takes what is no XML; most have a model.sdf
-                root = Element("model")
-            entries = [entry for entry in root.iter("sdf") if entry.text]
+            entries = [entry for entry in self._root(manifest).iter("sdf") if entry.text]
             entries.sort(key=lambda entry: _version(entry.get("version")), reverse=True)
             named = [(entry.text or "").strip() for entry in entries]
         for name in (*named, "model.sdf"):
@@ -187,9 +185,18 @@ class ModelLibrary:
 
 def _names(counts: Counter[str]) -> str:
     """The most frequent of some URIs, with how many more there are."""
-    shown = [uri if count == 1 else f"{uri} × {count}" for uri, count in counts.most_common(_SHOWN)]
+    shown = [
+        _short(uri) if count == 1 else f"{_short(uri)} × {count}"
+        for uri, count in counts.most_common(_SHOWN)
+    ]
     more = len(counts) - len(shown)
     return ", ".join([*shown, *([f"and {more} others"] if more else [])])
+
+
+def _short(uri: str) -> str:
+    """Owner and name of a model of Gazebo Fuel; other URIs as they are."""
+    found = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
+    return uri if found is None else f"{found[1]}/{unquote(found[2])}"
 
 
 def _version(text: str | None) -> tuple[int, ...]:

@@ -90,6 +90,8 @@ class _Reader:
         for each in outer.children("road", "population"):
             self._omissions.add(_LEFT_OUT[each.element.tag], each.element.tag)
         notices = [*self._library.notices, *self._omissions.notices, *self._files.notices]
+        if not self._instances:
+            raise SceneError("; ".join(["has no triangles to draw", *notices[:1]]))
         return ImportedScene(
             tuple(self._meshes),
             tuple(self._materials.materials),

@@ -62,9 +62,11 @@ def test_the_latest_version_of_a_models_config_is_read(tmp_path):
     assert scene.instance_names == ("new/link/visual",)
 
 
-def test_a_config_that_is_no_xml_does_not_matter(tmp_path):
-    write_model(tmp_path / "models", "chair", CHAIR, "<model>R&D</model>")
-    assert load(tmp_path, world(INCLUDE.format("model://chair"))).instances
+def test_xml_is_read_as_leniently_as_gazebo_does(tmp_path):
+    config = "\n<?xml version='1.0'?><!-- -- a -- --><model>R&D &lt;</model>"
+    write_model(tmp_path / "models", "chair", CHAIR, config)
+    plugin = "<plugin name='a'><gz:priority>1</gz:priority></plugin>"
+    assert load(tmp_path, world(INCLUDE.format("model://chair") + plugin)).instances
 
 
 FUEL = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/My Chair"
@@ -87,8 +89,8 @@ def test_missing_models_are_counted_in_one_notice(tmp_path):
     assert scene.notices == (
         "test.world: 4 objects not found, and not drawn: model://sofa × 3, "
         "model://sofa/sofa.dae: pass the folder of their models as --resources",
-        f"test.world: 1 object of the net not fetched, and not drawn: {FUEL}: "
-        "`gz fuel download -u` gets them",
+        "test.world: 1 object not fetched from the net, and not drawn: OpenRobotics/My Chair: "
+        "`gz fuel download -u ADDRESS` gets them",
     )
 
 
@@ -124,6 +126,7 @@ def test_a_model_with_a_fault_is_named_with_its_file(tmp_path):
         ("<robot/>", "expected <sdf>, got <robot>"),
         ("<sdf version='1.9'/>", "expected a <world>, <model> or <light>, got none"),
         (world(""), "has no triangles to draw"),
+        (world(INCLUDE.format("model://x")), "has no triangles to draw; 1 object not found, and"),
         (world("<include/>"), "world[default]/include: expected a <uri>, got 'none'"),
     ],
 )
