@@ -2,7 +2,8 @@
 
 Round surfaces are cut so that no point of a triangle is farther from the true one than
 `MAX_DEVIATION` of its radius, or `MIN_DEVIATION_M`. Corners lie a little outside of it and the
-middles of triangles a little inside, so that ranges are right in the mean.
+middles of triangles a little inside, so that ranges are right in the mean. `most` bounds the
+segments of a circle, for scenes of many solids.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ class Surface(NamedTuple):
     normals: NDArray[np.float64] | None
 
 
-def segments(radius_m: float) -> int:
+def segments(radius_m: float, most: int = MOST_SEGMENTS) -> int:
     """Segments of a circle, a multiple of four."""
     deviation = max(MAX_DEVIATION, MIN_DEVIATION_M / max(radius_m, MIN_DEVIATION_M))
     count = 4 * math.ceil(math.pi / math.acos(1.0 - min(deviation, 1.0)) / 4.0)
-    return min(max(count, LEAST_SEGMENTS), MOST_SEGMENTS)
+    return min(max(count, LEAST_SEGMENTS), most)
 
 
 def rectangle(half_x: float, half_y: float) -> Surface:
@@ -65,10 +66,10 @@ def box(half_sizes: ArrayLike) -> Surface:
     )
 
 
-def ellipsoid(radii: ArrayLike) -> Surface:
+def ellipsoid(radii: ArrayLike, most: int = MOST_SEGMENTS) -> Surface:
     """Ellipsoid about the origin, of radii (3,)."""
     sizes = np.asarray(radii, dtype=np.float64)
-    count = segments(float(sizes.max()))
+    count = segments(float(sizes.max()), most)
     unit = _dome(count, 0.0, math.pi)
     normals = unit.positions / sizes
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -76,18 +77,18 @@ def ellipsoid(radii: ArrayLike) -> Surface:
     return Surface(unit.positions * sizes * outside, unit.triangles, normals)
 
 
-def cylinder(radius_m: float, half_length_m: float) -> Surface:
+def cylinder(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -> Surface:
     """Closed cylinder about z."""
-    count = segments(radius_m)
+    count = segments(radius_m, most)
     outer = radius_m * _outside(count)
     side = _tube(count, outer, half_length_m)
     caps = [_disc(count, outer, sign * half_length_m) for sign in (-1.0, 1.0)]
     return join(side, *caps)
 
 
-def capsule(radius_m: float, half_length_m: float) -> Surface:
+def capsule(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -> Surface:
     """Cylinder about z between two half spheres; its half length is without them."""
-    count = segments(radius_m)
+    count = segments(radius_m, most)
     top = _dome(count, 0.0, 0.5 * math.pi)
     bottom = _dome(count, 0.5 * math.pi, math.pi)
     offset = np.array([0.0, 0.0, half_length_m])
@@ -99,9 +100,9 @@ def capsule(radius_m: float, half_length_m: float) -> Surface:
     )
 
 
-def cone(radius_m: float, half_length_m: float) -> Surface:
+def cone(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -> Surface:
     """Closed cone about z, its tip up."""
-    count = segments(radius_m)
+    count = segments(radius_m, most)
     outer = radius_m * _outside(count)
     side = _tube(count, outer, half_length_m)
     positions = side.positions.copy()

@@ -15,6 +15,7 @@ from omnisim.scene.sdf.builtin_models import BUILTIN_MODELS
 from omnisim.scene.sdf.document import parse_xml
 from omnisim.scene.sdf.element import Omissions, SdfElement
 from omnisim.scene.sdf.frames import Scope
+from omnisim.scene.sdf.shapes import ROUND
 from omnisim.short_repr import counted
 
 _DEEPEST = 24  # models in models
@@ -50,6 +51,7 @@ class ModelLibrary:
     Attributes:
         resources: search path.
         omissions: of what is in the models.
+        round_shapes: number of spheres, cylinders and the like of all trees.
     """
 
     def __init__(self, resources: ResourcePath, omissions: Omissions) -> None:
@@ -58,6 +60,7 @@ class ModelLibrary:
         self._missing: Counter[str] = Counter()
         self._remote: Counter[str] = Counter()
         self._substitutes: set[str] = set()
+        self.round_shapes = 0
         self._count = 0
 
     @property
@@ -103,6 +106,7 @@ class ModelLibrary:
                 )
         for link in element.children("link"):
             model.scope.add(link.name, link)
+            self.round_shapes += _round_shapes(link)
         for frame in element.children("frame"):
             model.scope.add(frame.name, frame, frame.attribute("attached_to"))
         for joint in element.children("joint"):
@@ -191,6 +195,13 @@ def _names(counts: Counter[str]) -> str:
     ]
     more = len(counts) - len(shown)
     return ", ".join([*shown, *([f"and {more} others"] if more else [])])
+
+
+def _round_shapes(link: SdfElement) -> int:
+    visuals = (visual.find("geometry") for visual in link.children("visual"))
+    return sum(
+        child.tag in ROUND for found in visuals if found is not None for child in found.element
+    )
 
 
 def _short(uri: str) -> str:

@@ -145,7 +145,7 @@ class _Reader:
         tag = kind.element.tag
         if tag == "mesh":
             self._read_mesh(kind, visual, file_from_visual, name)
-        elif tag in shapes.SHAPES or tag == "polyline":
+        elif tag in shapes.SHAPES:
             shape = self._shape(geometry, kind)
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
@@ -156,7 +156,9 @@ class _Reader:
         """Shape of a geometry; equal ones are one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
-            self._shapes[key] = shapes.make_shape(geometry, kind)
+            self._shapes[key] = shapes.make_shape(
+                geometry, kind, shapes.most_segments(self._library.round_shapes)
+            )
         return self._shapes[key]
 
     def _place(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -37,34 +38,34 @@ def box(size: SdfElement) -> Shape:
     return Shape(primitives.box((0.5 * x, 0.5 * y, 0.5 * z)), uv)
 
 
-def sphere(element: SdfElement) -> Shape:
+def sphere(element: SdfElement, most: int) -> Shape:
     """Sphere, its texture once around."""
     radius = element.positive("radius", 1.0)
-    return _round(primitives.ellipsoid((radius,) * 3), radius)
+    return _round(primitives.ellipsoid((radius,) * 3, most), radius, most)
 
 
-def ellipsoid(element: SdfElement) -> Shape:
+def ellipsoid(element: SdfElement, most: int) -> Shape:
     """Ellipsoid, its texture once around."""
     radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
-    return _round(primitives.ellipsoid(radii), max(radii))
+    return _round(primitives.ellipsoid(radii, most), max(radii), most)
 
 
-def cylinder(element: SdfElement) -> Shape:
+def cylinder(element: SdfElement, most: int) -> Shape:
     """Cylinder, its texture once around."""
     radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
-    return _round(primitives.cylinder(radius, 0.5 * length), radius)
+    return _round(primitives.cylinder(radius, 0.5 * length, most), radius, most)
 
 
-def cone(element: SdfElement) -> Shape:
+def cone(element: SdfElement, most: int) -> Shape:
     """Cone, its tip up."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.cone(radius, 0.5 * length), radius)
+    return _round(primitives.cone(radius, 0.5 * length, most), radius, most)
 
 
-def capsule(element: SdfElement) -> Shape:
+def capsule(element: SdfElement, most: int) -> Shape:
     """Capsule; its length is without the half spheres."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.capsule(radius, 0.5 * length), radius)
+    return _round(primitives.capsule(radius, 0.5 * length, most), radius, most)
 
 
 def plane(element: SdfElement) -> Shape:
@@ -145,9 +146,9 @@ def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     return rotation
 
 
-def _round(surface: Surface, radius_m: float) -> Shape:
+def _round(surface: Surface, radius_m: float, most: int) -> Shape:
     """Shape about z with its texture once around."""
-    count = primitives.segments(radius_m) + 1
+    count = primitives.segments(radius_m, most) + 1
     index = np.arange(len(surface.positions))
     z = surface.positions[:, 2]
     low, high = float(z.min()), float(z.max())
@@ -155,19 +156,34 @@ def _round(surface: Surface, radius_m: float) -> Shape:
     return Shape(surface, uv)
 
 
-SHAPES = {
-    "box": box, "sphere": sphere, "ellipsoid": ellipsoid, "cylinder": cylinder, "cone": cone,
-    "capsule": capsule, "plane": plane,
+_FLAT = {"box": box, "plane": plane}
+_ROUND = {
+    "sphere": sphere, "ellipsoid": ellipsoid, "cylinder": cylinder, "cone": cone,
+    "capsule": capsule,
 }  # fmt: skip
-GEOMETRIES = (*SHAPES, "polyline", "mesh", "heightmap", "image")
+SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
+ROUND = frozenset(_ROUND)
+GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
+_FEW = 20  # round shapes that may be as fine as they like
 
 
-def make_shape(geometry: SdfElement, kind: SdfElement) -> Shape:
+def most_segments(round_shapes: int) -> int:
+    """Segments of a circle in a world of so many round shapes: their triangles stay as many."""
+    fair = primitives.MOST_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
+    return max(4 * round(fair / 4.0), primitives.LEAST_SEGMENTS)
+
+
+def make_shape(geometry: SdfElement, kind: SdfElement, most: int) -> Shape:
     """Shape of a `<geometry>`, whose child `kind` is; of all its polylines together.
+
+    Args:
+        geometry, kind: elements.
+        most: segments of a circle.
 
     Raises:
         SceneError: sizes that are none.
     """
-    if kind.element.tag == "polyline":
+    tag = kind.element.tag
+    if tag == "polyline":
         return polyline(list(geometry.children("polyline")))
-    return SHAPES[kind.element.tag](kind)
+    return _ROUND[tag](kind, most) if tag in _ROUND else _FLAT[tag](kind)

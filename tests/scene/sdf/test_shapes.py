@@ -104,6 +104,16 @@ def test_equal_shapes_are_one_mesh(tmp_path):
     assert len(scene.meshes) == 1
 
 
+def test_many_round_shapes_are_coarser(tmp_path):
+    text = "<sphere><radius>0.5</radius></sphere>"
+    few, many = (
+        load(tmp_path, sdf("".join(model(f"m{i}", visual(text)) for i in range(count))))
+        for count in (20, 2000)
+    )
+    assert len(many.meshes) == 1
+    assert many.triangle_count < 6 * few.triangle_count
+
+
 @pytest.mark.parametrize(
     ("geometry", "message"),
     [
