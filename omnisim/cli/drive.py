@@ -9,6 +9,8 @@ from omnisim.cli.console import print_note
 from omnisim.cli.recording import as_requested, drive_of, record
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.errors import RunError
+from omnisim.extras import require_extra
+from omnisim.robot import Robot, load_robot
 from omnisim.robot.sensor_names import FOLDER_NAME, folder_name
 from omnisim.simulation.contacts import NO_SIZE, check_no_contact
 from omnisim.simulation.drive import Drive, PlannedDrive, drive_together
@@ -20,13 +22,19 @@ MOST_CONTACTS = 5  # notes; the manifest has all
 
 def run(request: DriveRequest) -> None:
     """Record a run of each robot, or resume an unfinished one, and print a summary."""
-    vehicles = _load_vehicles(request)
+    robots = _load_robots(request)
+    vehicles = {name: Vehicle.from_robot(robot) for name, robot in robots.items()}
     _check_cameras(request, vehicles)
     routes = [_route(request, path) for path in request.paths]
     first = drive_of(request, next(iter(vehicles.values())), routes[0])
     plans = {
         name: _plan(
-            dataclasses.replace(first, vehicle=as_requested(vehicle, request), route=route),
+            dataclasses.replace(
+                first,
+                vehicle=as_requested(vehicle, request),
+                route=route,
+                physics=None if request.physics is None else robots[name].chassis,
+            ),
             request.no_contact,
         )
         for (name, vehicle), route in zip(vehicles.items(), routes, strict=True)
@@ -39,24 +47,28 @@ def run(request: DriveRequest) -> None:
         record(plan, request.output / name, request.force)
 
 
-def _load_vehicles(request: DriveRequest) -> dict[str, Vehicle]:
-    """Vehicles by name, which is also that of their folder."""
+def _load_robots(request: DriveRequest) -> dict[str, Robot]:
+    """Robots by name, which is also that of their folder."""
+    if request.physics is not None:
+        require_extra("mujoco", "--physics", RunError)
+        if len(request.robots) > 1:
+            raise RunError(f"--physics: expected one --robot, got {len(request.robots)}")
     if len(request.paths) != len(request.robots):
         raise RunError(
             f"--path: expected one for each --robot, {len(request.robots)}, got "
             f"{len(request.paths)}"
         )
-    vehicles: dict[str, Vehicle] = {}
+    robots: dict[str, Robot] = {}
     for text in request.robots:
         given, equals, source = text.rpartition("=")
-        vehicle = Vehicle.load(source)
-        name = given if equals else folder_name(vehicle.name)
+        robot = load_robot(source)
+        name = given if equals else folder_name(robot.name)
         if not FOLDER_NAME.fullmatch(name):
             raise RunError(f"--robot {text!r}: expected a name of letters, digits and _ before =")
-        if name in vehicles:
+        if name in robots:
             raise RunError(f"--robot {text!r}: a second {name}: expected NAME={source}")
-        vehicles[name] = vehicle
-    return vehicles
+        robots[name] = robot
+    return robots
 
 
 def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
@@ -88,6 +100,8 @@ def _plan(drive: Drive, no_contact: bool) -> PlannedDrive:
         print_note(NO_SIZE)
     for contact in (plan.contacts or ())[:MOST_CONTACTS]:
         print_note(str(contact))
+    if plan.motion is not None:
+        print_note(f"{plan.motion.engine}: {plan.motion.slip}")
     return plan
 
 

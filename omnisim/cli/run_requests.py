@@ -1,6 +1,7 @@
 """Parameters of the commands that record a run, or read one."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -35,6 +36,12 @@ from omnisim.cli.completion import (
     complete_run_camera,
     one_of,
 )
+
+
+class PhysicsEngine(StrEnum):
+    """Physics engines of a drive."""
+
+    MUJOCO = "mujoco"
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,15 @@ class DriveRequest:
             rich_help_panel=TRAJECTORY,
         ),
     ] = False
+    physics: Annotated[
+        PhysicsEngine | None,
+        typer.Option(
+            "--physics",
+            help="Engine in which wheels slip and things collide.",
+            show_default="the robot drives as planned, through everything",
+            rich_help_panel=TRAJECTORY,
+        ),
+    ] = None
     axes: AxesOption = None
     polygons: PolygonsOption = None
     size_px: SizeOption = None

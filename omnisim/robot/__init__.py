@@ -6,13 +6,14 @@ above. Nothing here knows of pictures or of the GPU.
 
 from omnisim.robot.kinematics import Kinematics, check_drivable, find_violation
 from omnisim.robot.motion_profile import drive_in_steps, drive_with_period
-from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry
+from omnisim.robot.odometry import Odometry, OdometryErrors, simulate_odometry, with_errors
 from omnisim.robot.odometry_files import read_odometry, write_odometry
-from omnisim.robot.robot_file import Footprint, Robot, load_robot, parse_robot, read_robot
+from omnisim.robot.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot
 from omnisim.robot.robot_lookup import builtin_robots, find_robot
 from omnisim.robot.timing import time_poses
 
 __all__ = [
+    "Chassis",
     "Footprint",
     "Kinematics",
     "Odometry",
@@ -30,5 +31,6 @@ __all__ = [
     "read_robot",
     "simulate_odometry",
     "time_poses",
+    "with_errors",
     "write_odometry",
 ]

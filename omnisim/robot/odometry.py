@@ -160,9 +160,17 @@ def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> O
     Raises:
         TrajectoryError: a negative seed.
     """
+    return with_errors(wheel_readings(truth), errors, seed)
+
+
+def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
+    """Add the errors of the wheels to readings, as `simulate_odometry` does.
+
+    Raises:
+        TrajectoryError: a negative seed.
+    """
     if seed < 0:
         raise TrajectoryError(f"seed {seed}: expected 0 or above")
-    true = wheel_readings(truth)
     distances, turns = true.distances_m, true.turns_rad
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
     normal = generator.standard_normal((len(distances), 2))
@@ -175,7 +183,7 @@ def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> O
     reported = errors.distance_scale * distances + distance_sigma * normal[:, 0]
     turn = errors.turn_scale * turns + errors.drift_radpm * distances + turn_sigma * normal[:, 1]
     return Odometry(
-        truth.times_s,
+        true.times_s,
         _counted(reported, errors.distance_tick_m),
         _counted(turn, errors.turn_tick_rad),
         true.start,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,18 +28,22 @@ Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
 Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
+Mass = Annotated[Number, Field(ge=1e-3, le=1e6)]
+Friction = Annotated[Number, Field(ge=1e-3, le=10.0)]
 Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 
 
 class _KinematicsTable(Table):
-    """Drive and its limits. Track and wheels are the body's; nothing here drives by them."""
+    """Drive and its limits. Track and wheels count with `--physics` alone."""
 
     type: DriveType
     """Kind of drive."""
     track_m: Length | None = None
-    """Metres between the middles of the tyres."""
+    """Metres between the middles of the tyres; left out: 0.8 of the footprint's width."""
+    wheelbase_m: Length | None = None
+    """Metres between the axles of a skid_steer; left out: half of the footprint's length."""
     wheel_diameter_m: Length | None = None
-    """Metres."""
+    """Metres; left out: four times the clearance, or the body's height where that is less."""
     max_speed_mps: Limit
     """Largest speed in m/s."""
     max_turn_rate_dps: Limit
@@ -85,6 +89,17 @@ class _FootprintTable(Table):
     left out: 0.05, or half of the height where that is less."""
 
 
+class _PhysicsTable(Table):
+    """Masses and friction, which count with `--physics`."""
+
+    mass_kg: Mass | None = None
+    """Kilograms in all; left out: 100 kg/m³ of the footprint's box."""
+    centre_height_m: Length | None = None
+    """Metres from the ground to the centre of mass; left out: a quarter of the height."""
+    friction: Friction = 0.8
+    """Coefficient of friction between tyres and ground."""
+
+
 class RobotFile(Table):
     """Keys of a robot file."""
 
@@ -97,6 +112,7 @@ class RobotFile(Table):
     kinematics: _KinematicsTable | None = None
     odometry: _OdometryTable = _OdometryTable()
     footprint: _FootprintTable | None = None
+    physics: _PhysicsTable = _PhysicsTable()
     sensors: tuple[dict[str, Any], ...] = ()
     """Tables of the sensors; their keys depend on type."""
 
@@ -133,6 +149,27 @@ class Footprint:
 
 
 @dataclass(frozen=True)
+class Chassis:
+    """Masses, wheels and friction of a robot; None: by its footprint.
+
+    Attributes:
+        mass_kg: in all.
+        centre_height_m: of the centre of mass, from the ground.
+        friction: coefficient between tyres and ground.
+        track_m: between the middles of the tyres.
+        wheelbase_m: between the axles of a robot that skids.
+        wheel_diameter_m: of its driven wheels.
+    """
+
+    mass_kg: float | None = None
+    centre_height_m: float | None = None
+    friction: float = 0.8
+    track_m: float | None = None
+    wheelbase_m: float | None = None
+    wheel_diameter_m: float | None = None
+
+
+@dataclass(frozen=True)
 class Robot:
     """Robot of a robot file.
 
@@ -145,6 +182,7 @@ class Robot:
         kinematics: its limits, or None: unknown.
         odometry: the errors of its wheels.
         footprint: about its base, or None: unknown.
+        chassis: what physics needs beside it.
         sensors: tables of its sensors; what they describe is built in `omnisim.simulation`.
     """
 
@@ -156,6 +194,7 @@ class Robot:
     kinematics: Kinematics | None
     odometry: OdometryErrors
     footprint: Footprint | None
+    chassis: Chassis
     sensors: tuple[dict[str, Any], ...]
 
     def __repr__(self) -> str:
@@ -210,6 +249,7 @@ def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
         kinematics=kinematics,
         odometry=odometry,
         footprint=footprint,
+        chassis=_chassis(table),
         sensors=table.sensors,
     )
 
@@ -217,6 +257,18 @@ def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
 def _footprint(table: _FootprintTable) -> Footprint:
     clearance_m = table.clearance_m or default_clearance_m(table.height_m)
     return Footprint(table.length_m, table.width_m, table.height_m, clearance_m)
+
+
+def _chassis(table: RobotFile) -> Chassis:
+    chassis, wheels = Chassis(**dict(table.physics)), table.kinematics
+    if wheels is None:
+        return chassis
+    return replace(
+        chassis,
+        track_m=wheels.track_m,
+        wheelbase_m=wheels.wheelbase_m,
+        wheel_diameter_m=wheels.wheel_diameter_m,
+    )
 
 
 def _kinematics(table: _KinematicsTable) -> Kinematics:

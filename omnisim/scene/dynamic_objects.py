@@ -12,7 +12,7 @@ import numpy as np
 from omnisim.errors import SceneError, TrajectoryError
 from omnisim.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.scene.model import DynamicObject, Scene
-from omnisim.scene.object_motion import Along, Orbit, Rest, Rolling, Shuttle
+from omnisim.scene.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
 from omnisim.scene.scene_file import (
     ObjectPathTable,
     ObjectTable,
@@ -61,7 +61,8 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
 def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
     match table.motion:
         case None:
-            return Rest(table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
+            place = (table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
+            return Rest(*place) if table.mass_kg is None else FreeBody(*place, table.mass_kg)
         case ObjectPathTable() as path:
             return Along(_trajectory(path), path.repeats)
         case ObjectTrajectoryTable() as along:

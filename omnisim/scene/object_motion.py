@@ -46,6 +46,17 @@ class Rest:
         return pose_from_rotation(rotation_from_yaw(math.radians(self.yaw_deg)), self.position_m)
 
 
+@dataclass(frozen=True)
+class FreeBody(Rest):
+    """Rest until it is hit, which takes physics.
+
+    Attributes:
+        mass_kg: of the object.
+    """
+
+    mass_kg: float = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Along:
     """Motion along a trajectory; at rest before and after it.

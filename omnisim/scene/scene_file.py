@@ -160,6 +160,8 @@ class ObjectTable(Table):
     """Position of its origin where it rests, metres in the world; left out: the origin."""
     yaw_deg: Number | None = None
     """Heading where it rests, degrees; left out: 0."""
+    mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] | None = None
+    """Kilograms of an object at rest that robots push with `--physics`; left out: they cannot."""
     rolling_radius_m: Positive | None = None
     """Radius of a ball that rolls along its motion without slipping; left out: it does not."""
     path: ObjectPathTable | None = None
@@ -174,6 +176,8 @@ class ObjectTable(Table):
             raise ValueError(f"expected one motion, got {' and '.join(given)}")
         if given and (self.position_m is not None or self.yaw_deg is not None):
             raise ValueError(f"expected position_m and yaw_deg without a motion, got {given[0]}")
+        if given and self.mass_kg is not None:
+            raise ValueError(f"mass_kg: expected no motion, got {given[0]}")
         if not given and self.rolling_radius_m is not None:
             raise ValueError("rolling_radius_m: expected a motion")
         return self

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.atomic_file import write_text
-from omnisim.errors import RunError
+from omnisim.errors import RunError, TrajectoryError
+from omnisim.extras import require_extra
 from omnisim.gpu.context import graphics_info
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.robot import simulate_odometry, write_odometry
+from omnisim.robot import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
@@ -28,6 +29,8 @@ from omnisim.simulation.contacts import Contact, find_contacts
 from omnisim.simulation.drive_world import DriveWorld, OtherVehicle
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
+from omnisim.simulation.physics.rover import Rover
+from omnisim.simulation.physics.simulated_motion import SimulatedMotion
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_channels import write_boxes, write_labels
 from omnisim.simulation.run_folder import (
@@ -63,6 +66,7 @@ class Drive:
         channels: of ground truth, as `check_channels` gives them.
         channel_format: of their files.
         boxes_3d: also record the oriented boxes of the visible instances.
+        physics: chassis of the vehicle, which then drives in MuJoCo; None: it drives as planned.
     """
 
     scene: Scene
@@ -77,6 +81,7 @@ class Drive:
     channels: tuple[str, ...] = ()
     channel_format: ChannelFormat = ChannelFormat.AUTO
     boxes_3d: bool = False
+    physics: Chassis | None = None
 
     def __repr__(self) -> str:
         return short_repr(self, f"{self.vehicle.name} in {self.scene.name}", f"seed {self.seed}")
@@ -86,15 +91,41 @@ class Drive:
 
         Raises:
             TrajectoryError: a path that cannot be driven.
+            OmnisimError: physics without its extra.
             RunError: an impossible seed, or an exposure longer than a step.
         """
         self._check_seed()
+        if self.physics is not None:
+            require_extra("mujoco", "--physics")
+            return self._in_physics(self.physics, print_note)
         planned = plan_route(self.scene, self.vehicle, self.route, print_note)
         truth, box = planned.trajectory, BodyBoxes.of(self.vehicle)
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
         return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
+
+    def _in_physics(
+        self, chassis: Chassis, print_note: Callable[[str], None] | None
+    ) -> PlannedDrive:
+        """Drive in MuJoCo along the planned trajectory."""
+        from omnisim.simulation.physics.simulation import simulate  # an extra
+
+        if self.route.ground_m is not None:
+            raise TrajectoryError("--ground: expected wheels on the scene's floor with --physics")
+        rover = Rover.of(self.vehicle, chassis)
+        planned = plan_route(self.scene, self.vehicle, self.route, print_note)
+        times_s = planned.trajectory.times_s
+        motion = simulate(
+            self.scene, rover, planned.trajectory, self.route.path, self.route.ignore_limits
+        )
+        truth = motion.at(times_s)
+        self._check_sensors(truth)
+        # wheels that skid do so by themselves
+        errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
+        odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
+        contacts = motion.contacts_at(truth)
+        return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts, motion=motion)
 
     def along(self, truth: Trajectory) -> PlannedDrive:
         """Take the vehicle along poses as they are, without wheels: there is no odometry.
@@ -128,6 +159,7 @@ class PlannedDrive:
             looked for.
         name: of the vehicle in the world.
         others: other vehicles in the world, by name.
+        motion: in physics, between the poses; None: straight and even.
     """
 
     drive: Drive
@@ -137,6 +169,7 @@ class PlannedDrive:
     contacts: tuple[Contact, ...] | None = None
     name: str = BODY
     others: Mapping[str, OtherVehicle] = field(default_factory=dict)
+    motion: SimulatedMotion | None = None
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -146,7 +179,10 @@ class PlannedDrive:
     def world(self) -> DriveWorld:
         """Motion of the world."""
         scene, body = _with_short_name(self.drive.scene), self.drive.vehicle.body
-        return DriveWorld(scene, body, self.truth, self.name, self.others)
+        if self.motion is None:
+            return DriveWorld(scene, body, self.truth, self.name, self.others)
+        scene = self.motion.scene_with_motions(scene)
+        return DriveWorld(scene, body, self.truth, self.name, self.others, self.motion.base)
 
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
         """Render what is missing in the folder, step by step; yields how many steps are there.
@@ -170,7 +206,7 @@ class PlannedDrive:
             )
             settings = DriveSettings(
                 self.name,
-                self.truth,
+                self.truth if self.motion is None else self.motion.base,
                 drive.seed,
                 drive.unlit,
                 drive.channel_format,
@@ -234,6 +270,7 @@ class PlannedDrive:
                 for sensor in vehicle.sensors
             },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
+            **self._physics_manifest(),
             "path": {
                 "name": Path(drive.route.path).name,
                 "poses": fingerprint(self.truth.times_s, self.truth.world_from_base),
@@ -260,6 +297,13 @@ class PlannedDrive:
             content["boxes_3d"] = True
         as_read: dict[str, Any] = json.loads(json.dumps(content))
         return as_read
+
+    def _physics_manifest(self) -> dict[str, Any]:
+        """Physics for the manifest; empty without."""
+        if self.motion is None or self.drive.physics is None:
+            return {}
+        chassis = dataclasses.asdict(self.drive.physics)
+        return {"physics": {**self.motion.manifest(), "chassis": chassis}}
 
     def _write_records(self, run: RunFolder) -> None:
         """Write the files that need no rendering."""

@@ -41,6 +41,7 @@ class DriveWorld:
         truth: poses of the vehicle's base.
         vehicle: name of the vehicle in the world.
         others: other vehicles by name.
+        motion: of the vehicle's base between those poses; None: straight and even.
     """
 
     scene: Scene
@@ -48,6 +49,7 @@ class DriveWorld:
     truth: Trajectory
     vehicle: str = BODY
     others: Mapping[str, OtherVehicle] = field(default_factory=dict)
+    motion: Trajectory | None = None
 
     @property
     def bodies(self) -> dict[str, Scene]:
@@ -57,9 +59,10 @@ class DriveWorld:
 
     def state_at(self, time_s: float) -> WorldState:
         """State of the world; vehicles rest before and after their trajectories."""
+        motion = self.truth if self.motion is None else self.motion
         return WorldState(
             {
-                self.vehicle: self.truth.pose_at(time_s),
+                self.vehicle: motion.pose_at(time_s),
                 **{name: one.truth.pose_at(time_s) for name, one in self.others.items()},
                 **{one.name: one.motion.pose_at(time_s) for one in self.scene.objects},
             },

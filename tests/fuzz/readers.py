@@ -498,6 +498,11 @@ name = "robot"
 file = "box.obj"
 trajectory = { file = "ball.tum", repeats = false }
 [[objects]]
+name = "crate"
+file = "box.obj"
+position_m = [1.0, 0.0, 0.0]
+mass_kg = 2.0
+[[objects]]
 name = "post"
 file = "box.obj"
 position_m = [1.0, 0.0, 0.0]

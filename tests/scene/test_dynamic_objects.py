@@ -27,6 +27,7 @@ def load(folder, text, head='file = "floor.glb"\n'):
     ("motion", "at_1_s"),
     [
         ("position_m = [1, 2, 3]\n", (1, 2, 3)),
+        ("position_m = [1, 2, 3]\nmass_kg = 0.4\n", (1, 2, 3)),
         ("", (0, 0, 0)),
         ("path = { times_s = [0, 2], positions_m = [[0, 0, 1], [4, 2, 1]] }\n", (2, 1, 1)),
         ('trajectory = { file = "a.tum" }\n', (2, 0, 0)),
@@ -67,6 +68,10 @@ def test_a_scene_extends_another(folder):
         (BALL + "yaw_deg = 3\nshuttle = { from_m = [0,0,0], to_m = [1,0,0], period_s = 1 }\n",
          "expected position_m and yaw_deg without a motion, got shuttle"),
         (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: expected a motion"),
+        (
+            BALL + "mass_kg = 1\nshuttle = { from_m = [0, 0, 0], to_m = [1, 0, 0], period_s = 2 }\n",
+            "mass_kg: expected no motion, got shuttle",
+        ),
         (BALL + "orbit = { centre_m = [0,0,0], radius_m = 1, period_s = 0 }\n",
          "period_s: expected a number other than 0"),
         (BALL + 'trajectory = { file = "b.tum" }\n', "object 'ball': .*b.tum: cannot be read"),

@@ -59,7 +59,7 @@ class DriveSettings:
 
     Attributes:
         vehicle: name of the sensor's vehicle in the world.
-        trajectory: of its base, with a pose for each step.
+        trajectory: of its base, with a pose for each step, or closer ones.
         seed: of the drive.
         unlit: show plain base colours.
         channel_format: of files with ground truth.

@@ -3,12 +3,14 @@ from enum import IntEnum
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int32]
 Bools = NDArray[np.bool_]
+
+__version__: str
 
 class FatalError(Exception): ...
 
@@ -66,6 +68,33 @@ class mjtProjection(IntEnum):
     mjPROJ_PERSPECTIVE = 0
     mjPROJ_ORTHOGRAPHIC = 1
 
+class mjtJoint(IntEnum):
+    mjJNT_HINGE = 3
+
+class mjtIntegrator(IntEnum):
+    mjINT_IMPLICITFAST = 3
+
+class mjtCone(IntEnum):
+    mjCONE_ELLIPTIC = 1
+
+class mjtMeshInertia(IntEnum):
+    mjMESH_INERTIA_CONVEX = 0
+
+class mjtTrn(IntEnum):
+    mjTRN_JOINT = 0
+
+class mjtWarning(IntEnum):
+    mjWARN_BADQPOS = 3
+    mjWARN_BADQVEL = 4
+    mjWARN_BADQACC = 5
+
+class MjLogConfig:
+    @staticmethod
+    def get() -> MjLogConfig: ...
+    def set(self) -> None: ...
+    logto_file: bool
+    logto_console: bool
+
 class _Headlight:
     ambient: Singles
     diffuse: Singles
@@ -84,6 +113,10 @@ class _Statistic:
 
 class _Option:
     timestep: float
+    integrator: mjtIntegrator
+    cone: mjtCone
+    impratio: float
+    gravity: ArrayLike
 
 class MjModel:
     @classmethod
@@ -202,8 +235,86 @@ class MjModel:
     skin_bonevertid: Ints
     skin_bonevertweight: Singles
 
+    def body(self, name: str) -> _Body: ...
+    def joint(self, name: str) -> _Joint: ...
+    def geom(self, number: int) -> _Named: ...
+
+class _Named:
+    name: str
+
+class _Body:
+    mocapid: Ints
+
+class _Joint:
+    qposadr: Ints
+
+class MjsGeom:
+    name: str
+    meshname: str
+    size: ArrayLike
+    friction: ArrayLike
+    solref: ArrayLike
+    solimp: Floats
+    condim: int
+
+class MjsJoint:
+    armature: float
+
+class MjsActuator:
+    def set_to_position(self, kp: float, kv: float) -> None: ...
+
+class MjsBody:
+    mocap: bool
+    mass: float
+    ipos: ArrayLike
+    inertia: ArrayLike
+    explicitinertial: bool
+    def add_body(self, *, name: str, pos: ArrayLike, quat: ArrayLike = ...) -> MjsBody: ...
+    def add_freejoint(self, *, name: str) -> MjsJoint: ...
+    def add_joint(self, *, name: str, type: mjtJoint, axis: ArrayLike) -> MjsJoint: ...
+    def add_geom(
+        self,
+        *,
+        name: str,
+        type: mjtGeom,
+        pos: ArrayLike = ...,
+        quat: ArrayLike = ...,
+        size: ArrayLike = ...,
+        friction: ArrayLike = ...,
+        mass: float = ...,
+        priority: int = ...,
+    ) -> MjsGeom: ...
+
+class MjsDefault:
+    geom: MjsGeom
+
+class MjSpec:
+    option: _Option
+    default: MjsDefault
+    worldbody: MjsBody
+    def add_mesh(
+        self, *, name: str, uservert: ArrayLike, inertia: mjtMeshInertia, maxhullvert: int
+    ) -> None: ...
+    def add_actuator(self, *, name: str, trntype: mjtTrn, target: str) -> MjsActuator: ...
+    def compile(self) -> MjModel: ...
+
+class _Contacts:
+    geom: Ints
+    frame: Floats
+    dim: Ints
+    efc_address: Ints
+    def __len__(self) -> int: ...
+
+class _WarningStat:
+    number: int
+
 class MjData:
     def __init__(self, model: MjModel) -> None: ...
+    mocap_pos: Floats
+    mocap_quat: Floats
+    efc_aref: Floats
+    contact: _Contacts
+    warning: list[_WarningStat]
     time: float
     qpos: Floats
     qvel: Floats
@@ -226,6 +337,8 @@ def mj_name2id(m: MjModel, type: int, name: str) -> int: ...
 def mj_resetDataKeyframe(m: MjModel, d: MjData, key: int) -> None: ...
 def mj_forward(m: MjModel, d: MjData) -> None: ...
 def mj_step(m: MjModel, d: MjData, nstep: int = 1) -> None: ...
+def mj_step1(m: MjModel, d: MjData) -> None: ...
+def mj_step2(m: MjModel, d: MjData) -> None: ...
 def mj_kinematics(m: MjModel, d: MjData) -> None: ...
 def mj_comPos(m: MjModel, d: MjData) -> None: ...
 def mj_camlight(m: MjModel, d: MjData) -> None: ...

@@ -1,0 +1,156 @@
+"""World in MuJoCo: a compiled model, its state, and what its robot touches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.poses import quaternion_from_rotation
+from omnisim.scene.object_motion import ObjectMotion
+from omnisim.simulation.physics.rover import Rover
+from omnisim.simulation.physics.world_model import (
+    CASTOR,
+    PART,
+    ROBOT,
+    SERVO_RADPS,
+    STEP_S,
+    WHEEL,
+    WorldModel,
+)
+
+STEPS_AT_ONCE = 5
+PERIOD_S = STEPS_AT_ONCE * STEP_S
+# Less than gravity over friction, at which contacts lift off (by their impedance).
+SLIDING_MPS2 = 10.0
+SIDE_COSINE = 0.7  # of a contact's normal from the vertical: a tyre there meets more than ground
+DIVERGED = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+
+class SimulatedWorld:
+    """World of a robot that is driven by its wheels.
+
+    Args:
+        model: to compile.
+        rover: its robot.
+        motions: of the objects that move as the scene says, by name.
+        free: names of the objects that are free to move.
+
+    Raises:
+        ValueError: MuJoCo cannot compile the model.
+    """
+
+    def __init__(
+        self,
+        model: WorldModel,
+        rover: Rover,
+        motions: Mapping[str, ObjectMotion],
+        free: list[str],
+    ):
+        self._model = compiled = model.spec.compile()
+        self._data = mujoco.MjData(compiled)
+        self._motions = [
+            (int(compiled.body(f"object {name}").mocapid[0]), motion)
+            for name, motion in motions.items()
+        ]
+        wheels = [f"{WHEEL} {number}" for number in range(len(rover.wheels_m))]
+        self._wheels = [self._address(name) for name in wheels]
+        self._turned_rad = np.zeros(len(wheels))
+        bodies = [self._address(name) for name in (ROBOT, *(f"object {name}" for name in free))]
+        self._bodies = np.array(bodies)[:, None] + np.arange(7)
+        names = [compiled.geom(number).name for number in range(compiled.ngeom)]
+        self._owners = [model.owners.get(name) for name in names]
+        self._is_part = np.array([name.startswith(PART) for name in names])
+        self._is_round = np.array([name.startswith((WHEEL, CASTOR)) for name in names])
+
+    def _address(self, joint: str) -> int:
+        return int(self._model.joint(joint).qposadr[0])
+
+    @property
+    def bodies(self) -> NDArray[np.float64]:
+        """Positions and quaternions wxyz (n, 7) of the robot's base and of the free objects."""
+        found: NDArray[np.float64] = self._data.qpos[self._bodies]
+        return found
+
+    @property
+    def wheels_rad(self) -> NDArray[np.float64]:
+        """Angles (2,) that the left and the right wheels have turned: means of each side."""
+        angles: NDArray[np.float64] = self._data.qpos[self._wheels]
+        means: NDArray[np.float64] = angles.reshape(2, -1).mean(axis=1)
+        return means
+
+    def advance(self, time_s: float, rates_radps: tuple[float, float]) -> None:
+        """Advance by a period.
+
+        Args:
+            time_s: at its end, by which objects move as the scene says.
+            rates_radps: of the left and the right wheels.
+        """
+        rates = np.repeat(rates_radps, len(self._wheels) // 2)
+        for number, motion in self._motions:
+            pose = motion.pose_at(time_s)
+            self._data.mocap_pos[number] = pose[:3, 3]
+            quaternion = quaternion_from_rotation(pose[None, :3, :3])[0]
+            self._data.mocap_quat[number] = np.roll(quaternion, 1)
+        for _ in range(STEPS_AT_ONCE):
+            self._turned_rad += STEP_S * rates
+            # the servos damp the rates themselves
+            self._data.ctrl[:] = self._turned_rad + 2.0 / SERVO_RADPS * rates
+            mujoco.mj_step1(self._model, self._data)
+            self._limit_lift()
+            mujoco.mj_step2(self._model, self._data)
+
+    def _limit_lift(self) -> None:
+        """Limit the accelerations against sliding that contacts ask for.
+
+        MuJoCo's friction cone is convex: what slides is also pushed off the ground, the faster the
+        more, and wheels that skid would hop. Friction itself stays Coulomb's.
+
+        Source: the dual cone of MuJoCo's documentation, "Computation: Constraint model".
+        """
+        wanted, contact = self._data.efc_aref, self._data.contact
+        if len(wanted) == 3 * len(contact):  # each of the contacts has three rows, as mostly
+            along, across = wanted[1::3], wanted[2::3]
+            share = SLIDING_MPS2 / np.maximum(np.hypot(along, across), SLIDING_MPS2)
+            along *= share
+            across *= share
+            return
+        rows = contact.efc_address[(contact.dim > 1) & (contact.efc_address >= 0)]
+        share = SLIDING_MPS2 / np.maximum(
+            np.hypot(wanted[rows + 1], wanted[rows + 2]), SLIDING_MPS2
+        )
+        wanted[rows + 1] *= share
+        wanted[rows + 2] *= share
+
+    def touched(self) -> set[str]:
+        """Names of what the robot's body touches, or its wheels from the side."""
+        contact = self._data.contact
+        geoms = contact.geom
+        aslant = np.abs(contact.frame[:, 2]) < SIDE_COSINE
+        hits = self._is_part[geoms].any(axis=1) | (self._is_round[geoms].any(axis=1) & aslant)
+        owners = (self._owners[number] for number in geoms[hits].ravel().tolist())
+        return {owner for owner in owners if owner is not None}
+
+    @property
+    def has_diverged(self) -> bool:
+        """The engine has met numbers that cannot be, and begun again."""
+        return any(self._data.warning[kind.value].number for kind in DIVERGED)
+
+
+@contextmanager
+def without_log() -> Iterator[None]:
+    """Keep MuJoCo from writing its log file into the working folder, and to the console."""
+    before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    quiet.logto_file = quiet.logto_console = False
+    quiet.set()
+    try:
+        yield
+    finally:
+        before.set()

@@ -1,0 +1,123 @@
+"""Drives in MuJoCo: paths, contacts, objects that are pushed, odometry, and refusals."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+
+pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
+
+from omnisim.errors import OmnisimError, TrajectoryError
+from omnisim.poses import rotation_angles
+from omnisim.scene.model import ScenePath
+from omnisim.simulation.drive import Drive
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
+from tests.simulation.physics.worlds import ball, hall, robot, solid
+
+
+def _drive(scene, waypoints_m, drive="skid_steer", **options):
+    scene = dataclasses.replace(scene, paths=(ScenePath("way", tuple(waypoints_m), None),))
+    found = robot(drive)
+    route = Route("way", step_m=0.2, step_deg=20.0, **options)
+    return Drive(scene, Vehicle.from_robot(found), route, physics=found.chassis)
+
+
+SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("drive", ["skid_steer", "differential"])
+def test_a_square_is_driven_as_planned_and_dead_reckoning_has_the_slip(drive):
+    wanted = _drive(hall(), SQUARE, drive)
+    plan = wanted.plan()
+    planned = dataclasses.replace(wanted, physics=None).plan()
+    np.testing.assert_array_equal(plan.truth.times_s, planned.truth.times_s)
+    off_m = np.linalg.norm(plan.truth.positions_m - planned.truth.positions_m, axis=1)
+    assert off_m.max() < 0.02
+    assert plan.contacts == ()
+    # readings without errors: what is left is slip, of 0.2 % ahead, and of a skid's quick turns
+    end = plan.odometry.planar_poses[-1]
+    slip_m = np.linalg.norm(end[:2] - plan.truth.positions_m[-1, :2])
+    assert slip_m < (0.02 if drive == "differential" else 0.5)
+    assert 0.0 < plan.motion.slip.distance < 2e-3
+    assert abs(plan.motion.slip.turn) < (3e-3 if drive == "differential" else 0.06)
+
+
+def test_the_same_drive_has_the_same_bytes():
+    wanted = _drive(hall(), SQUARE[:3])
+    first, second = wanted.plan(), wanted.plan()
+    for one, other in ((first.truth, second.truth), (first.motion.base, second.motion.base)):
+        assert one.world_from_base.tobytes() == other.world_from_base.tobytes()
+    assert first.odometry.turns_rad.tobytes() == second.odometry.turns_rad.tobytes()
+    assert first.motion.manifest() == second.motion.manifest()
+
+
+def test_a_wall_stops_the_robot():
+    wall = solid(trimesh.creation.box((0.1, 4.0, 1.0)))
+    scene = hall(("wall", wall, (1.5, 0.0, 0.5)))
+    with pytest.raises(
+        TrajectoryError, match=r"cannot follow against wall: expected at most 0\.5 m"
+    ):
+        _drive(scene, SQUARE[:2]).plan()
+    plan = _drive(scene, SQUARE[:2], ignore_limits=True).plan()
+    (contact,) = plan.contacts
+    assert contact.object == "wall"
+    assert contact.position_m[0] == pytest.approx(1.45 - 0.3, abs=0.02)
+    assert plan.truth.positions_m[-1, 0] == pytest.approx(1.45 - 0.3, abs=0.02)
+    # wheels spin on the spot: odometry does not know
+    assert plan.odometry.planar_poses[-1, 0] > 1.5
+
+
+def test_a_ball_that_is_hit_rolls_ahead():
+    scene = dataclasses.replace(hall(), objects=(ball((1.0, 0.0, 0.1)),))
+    plan = _drive(scene, SQUARE[:2]).plan()
+    (contact,) = plan.contacts
+    assert contact.object == "ball"
+    motion = plan.motion.objects["ball"]
+    hit = int(np.searchsorted(motion.times_s, contact.time_s))
+    np.testing.assert_allclose(motion.positions_m[: hit - 2, 0], 1.0, atol=1e-3)
+    # a robot of 10 kg pushes a ball of 0.4 kg: between its own speed, and twice as fast
+    robot_mps = np.diff(plan.motion.base.positions_m[hit - 20 : hit, 0]).mean() * 200.0
+    ball_mps = np.diff(motion.positions_m[hit + 40 : hit + 60, 0]).mean() * 200.0
+    assert 0.9 * robot_mps < ball_mps < 2.0 * robot_mps
+    late = slice(-100, None)
+    rolled = np.linalg.norm(np.diff(motion.positions_m[late], axis=0), axis=1).sum()
+    turned = motion.world_from_base[late, :3, :3]
+    angles = rotation_angles(turned[:-1], turned[1:])
+    assert np.abs(angles).sum() * 0.1 == pytest.approx(rolled, rel=0.01)  # without slipping
+    np.testing.assert_allclose(motion.positions_m[:, 2], 0.1, atol=2e-3)
+    # the world that is rendered has it, too
+    state = plan.world.state_at(float(plan.truth.times_s[-1])).world_from_object
+    assert state["ball"][0, 3] == pytest.approx(motion.positions_m[-1, 0], abs=0.01)
+
+
+def test_a_robot_that_tips_over_is_refused():
+    wanted = _drive(hall(), SQUARE)
+    limits = dataclasses.replace(
+        wanted.vehicle.kinematics, max_speed_mps=3.0, max_acceleration_mps2=6.0
+    )
+    with pytest.raises(TrajectoryError, match=r"way: at \d.* m: the robot tips over"):
+        dataclasses.replace(
+            wanted,
+            vehicle=dataclasses.replace(wanted.vehicle, kinematics=limits),
+            physics=dataclasses.replace(wanted.physics, centre_height_m=2.0),
+        ).plan()
+
+
+def test_refusals_are_one_line():
+    wanted = _drive(hall(), SQUARE[:2])
+    nowhere = dataclasses.replace(wanted.vehicle, footprint=None)
+    with pytest.raises(TrajectoryError, match=r"expected a \[footprint\] or a body with --physics"):
+        dataclasses.replace(wanted, vehicle=nowhere).plan()
+    aimless = dataclasses.replace(wanted.vehicle, kinematics=None)
+    with pytest.raises(TrajectoryError, match=r"expected \[kinematics\] with --physics"):
+        dataclasses.replace(wanted, vehicle=aimless).plan()
+    with pytest.raises(TrajectoryError, match="--ground: expected wheels on the scene's floor"):
+        dataclasses.replace(wanted, route=dataclasses.replace(wanted.route, ground_m=1.0)).plan()
+
+
+def test_physics_without_its_extra_names_it(monkeypatch):
+    monkeypatch.setattr("omnisim.extras.is_installed", lambda module: module != "mujoco")
+    with pytest.raises(OmnisimError, match=r"--physics needs mujoco-core: pip install 'omnisim"):
+        _drive(hall(), SQUARE[:2]).plan()
