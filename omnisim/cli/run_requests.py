@@ -130,7 +130,8 @@ class DriveRequest:
         PhysicsEngine | None,
         typer.Option(
             "--physics",
-            help="Engine in which wheels slip and things collide.",
+            metavar="ENGINE",
+            help="Engine in which wheels slip and things collide: mujoco.",
             show_default="the robot drives as planned, through everything",
             rich_help_panel=TRAJECTORY,
         ),

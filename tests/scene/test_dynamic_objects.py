@@ -69,8 +69,8 @@ def test_a_scene_extends_another(folder):
          "expected position_m and yaw_deg without a motion, got shuttle"),
         (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: expected a motion"),
         (
-            BALL + "mass_kg = 1\nshuttle = { from_m = [0, 0, 0], to_m = [1, 0, 0], period_s = 2 }\n",
-            "mass_kg: expected no motion, got shuttle",
+            BALL + "mass_kg = 1\norbit = { centre_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n",
+            "mass_kg: expected no motion, got orbit",
         ),
         (BALL + "orbit = { centre_m = [0,0,0], radius_m = 1, period_s = 0 }\n",
          "period_s: expected a number other than 0"),

@@ -33,8 +33,8 @@ def test_a_square_is_driven_as_planned_and_dead_reckoning_has_the_slip(drive):
     plan = wanted.plan()
     planned = dataclasses.replace(wanted, physics=None).plan()
     np.testing.assert_array_equal(plan.truth.times_s, planned.truth.times_s)
-    off_m = np.linalg.norm(plan.truth.positions_m - planned.truth.positions_m, axis=1)
-    assert off_m.max() < 0.02
+    distances_m = np.linalg.norm(plan.truth.positions_m - planned.truth.positions_m, axis=1)
+    assert distances_m.max() < 0.02
     assert plan.contacts == ()
     # readings without errors: what is left is slip, of 0.2 % ahead, and of a skid's quick turns
     end = plan.odometry.planar_poses[-1]
