@@ -68,13 +68,6 @@ CONVERSIONS = (
     Conversion((".c4d",), "Cinema 4D", "export it from Cinema 4D as glTF"),
     Conversion((".skp",), "SketchUp", "export it from SketchUp as glTF"),
     Conversion((".umap", ".uasset"), "Unreal", "export it with Unreal Editor's glTF exporter"),
-    Conversion(
-        (".urdf",),
-        "URDF",
-        "convert its meshes to glTF with yourdfpy, and pass --up z",
-        'python -c "import sys, yourdfpy; '
-        f'yourdfpy.URDF.load(sys.argv[1]).scene.export(sys.argv[2])" {SOURCE} {TARGET}',
-    ),
     Conversion((".xacro",), "xacro", "expand it to URDF", f"xacro {SOURCE} > {TARGET}", ".urdf"),
     Conversion(
         (".step", ".stp"),

@@ -19,6 +19,7 @@ from omnisim.scene.textures import TextureStore, large_textures
 _GLTF = {".glb", ".gltf"}
 _SDF = {".sdf", ".world"}
 _MJCF = {".xml", ".mjcf"}
+_URDF = ".urdf"
 _USD = {".usd", ".usda", ".usdc", ".usdz"}
 _EXTRAS = dict.fromkeys(_MJCF, "mujoco") | dict.fromkeys(_USD, "usd")
 
@@ -30,12 +31,23 @@ def check_format(path: Path) -> None:
         SceneError: there is none, or its extra is not installed.
     """
     suffix = path.suffix.lower()
+    if _is_urdf(path):
+        return
     if suffix in _EXTRAS:
         require_extra(_EXTRAS[suffix], str(path), SceneError)
     elif suffix not in _GLTF | _SDF:
         from omnisim.scene.other_formats import check_format  # with trimesh, slow to import
 
         check_format(path)
+
+
+def _is_urdf(path: Path) -> bool:
+    """True for a robot's file, which may be named like a MuJoCo model."""
+    if path.suffix.lower() in _MJCF:
+        from omnisim.scene.urdf.document import is_urdf  # with an XML parser
+
+        return is_urdf(path)
+    return path.suffix.lower() == _URDF
 
 
 def read_file(
@@ -80,10 +92,15 @@ def _read(
     matrix = world_from_file(suffix, data, axes)
     if suffix in _GLTF:
         return read_gltf(data, textures, assets, matrix), matrix
+    if _is_urdf(path):
+        from omnisim.scene.resources import ResourcePath
+        from omnisim.scene.urdf.reader import read_urdf  # with trimesh, slow to import
+
+        return read_urdf(path, data, textures, ResourcePath(path, resources)), matrix
     if suffix in _MJCF:
         from omnisim.scene.mujoco.reader import read_mjcf  # of an extra
 
-        return read_mjcf(path), matrix
+        return read_mjcf(path, matrix), matrix
     if suffix in _SDF:
         from omnisim.scene.resources import ResourcePath
         from omnisim.scene.sdf.reader import read_sdf  # with trimesh, slow to import

@@ -56,6 +56,7 @@ from tests.camera_examples import CAMERA_EXAMPLES
 from tests.fuzz.mutations import glb
 from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
 from tests.scene.gltf_builder import png, skinned_and_textured
+from tests.scene.mujoco.models import SHAPES
 from tests.vehicles import p2at_with_every_sensor
 
 SIZE_PX = 24
@@ -131,6 +132,21 @@ def _gazebo_world(folder: Path) -> None:
     (folder / "cup" / "cup.sdf").write_text(GAZEBO_MODEL)
     (folder / "cup" / "cup.material").write_text("material Cup { diffuse 0.1 0.2 0.3 1 }")
     (folder / "a.world").write_text(GAZEBO_WORLD)
+
+
+def _urdf(folder: Path) -> None:
+    """Robot with every geometry, and a package beside it."""
+    (folder / "pack").mkdir()
+    _box_obj(folder / "pack")
+    (folder / "a.urdf").write_text(URDF)
+
+
+def _mujoco_model(folder: Path) -> None:
+    """Model with every geom, and a mesh."""
+    _box_obj(folder)
+    text = SHAPES.replace("</asset>", '<mesh name="wood" file="box.obj"/></asset>')
+    text = text.replace("</worldbody>", '<geom type="mesh" mesh="wood"/></worldbody>')
+    (folder / "a.xml").write_text(text)
 
 
 def _moving_objects(folder: Path) -> None:
@@ -355,6 +371,8 @@ def _readers() -> list[Reader]:
         Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
         Reader("sdf", _gazebo_world, partial(_read_scene, "a.world"),
                ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material")),
+        Reader("urdf", _urdf, partial(_read_scene, "a.urdf"), ("a.urdf",)),
+        Reader("mujoco", _mujoco_model, partial(_read_scene, "a.xml"), ("a.xml",)),
         Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
         Reader("objects", _moving_objects, partial(_read_scene, "objects.toml"),
                ("objects.toml", "ball.tum")),
@@ -476,6 +494,15 @@ GAZEBO_WORLD = """<sdf version="1.9"><world name="w">
 <point>3 0</point><point>0 3</point><height>2</height></polyline><polyline><point>1 1</point>
 <point>1 0.5</point><point>0.5 1</point></polyline></geometry></visual>
 </link><pose relative_to="one::f">1 2 3 0.1 0.2 0.3</pose></model></world></sdf>
+"""
+URDF = """<robot name="r"><material name="m"><color rgba="1 0 0 0.5"/></material>
+<link name="a"><visual><geometry><box size="1 2 3"/></geometry><material name="m"/></visual>
+<visual name="s"><origin xyz="0 0 1" rpy="1 2 3"/><geometry><sphere radius="0.5"/></geometry>
+<material name="t"><texture filename="pack/wood.png"/></material></visual></link>
+<link name="b"><visual><geometry><cylinder radius="0.2" length="2"/></geometry></visual>
+<visual><geometry><mesh filename="package://pack/box.obj" scale="1 1 2"/></geometry></visual></link>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/>
+<axis xyz="0 1 0"/><limit lower="0.2" upper="0.6"/></joint></robot>
 """
 OBJECTS = """
 extends = "scene.toml"

@@ -6,6 +6,7 @@ Levels are those of MuJoCo's renderer: a white surface is white where they add u
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -59,6 +60,22 @@ def read_background(
         if int(model.tex_type[texture]) == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             return textures.mean_color(texture), ["the sky box is drawn in its mean colour"]
     return DEFAULT_BACKGROUND, []
+
+
+def turned(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
+    """Lighting of a file in the world, as bright in any unit."""
+    rotation, offset = world_from_file[:3, :3], world_from_file[:3, 3]
+    scale = float(np.linalg.norm(rotation[:, 0]))
+    lights = tuple(
+        replace(
+            light,
+            intensity=light.intensity * (1.0 if light.kind is LightKind.DIRECTIONAL else scale**2),
+            position_m=rotation @ light.position_m + offset,
+            direction=rotation @ light.direction / scale,
+        )
+        for light in lighting.lights
+    )
+    return replace(lighting, lights=lights)
 
 
 def _light(model: mujoco.MjModel, data: mujoco.MjData, light: int) -> Light:

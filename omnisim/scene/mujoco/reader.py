@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -14,7 +15,7 @@ from omnisim.poses import pose_from_rotation
 from omnisim.scene.imported import ImportedScene, translate
 from omnisim.scene.mujoco.deformables import flexes, skins
 from omnisim.scene.mujoco.geometry import Geom
-from omnisim.scene.mujoco.lights import read_background, read_lighting
+from omnisim.scene.mujoco.lights import read_background, read_lighting, turned
 from omnisim.scene.mujoco.meshes import Meshes, Parts
 from omnisim.scene.mujoco.names import geom_names
 from omnisim.scene.parts import Instance
@@ -24,21 +25,36 @@ from omnisim.short_repr import counted
 VISIBLE_GROUPS = (0, 1, 2)
 
 
-def read_mjcf(path: Path) -> ImportedScene:
+def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene:
     """Read a model's file, in its first keyframe, or else in its initial configuration.
 
     Raises:
         SceneError: MuJoCo cannot read it.
     """
+    with _warnings() as warnings:
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except (ValueError, mujoco.FatalError) as reason:
+            raise SceneError(f"cannot be read by MuJoCo: {_one_line(str(reason))}") from None
+        data = mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, data, 0)
+        update_poses(model, data)
+    read = ModelReader(model, data, VISIBLE_GROUPS).read()
+    notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
+    lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
+    return read._replace(notices=notices, lighting=lighting)
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """Collect MuJoCo's warnings, which it else writes to the console and a log file."""
+    before, texts = mujoco.get_mju_user_warning(), list[str]()
+    mujoco.set_mju_user_warning(texts.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError, UnicodeDecodeError) as reason:
-        raise SceneError(f"cannot be read by MuJoCo: {_one_line(str(reason))}") from None
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    update_poses(model, data)
-    return ModelReader(model, data, VISIBLE_GROUPS).read()
+        yield texts
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -109,6 +109,25 @@ def test_directional_lights_and_keyframes_count(tmp_path):
     assert scene.pose_of("b/sphere")[:3, 3] == pytest.approx((3.0, 0.0, 0.0))
 
 
+def test_other_axes_turn_the_lights_too(shapes):
+    plain, turned = load_scene(shapes), load_scene(shapes, up_axis="y", meters_per_unit=0.5)
+    (before,), (after,) = plain.lighting.lights, turned.lighting.lights
+    x, y, z = before.position_m
+    assert after.position_m == pytest.approx((0.5 * x, -0.5 * z, 0.5 * y))
+    assert after.direction == pytest.approx((0.0, 1.0, 0.0))
+    assert after.intensity == pytest.approx(before.intensity / 4.0)
+
+
+def test_warnings_of_mujoco_are_notices(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    path = _written(tmp_path, "<!-- NaN --><worldbody><geom size='1' user='NaN'/></worldbody>")
+    assert "model.xml: MuJoCo: XML contains a 'NaN'. Please check it carefully." in (
+        load_scene(path).notices
+    )
+    assert capfd.readouterr() == ("", "")
+    assert [one.name for one in tmp_path.iterdir()] == ["model.xml"]  # no log
+
+
 SKIN = """
 <worldbody>
   <body name="a"><geom size=".1" group="3"/>
