@@ -63,7 +63,9 @@ def read_background(
 
 
 def turned(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
-    """Lighting of a file in the world, as bright in any unit."""
+    """Lighting of a file in the world, as bright in any unit; daylight is of the world already."""
+    if lighting is DEFAULT_LIGHTING:
+        return lighting
     rotation, offset = world_from_file[:3, :3], world_from_file[:3, 3]
     scale = float(np.linalg.norm(rotation[:, 0]))
     lights = tuple(
