@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -12,7 +13,7 @@ from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf.element import Omissions, SdfElement
 from omnisim.scene.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
-from omnisim.scene.textures import TextureStore, alpha_mode_of
+from omnisim.scene.textures import NO_PICTURE, TextureStore, alpha_mode_of
 
 _DEFAULT = (0.7, 0.7, 0.7)  # of a visual without a material; Gazebo's
 _TEXTURE_FOLDERS = ("", "materials/textures", "../materials/textures", "../textures")
@@ -32,34 +33,66 @@ class MaterialReader:
         self._resources, self._textures, self._omissions = resources, textures, omissions
         self._indices: dict[tuple[object, ...], int] = {}
         self._images: dict[Path, Image.Image | None] = {}
+        self._joined: dict[tuple[int, ...], Image.Image] = {}
         self._scripts: dict[tuple[Path, ...], dict[str, ScriptMaterial]] = {}
 
     def read(self, visual: SdfElement, double_sided: bool) -> int:
         """Index of the material of a visual; of a default one where it has none."""
-        element, name = visual.find("material"), visual.name
-        color, texture, emissive, alpha = _DEFAULT, None, (0.0, 0.0, 0.0), 1.0
+        element = visual.find("material")
+        material = Material("", (*_DEFAULT, 1.0), double_sided=double_sided)
         if element is not None:
-            double_sided = double_sided or element.flag("double_sided")
-            script = self._script(element)
-            texture = self._texture(element, script)
-            if script is not None:
-                name, alpha, emissive = element.text("script/name"), script.alpha, script.emissive
-            color = (
-                (script.diffuse if script is not None else None)
-                or element.color("diffuse")
-                or element.color("ambient")
-                or ((1.0, 1.0, 1.0) if texture is not None else _DEFAULT)
-            )
-            emissive = element.color("emissive") or emissive
-            self._count_rest(element)
-        alpha *= 1.0 - min(max(visual.number("transparency", 0.0), 0.0), 1.0)
-        if any(emissive):
-            self._omissions.add("emission is not drawn", "material")
-        mode = AlphaMode.BLEND if alpha < 1.0 else alpha_mode_of(texture)
-        double_sided = double_sided or mode is not AlphaMode.OPAQUE
-        key = (color, alpha, id(texture), mode, double_sided)
-        return self._index(
-            key, Material(name, (*color, alpha), texture, mode, double_sided=double_sided)
+            material = self._reflectance(element, self._plain(element, double_sided))
+        return self._index(_seen_through(material, visual))
+
+    def _plain(self, element: SdfElement, double_sided: bool) -> Material:
+        """Colour, texture and sides of a `<material>`."""
+        script = self._script(element) or ScriptMaterial()
+        texture = self._albedo(element, script)
+        color = (
+            script.diffuse
+            or element.color("diffuse")
+            or element.color("ambient")
+            or ((1.0, 1.0, 1.0) if texture is not None else _DEFAULT)
+        )
+        mode = AlphaMode.BLEND if script.alpha < 1.0 else alpha_mode_of(texture)
+        return Material(
+            element.text("script/name"),
+            (*color, script.alpha),
+            texture,
+            mode,
+            double_sided=double_sided
+            or element.flag("double_sided")
+            or mode is not AlphaMode.OPAQUE,
+            unlit=not element.flag("lighting", default=True),
+            emissive=element.color("emissive") or script.emissive,
+        )
+
+    def _reflectance(self, element: SdfElement, plain: Material) -> Material:
+        """Material with metal, roughness and maps of its `<pbr>`; others are matte."""
+        metal = element.find("pbr/metal")
+        values = metal or element.find("pbr/specular")
+        if values is None:
+            return plain
+        for key, effect in _NOT_DRAWN.items():
+            if values.text(key):
+                self._omissions.add(effect, "material")
+        emissive_map = self._map(values, "emissive_map", is_linear=False)
+        is_dark = emissive_map is not None and element.find("emissive") is None
+        material = replace(
+            plain,
+            emissive=(1.0, 1.0, 1.0) if is_dark else plain.emissive,
+            emissive_map=emissive_map,
+            normal_map=self._normal_map(values),
+            occlusion_map=self._map(values, "ambient_occlusion_map"),
+        )
+        if metal is None:  # Gazebo draws it as matte, too
+            return material
+        return replace(
+            material,
+            metallic=min(max(metal.number("metalness", 0.5), 0.0), 1.0),
+            roughness=min(max(metal.number("roughness", 0.5), 0.0), 1.0),
+            specular=1.0,
+            metallic_roughness_map=self._metal_map(metal),
         )
 
     def is_stated(self, visual: SdfElement) -> bool:
@@ -71,38 +104,72 @@ class MaterialReader:
             return True
         return self._script(element) is not None
 
-    def translucent(self, material: Material, transparency: float) -> int:
-        """Index of a mesh's own material, seen through by a visual's transparency."""
-        red, green, blue, alpha = material.base_color
-        if transparency <= 0.0:
-            return self._index((id(material),), material)
-        color = (red, green, blue, alpha * (1.0 - min(transparency, 1.0)))
-        return self._index(
-            (id(material), color),
-            Material(material.name, color, material.texture, AlphaMode.BLEND, double_sided=True),
-        )
+    def of_mesh(self, material: Material, visual: SdfElement) -> int:
+        """Index of a mesh's own material, as transparent as its visual."""
+        return self._index(_seen_through(material, visual))
 
-    def _index(self, key: tuple[object, ...], material: Material) -> int:
+    def _index(self, material: Material) -> int:
+        values = vars(material).values()
+        key = tuple(id(value) if isinstance(value, Texture) else value for value in values)
         if key not in self._indices:
             self._indices[key] = len(self.materials)
             self.materials.append(material)
         return self._indices[key]
 
-    def _texture(self, element: SdfElement, script: ScriptMaterial | None) -> Texture | None:
+    def _albedo(self, element: SdfElement, script: ScriptMaterial) -> Texture | None:
         for workflow in ("metal", "specular"):
             found = element.find(f"pbr/{workflow}/albedo_map")
             if found is not None and found.own_text:
-                return self._open(found, found.own_text)
-        if script is not None and script.texture:
-            return self._open(element, script.texture)
-        return None
+                return self._texture(found, found.own_text)
+        return self._texture(element, script.texture) if script.texture else None
 
-    def _open(self, element: SdfElement, name: str) -> Texture | None:
+    def _map(self, values: SdfElement, key: str, is_linear: bool = True) -> Texture | None:
+        found = values.find(key)
+        if found is None or not found.own_text:
+            return None
+        return self._texture(found, found.own_text, is_linear)
+
+    def _normal_map(self, values: SdfElement) -> Texture | None:
+        found = values.find("normal_map")
+        if found is not None and found.attribute("type") == "object":
+            self._omissions.add("normal maps in the object's frame are not drawn", "material")
+            return None
+        return self._map(values, "normal_map")
+
+    def _metal_map(self, metal: SdfElement) -> Texture | None:
+        """Roughness and metal of two grey images as green and blue of one."""
+        images = []
+        for key in ("roughness_map", "metalness_map"):
+            found = metal.find(key)
+            name = "" if found is None else found.own_text
+            images.append(self._image(found, name) if found is not None and name else None)
+        given = [image for image in images if image is not None]
+        if not given:
+            return None
+        pair = tuple(map(id, images))
+        if pair not in self._joined:
+            size = max(given, key=lambda image: image.size).size
+            white = Image.new("L", size, 255)
+            bands = [white if one is None else one.convert("L").resize(size) for one in images]
+            self._joined[pair] = Image.merge("RGB", [white, *bands])
+        return self._textures.texture(self._joined[pair], "roughness_map", is_linear=True)
+
+    def _texture(self, element: SdfElement, name: str, is_linear: bool = False) -> Texture | None:
+        image = self._image(element, name)
+        if image is None:
+            return None
+        return self._textures.texture(image, Path(name).name, is_linear=is_linear)
+
+    def _image(self, element: SdfElement, name: str) -> Image.Image | None:
+        """Image by the name that an element has; None, with a notice, where it cannot be read."""
         path = self.find_image(element, name)
         if path is None:
-            self._omissions.add(f"texture {name} is not there: its plain colour is drawn", "visual")
+            self._omissions.add(f"image {name} is not there: drawn without it", "material")
             return None
-        return self.texture(path)
+        image = self.image(path)
+        if image is None:
+            self._omissions.add(f"image {name} {NO_PICTURE}: drawn without it", "material")
+        return image
 
     def find_image(self, element: SdfElement, name: str) -> Path | None:
         """Image file by the name that an element has, or None."""
@@ -111,22 +178,21 @@ class MaterialReader:
         found = self._resources.find(name, *folders, *self._folders(element))
         return found if found is not None and found.is_file() else None
 
-    def texture(self, path: Path) -> Texture | None:
-        """Texture of an image file, decoded once; None, with a notice, where that fails."""
+    def image(self, path: Path) -> Image.Image | None:
+        """Image of a file, opened once; None where that fails."""
         if path not in self._images:
             self._images[path] = None
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")  # of a large picture
-                    self._images[path] = Image.open(path)
+                    image = Image.open(path)
+                    image.load()
+                    self._images[path] = image
             except MemoryError:
                 raise
             except Exception:  # Pillow's readers raise all kinds
-                self._omissions.add(
-                    f"{path.name} cannot be read: its plain colour is drawn", "image"
-                )
-        image = self._images[path]
-        return None if image is None else self._textures.texture(image, path.name)
+                return None
+        return self._images[path]
 
     def _folders(self, element: SdfElement) -> Iterator[Path]:
         """Folders that a script's URIs name."""
@@ -158,24 +224,25 @@ class MaterialReader:
             self._omissions.add(f"material {name} is drawn in a plain colour", "visual")
         return found
 
-    def _count_rest(self, element: SdfElement) -> None:
-        """Count what is not drawn."""
-        for workflow in ("metal", "specular"):
-            values = element.find(f"pbr/{workflow}")
-            for key, effect in _NOT_DRAWN.items():
-                if values is not None and values.text(key):
-                    self._omissions.add(effect, "material")
+
+def _seen_through(material: Material, visual: SdfElement) -> Material:
+    """Material as transparent as its visual."""
+    transparency = min(max(visual.number("transparency", 0.0), 0.0), 1.0)
+    if transparency == 0.0:
+        return material
+    *color, alpha = material.base_color
+    red, green, blue = color
+    return replace(
+        material,
+        base_color=(red, green, blue, alpha * (1.0 - transparency)),
+        alpha_mode=AlphaMode.BLEND,
+        double_sided=True,
+    )
 
 
 _NOT_DRAWN = {
-    "metalness": "metals are drawn as matt surfaces of their colour",
-    "metalness_map": "maps of metal and roughness are not drawn",
-    "roughness_map": "maps of metal and roughness are not drawn",
     "specular_map": "specular colour and glossiness are not drawn",
     "glossiness_map": "specular colour and glossiness are not drawn",
-    "normal_map": "normal maps are not drawn",
-    "ambient_occlusion_map": "occlusion maps are not drawn",
-    "emissive_map": "emission is not drawn",
-    "environment_map": "environment maps are not drawn",
+    "environment_map": "environment maps of materials are not drawn",
     "light_map": "light maps are not drawn",
 }

@@ -205,13 +205,11 @@ class _Reader:
         own = None
         if self._materials.is_stated(visual):
             own = self._materials.read(visual, double_sided=True)
-        transparency = visual.number("transparency", 0.0)
         for one in instances:
             mesh = file.meshes[one.mesh]
             material = own
             if material is None:
-                plain = file.materials[mesh.material]
-                material = self._materials.translucent(plain, transparency)
+                material = self._materials.of_mesh(file.materials[mesh.material], visual)
             key = id(mesh), material
             if key not in self._made:
                 self._made[key] = len(self._meshes), np.zeros(3)

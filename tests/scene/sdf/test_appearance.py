@@ -93,7 +93,43 @@ def test_a_script_beside_a_model_has_colour_and_texture(tmp_path):
     assert scene.notices == ()
 
 
-def test_an_albedo_map_is_drawn_and_the_others_are_noted(tmp_path):
+def grey(path, level, size=(2, 2)):
+    Image.new("L", size, level).save(path)
+
+
+def test_metal_and_maps_are_those_of_gltf(tmp_path):
+    grey(tmp_path / "rough.png", 50)
+    grey(tmp_path / "metal.png", 100, (4, 4))
+    for name in ("normal", "occlusion", "glow"):
+        Image.new("RGB", (2, 2), (10, 20, 30)).save(tmp_path / f"{name}.png")
+    scene = load_material(
+        tmp_path,
+        "<pbr><metal><roughness>0.3</roughness><roughness_map>rough.png</roughness_map>"
+        "<metalness_map>metal.png</metalness_map><normal_map>normal.png</normal_map>"
+        "<ambient_occlusion_map>occlusion.png</ambient_occlusion_map>"
+        "<emissive_map>glow.png</emissive_map></metal></pbr>",
+    )
+    material = material_of(scene)
+    assert (material.metallic, material.roughness) == (0.5, 0.3)  # 0.5: the specification's
+    assert material.metallic_roughness_map.pixels[0, 0, 1:3].tolist() == [50, 100]
+    assert material.metallic_roughness_map.pixels.shape == (4, 4, 4)
+    assert [texture.is_linear for texture in material.maps] == [True, True, True, False]
+    assert material.emissive == (1.0, 1.0, 1.0)
+    assert scene.notices == ()
+
+
+def test_what_states_no_metal_is_matte(tmp_path):
+    scene = load_material(tmp_path, "<diffuse>1 0 0 1</diffuse><specular>1 1 1 1</specular>")
+    assert material_of(scene).is_matte
+
+
+def test_what_glows_or_takes_no_light(tmp_path):
+    scene = load_material(tmp_path, "<emissive>0 2 0 1</emissive><lighting>0</lighting>")
+    assert material_of(scene).emissive == (0.0, 2.0, 0.0)
+    assert material_of(scene).unlit
+
+
+def test_an_albedo_map_is_drawn_and_a_light_map_is_noted(tmp_path):
     (tmp_path / "materials" / "textures").mkdir(parents=True)
     Image.new("RGB", (4, 4), (200, 100, 50)).save(tmp_path / "materials" / "textures" / "a.png")
     scene = load_material(
@@ -107,9 +143,7 @@ def test_an_albedo_map_is_drawn_and_the_others_are_noted(tmp_path):
 
 def test_a_texture_that_is_missing_is_noted(tmp_path):
     scene = load_material(tmp_path, "<pbr><metal><albedo_map>a.png</albedo_map></metal></pbr>")
-    assert scene.notices == (
-        "test.world: texture a.png is not there: its plain colour is drawn (1 visual)",
-    )
+    assert scene.notices == ("test.world: image a.png is not there: drawn without it (1 material)",)
 
 
 def two_cubes(path):
