@@ -18,6 +18,7 @@ from omnisim.scene.mujoco.geometry import Geom
 from omnisim.scene.mujoco.lights import read_background, read_lighting, turned
 from omnisim.scene.mujoco.meshes import Meshes, Parts
 from omnisim.scene.mujoco.names import geom_names
+from omnisim.scene.mujoco.viewpoint import find_viewpoint
 from omnisim.scene.parts import Instance
 from omnisim.short_repr import counted
 
@@ -43,7 +44,8 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
     read = ModelReader(model, data, VISIBLE_GROUPS).read()
     notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
     lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
-    return read._replace(notices=notices, lighting=lighting)
+    start = find_viewpoint(model, data, world_from_file)
+    return read._replace(notices=notices, lighting=lighting, start=start)
 
 
 @contextmanager

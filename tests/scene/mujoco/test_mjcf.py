@@ -118,6 +118,20 @@ def test_other_axes_turn_the_lights_too(shapes):
     assert after.intensity == pytest.approx(before.intensity / 4.0)
 
 
+def test_pictures_start_at_a_camera_of_the_world_or_in_front_of_the_middle(shapes, tmp_path):
+    start = load_scene(shapes).start  # its camera looks straight down, y is up in its picture
+    assert start.position_m == pytest.approx((0.0, 0.0, 5.0))
+    assert start.yaw_deg == pytest.approx(90.0)
+    path = _written(
+        tmp_path,
+        "<statistic center='1 2 3' extent='2'/><worldbody><body><geom size='1'/>"
+        "<camera pos='0 0 0'/></body></worldbody>",
+    )
+    start = load_scene(path).start
+    assert start.position_m == pytest.approx((3.0, 2.0, 3.8))
+    assert abs(start.yaw_deg) == pytest.approx(180.0)
+
+
 def test_warnings_of_mujoco_are_notices(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     path = _written(tmp_path, "<!-- NaN --><worldbody><geom size='1' user='NaN'/></worldbody>")
