@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from omnisim.scene.parts import Texture, Wrap
 from omnisim.srgb import linear_from_srgb8
 
-FACES = range(6)
-
 
 class Textures:
     """Textures of a model, each made once."""
@@ -29,8 +27,9 @@ class Textures:
         return self._make(texture, None, is_linear)
 
     def face(self, texture: int, face: int) -> Texture:
-        """Face of a cube, in OpenGL's order: right, left, and so on."""
-        return self._make(texture, face, False)
+        """Face of a cube, in OpenGL's order: +x, −x, +y and so on; a square is all six."""
+        is_square = self._model.tex_height[texture] == self._model.tex_width[texture]
+        return self._make(texture, 0 if is_square else face, False)
 
     def plain_color(self, texture: int) -> tuple[float, float, float] | None:
         """Linear RGB of a texture that has one colour only; None: it has several."""

@@ -13,6 +13,7 @@ from omnisim.scene.labels import find_labels
 from omnisim.scene.lighting import DEFAULT_LIGHTING
 from omnisim.scene.model import AlphaMode, LightKind
 from omnisim.srgb import linear_from_srgb
+from tests.scene.gltf_builder import png
 from tests.scene.mujoco.models import SHAPES
 
 mujoco = pytest.importorskip("mujoco")
@@ -73,6 +74,22 @@ def test_colors_are_display_values_of_geom_material_and_texture(shapes):
     assert _material(scene, "crate/box_2").alpha_mode is AlphaMode.BLEND
     assert _material(scene, "floor").texture is not None
     assert scene.background == pytest.approx(linear_from_srgb([0.3, 0.5, 0.7]), rel=0.02)
+
+
+def test_one_square_picture_is_on_all_faces_of_a_cube(tmp_path):
+    (tmp_path / "wood.png").write_bytes(png(np.arange(12).reshape(2, 2, 3) * 20))
+    path = _written(
+        tmp_path,
+        "<asset><texture name='w' type='cube' file='wood.png'/><material name='w' texture='w'/>"
+        "</asset><worldbody><geom type='box' size='1 1 1' material='w'/></worldbody>",
+    )
+    scene = load_scene(path)
+    textures = {id(scene.materials[scene.meshes[one.mesh].material].texture): one.mesh
+                for one in scene.instances}  # fmt: skip
+    assert len(scene.instances) == 6
+    assert len(textures) == 1
+    texture = scene.materials[0].texture
+    assert texture.pixels[..., :3].tolist() == (np.arange(12).reshape(2, 2, 3) * 20).tolist()
 
 
 def test_lights_are_as_bright_as_stated_at_the_middle_of_the_model(shapes):
