@@ -17,7 +17,7 @@ from omnisim.trajectories import Trajectory
 
 # Within which the scene collides: about the path, beside half of the robot's diagonal; and about
 # objects that are free to move.
-PATH_REACH_M, OBJECT_REACH_M = 1.0, 5.0
+PATH_REACH_M, OBJECT_REACH_M = 1.0, 20.0
 HEADROOM_M = 0.5  # above the robot
 MOST_PIECES = 30_000  # some 0.4 ms a step
 
