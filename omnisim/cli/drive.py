@@ -50,9 +50,9 @@ def run(request: DriveRequest) -> None:
 def _load_robots(request: DriveRequest) -> dict[str, Robot]:
     """Robots by name, which is also that of their folder."""
     if request.physics is not None:
-        require_extra("mujoco", "--physics", RunError)
         if len(request.robots) > 1:
             raise RunError(f"--physics: expected one --robot, got {len(request.robots)}")
+        require_extra("mujoco", "--physics", RunError)
     if len(request.paths) != len(request.robots):
         raise RunError(
             f"--path: expected one for each --robot, {len(request.robots)}, got "

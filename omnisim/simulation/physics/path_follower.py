@@ -22,11 +22,10 @@ class PathFollower:
     """Tracking controller that knows the robot's true pose.
 
     Between the poses of the trajectory the reference is a monotone cubic, which neither overshoots
-    nor cuts corners; the robot rests at both ends.
+    nor cuts corners, and is exact while acceleration is even; the robot rests at both ends.
 
     Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot", ICRA
-    1990, with a correction of the heading that does not vanish at rest. Fritsch and Carlson,
-    "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980).
+    1990, with a correction of the heading that does not vanish at rest.
 
     Args:
         trajectory: planned, of which x, y and yaw count.
@@ -38,9 +37,8 @@ class PathFollower:
         ends = trajectory.times_s[[0, -1]] + (-REST_S, REST_S)
         stamps = np.concatenate((ends[:1], trajectory.times_s, ends[1:]))
         planar = np.column_stack((trajectory.positions_m[:, :2], np.unwrap(trajectory.yaw_rad)))
-        curve = scipy.interpolate.PchipInterpolator(
-            stamps, np.concatenate((planar[:1], planar, planar[-1:]))
-        )
+        planar = np.concatenate((planar[:1], planar, planar[-1:]))
+        curve = scipy.interpolate.CubicHermiteSpline(stamps, planar, _slopes(stamps, planar))
         self._poses = curve(times_s)
         self._rates = curve(times_s, 1)
         self._rover = rover
@@ -73,6 +71,22 @@ class PathFollower:
         difference = 0.5 * self._rover.effective_track_m * turn_rate
         radius = self._rover.wheel_radius_m
         return (speed - difference) / radius, (speed + difference) / radius
+
+
+def _slopes(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Slopes (n, k) at values (n, k): of parabolas through three, where monotone; the ends rest.
+
+    Source: Fritsch and Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17
+    (1980): a slope of at most three times those of the chords beside it.
+    """
+    steps_s = np.diff(times_s)[:, None]
+    chords = np.diff(values, axis=0) / steps_s
+    before, after = chords[:-1], chords[1:]
+    parabolas = (before * steps_s[1:] + after * steps_s[:-1]) / (steps_s[1:] + steps_s[:-1])
+    most = 3.0 * np.minimum(np.abs(before), np.abs(after))
+    slopes = np.zeros_like(values)
+    slopes[1:-1] = np.where(before * after > 0.0, np.clip(parabolas, -most, most), 0.0)
+    return slopes
 
 
 def _limited(rate: float, limit: float) -> float:

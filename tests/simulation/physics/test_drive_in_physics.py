@@ -1,6 +1,7 @@
 """Drives in MuJoCo: paths, contacts, objects that are pushed, odometry, and refusals."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import trimesh
 
 pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
 
-from omnisim.errors import OmnisimError, TrajectoryError
+from omnisim.errors import OmnisimError, RunError, TrajectoryError
 from omnisim.poses import rotation_angles
 from omnisim.scene.model import ScenePath
 from omnisim.simulation.drive import Drive
@@ -121,3 +122,48 @@ def test_physics_without_its_extra_names_it(monkeypatch):
     monkeypatch.setattr("omnisim.extras.is_installed", lambda module: module != "mujoco")
     with pytest.raises(OmnisimError, match=r"--physics needs mujoco-core: pip install 'omnisim"):
         _drive(hall(), SQUARE[:2]).plan()
+
+
+def test_a_drive_that_was_stopped_goes_on_with_the_same_bytes(tmp_path, needs_opengl):
+    scene = dataclasses.replace(hall(), objects=(ball((1.0, 0.0, 0.1)),))
+    wanted = dataclasses.replace(_drive(scene, SQUARE[:2]), vehicle=Vehicle.from_robot(_seeing()))
+    list(wanted.plan().record(tmp_path / "whole"))
+    stopped = wanted.plan().record(tmp_path / "stopped")
+    for _ in range(4):
+        next(stopped)
+    stopped.close()
+    list(wanted.plan().record(tmp_path / "stopped"))
+    files = [one for one in (tmp_path / "whole").rglob("*") if one.is_file()]
+    assert len(files) > 14
+    for one in files:
+        other = tmp_path / "stopped" / one.relative_to(tmp_path / "whole")
+        assert other.read_bytes() == one.read_bytes(), one
+    manifest = json.loads((tmp_path / "whole" / "manifest.json").read_text())
+    assert manifest["physics"]["engine"].startswith("mujoco ")
+    assert manifest["physics"]["chassis"]["mass_kg"] == 10.0
+    assert manifest["path"]["contacts"][0]["object"] == "ball"
+    with pytest.raises(RunError, match="another run is in this folder"):
+        list(dataclasses.replace(wanted, physics=None).plan().record(tmp_path / "whole"))
+
+
+def _seeing():
+    """The robot with an IMU, whose readings are of the motion between the steps."""
+    imu = {"name": "imu", "type": "imu", "position_m": [0.0, 0.0, 0.1], "device": "ideal"}
+    return dataclasses.replace(robot(), sensors=(imu,))
+
+
+def test_the_imu_feels_gravity_and_the_motion_of_the_simulation(tmp_path, needs_opengl):
+    wanted = dataclasses.replace(_drive(hall(), SQUARE[:2]), vehicle=Vehicle.from_robot(_seeing()))
+    plan = wanted.plan()
+    list(plan.record(tmp_path / "run"))
+    files = sorted((tmp_path / "run" / "imu").glob("*.csv"))
+    readings = np.concatenate(
+        [np.loadtxt(one, delimiter=",", skiprows=1, ndmin=2) for one in files]
+    )
+    assert len(readings) == pytest.approx(200.0 * plan.truth.duration_s, abs=2)
+    assert readings[:, 6].mean() == pytest.approx(9.80665, rel=1e-4)
+    # even acceleration by 0.5 m/s² over the first second, then braking by as much at the end
+    assert np.median(readings[20:180, 4]) == pytest.approx(0.5, abs=0.02)
+    assert np.median(readings[-180:-20, 4]) == pytest.approx(-0.5, abs=0.02)
+    speed = np.cumsum(readings[:, 4]) / 200.0
+    assert speed[-1] == pytest.approx(0.0, abs=0.02)
