@@ -6,6 +6,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.model import Fog
+
 
 def find_uniform(
     program: moderngl.Program | moderngl.ComputeShader, name: str
@@ -32,6 +34,16 @@ def set_sampler(program: moderngl.Program, name: str, unit: int) -> None:
     found = find_uniform(program, name)
     if found is not None:
         found.value = unit
+
+
+def write_fog(program: moderngl.Program, fog: Fog) -> None:
+    """Write the uniforms of shaders/scene/fog.glsl, where a program has them."""
+    for name, value in (
+        ("u_fog_color", fog.color), ("u_fog_attenuation_per_m", fog.attenuation_per_m)
+    ):  # fmt: skip
+        found = find_uniform(program, name)
+        if found is not None:
+            found.value = value
 
 
 def columns_first(matrices: NDArray[np.float64]) -> NDArray[np.float32]:

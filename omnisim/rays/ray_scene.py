@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.rays.caster import RayCaster, RayHits, Rays
 from omnisim.rays.embree import NO_TRIANGLE
+from omnisim.rays.fog import fogged
 from omnisim.rays.geometry import Poses
 from omnisim.rays.shading import Shading
 from omnisim.rays.shadows import CastShadow
@@ -68,6 +69,7 @@ class RayScene:
         self.shading = Shading(self.caster.geometry, scene.lighting)
         self._threads = threads or os.cpu_count() or 1
         self._background = np.array(scene.background, dtype=np.float32)
+        self._fog = scene.lighting.fog
 
     def radiance(
         self,
@@ -86,6 +88,8 @@ class RayScene:
             unlit: show plain base colours.
         """
         poses, shading = objects.world_from_objects, self.shading
+        fog = None if unlit else self._fog
+        background = self._background if fog is None else np.array(fog.color, dtype=np.float32)
         total = np.zeros((len(rays.near_m), 3), dtype=np.float32)
         share = np.ones(len(total), dtype=np.float32)
         active, behind = np.arange(len(total)), None
@@ -93,7 +97,7 @@ class RayScene:
             hits = self.caster.cast(rays, poses, objects.hidden, behind)
             is_hit = hits.triangles != NO_TRIANGLE
             missed = active[~is_hit]
-            total[missed] += share[missed, None] * self._background
+            total[missed] += share[missed, None] * background
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
@@ -107,6 +111,8 @@ class RayScene:
                 some = None if widths is None else widths[shown]
                 cast = self._shadow_caster(poses)
                 light = shading.lit(light, rays.take(shown), hits.take(shown), cast, poses, some)
+            if fog is not None:
+                light = fogged(fog, light, hits.ranges_m[shown])
             weights = share[active[shown]] * opacity[shown]
             total[active[shown]] += weights[:, None] * light
             share[active] *= 1.0 - opacity

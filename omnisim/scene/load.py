@@ -16,6 +16,7 @@ from omnisim.scene.file_axes import FileAxes, overruled
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
+from omnisim.scene.lit_scene import lit_scene
 from omnisim.scene.model import (
     MAX_LIGHTS,
     ColorBand,
@@ -82,6 +83,8 @@ def _load_source(
         scene = _load_mesh_file(source, found, axes, resources, is_shape)
     else:
         scene = _load_extended(str(source), found, axes, resources, outer)
+
+    scene = lit_scene(scene, found.settings)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
         return _load_source(path, FileAxes(axis), resources, outer, is_shape=True)

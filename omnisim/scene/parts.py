@@ -236,6 +236,21 @@ LAMP_NEAR_M = 0.05
 MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
 
 
+@dataclass(frozen=True)
+class Fog:
+    """Homogeneous fog, or water: light is lost along a ray, and the fog's own comes in.
+
+    At a distance of d metres a share exp(−attenuation · d) is left of each channel.
+
+    Attributes:
+        color: linear RGB at an infinite distance.
+        attenuation_per_m: of R, G and B.
+    """
+
+    color: tuple[float, float, float]
+    attenuation_per_m: tuple[float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """Lights of a scene, and their exposure.
@@ -248,6 +263,7 @@ class Lighting:
         lights: at most `MAX_LIGHTS`.
         exposure: brightness of a white surface for one lux.
         environment: light from far away, beside the ambient; None: there is no more.
+        fog: between cameras and what they see; None: the air is clear.
         is_matte: all materials, also of dynamic objects, are drawn as matte ones.
     """
 
@@ -255,7 +271,12 @@ class Lighting:
     lights: tuple[Light, ...]
     exposure: float = 1.0
     environment: Environment | None = None
+    fog: Fog | None = None
     is_matte: bool = False
+
+    def background(self, color: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Linear RGB where nothing is hit: the background's, or the fog's before it."""
+        return color if self.fog is None else self.fog.color
 
     @property
     def has_shadows(self) -> bool:
@@ -270,11 +291,15 @@ class Lighting:
             tuple(itertools.compress(self.lights, (not one for one in is_directional))),
         )
 
+    def with_shadows(self, casts: bool) -> Lighting:
+        """Lighting by the same lights, all of which cast shadows, or none."""
+        return replace(
+            self, lights=tuple(replace(light, casts_shadow=casts) for light in self.lights)
+        )
+
     def without_shadows(self) -> Lighting:
         """Lighting by the same lights, none of which casts shadows."""
-        return replace(
-            self, lights=tuple(replace(light, casts_shadow=False) for light in self.lights)
-        )
+        return self.with_shadows(False)
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.lights), "light"), f"exposure {self.exposure:g}")

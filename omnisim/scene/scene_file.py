@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from omnisim.errors import did_you_mean
 from omnisim.parameters import Number, Signed, Table
+from omnisim.scene.light_tables import FogTable, LampTable, LightTable, SunTable
 
 Level = Annotated[Number, Field(ge=0.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
@@ -210,14 +211,6 @@ class LabelFile(Table):
     labels: Annotated[LabelTables, Field(min_length=1)]
 
 
-class LightTable(Table):
-    """Light of the scene, and how surfaces reflect it."""
-
-    shading: Literal["full", "matte"] | None = None
-    """full: metal, gloss, maps and emission as the mesh files have them, which is the default;
-    matte: base colours alone, by Lambert's law, also of vehicles and other objects."""
-
-
 class SceneFile(Table):
     """Keys of a scene's TOML."""
 
@@ -238,6 +231,9 @@ class SceneFile(Table):
     background: LinearRgb | None = None
     """Linear RGB where nothing is hit; left out: a pale sky."""
     light: LightTable = Field(default_factory=LightTable)
+    lamps: tuple[LampTable, ...] = ()
+    sun: SunTable | None = None
+    fog: FogTable | None = None
     start: StartTable | None = None
     starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
     paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()

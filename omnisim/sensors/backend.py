@@ -88,6 +88,11 @@ class LabelCache:
         return self._found[1]
 
 
+def seen_background(scene: Scene, unlit: bool) -> tuple[float, float, float]:
+    """Linear RGB where nothing is hit: behind fog, which plain base colours have none of."""
+    return scene.background if unlit else scene.lighting.background(scene.background)
+
+
 class CameraBackend(ABC):
     """Makes the pictures of one camera, and finds the hits of its rays."""
 

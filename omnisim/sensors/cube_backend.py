@@ -47,7 +47,13 @@ from omnisim.gpu.shadows.shadow_maps import ShadowMaps
 from omnisim.ground_truth.hits import Hits
 from omnisim.ground_truth.lidar_beams import LidarBeams
 from omnisim.scene import Scene
-from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
+from omnisim.sensors.backend import (
+    CameraBackend,
+    CameraSetup,
+    FrameRequest,
+    SceneBackend,
+    seen_background,
+)
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
@@ -177,7 +183,7 @@ class CubeCamera(CameraBackend):
             sensor.far_m,
             sensor.samples,
             setup.unlit,
-            world.scene.background,
+            seen_background(world.scene, setup.unlit),
             setup.hidden,
         )
         self._hit_source: CubeHits | None = None

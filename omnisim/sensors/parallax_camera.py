@@ -23,7 +23,13 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.optics.centrality import common_point
-from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
+from omnisim.sensors.backend import (
+    CameraBackend,
+    CameraSetup,
+    FrameRequest,
+    SceneBackend,
+    seen_background,
+)
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
@@ -73,7 +79,12 @@ class ParallaxCamera(CameraBackend):
         self._viewpoint_m = viewpoint_m
         plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
         self._cameras = VirtualCameras(
-            sensor.near_m, sensor.far_m, 1, setup.unlit, world.scene.background, setup.hidden
+            sensor.near_m,
+            sensor.far_m,
+            1,
+            setup.unlit,
+            seen_background(world.scene, setup.unlit),
+            setup.hidden,
         )
         is_ideal = sensor.degradation.is_ideal
         self._cube = CubePass(
@@ -84,10 +95,11 @@ class ParallaxCamera(CameraBackend):
         )
         longest_m = max(rays.longest_m for rays in colors)
         pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
+        fog = None if setup.unlit else world.scene.lighting.fog
         parallax = (
-            ParallaxPass(context, colors[0], plan, pyramid)
+            ParallaxPass(context, colors[0], plan, pyramid, fog=fog)
             if len(colors) == 1
-            else ChromaticPass(context, colors, plan, pyramid)
+            else ChromaticPass(context, colors, plan, pyramid, fog)
         )
         self._casts = not missing_packages("rays")
         self._pipeline = ParallaxPipeline(

@@ -70,7 +70,9 @@ void main() {
         vec3 surface = here + offset.x * right + offset.y * down;
         vec2 texel = place.cell.xy + surface.xy * place.cell.zw;
         bool known = straight && abs(inverse_z_at(texel) - surface.z) < tolerance;
-        vec3 color = color_at(texel, level);
+        vec3 color = color_along(
+            color_at(texel, level), vec3(surface.xy, 1.0), surface.z,
+            u_face_from_rig[place.face] * origin.xyz);
         total += known ? color : vec3(0.0);
         left[part / 32] |= known ? 0u : 1u << (part % 32);
     }

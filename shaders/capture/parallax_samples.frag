@@ -32,5 +32,8 @@ void main() {
     Place place = place_of(ray.direction + found.nearness * ray.origin, ray.origin);
     float level = level_at(pixel, place);
     bool known = found.known && is_unmixed(place, found.nearness, level);
-    out_color = vec4(color_at(place.texel, level), known ? 1.0 : 0.0);
+    vec3 color = color_along(
+        color_at(place.texel, level), ray.direction + found.nearness * ray.origin,
+        found.nearness, ray.origin);
+    out_color = vec4(color, known ? 1.0 : 0.0);
 }

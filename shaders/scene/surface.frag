@@ -2,7 +2,8 @@
 // texture is stored as sRGB and decoded by the sampler.
 // With REFLECTANCE it has metal, gloss, maps or emission; TEXTURE_COORDINATES: one of the maps counts.
 // With NORMALS_AGREE all normals point to the front side, which alone is seen: none is missing, and
-// none is flipped. POSITION: the position counts, for punctual lights or for missing normals.
+// none is flipped. POSITION: the position counts, for punctual lights, missing normals,
+// shadows or FOG.
 #version 430 core
 
 #include "scene/material.glsl"
@@ -16,11 +17,14 @@ flat
 in vec4 v_color;  // base colour, and light where that is known
 layout(location = 0) out vec4 out_color;
 
-#ifdef LIT
-in vec3 v_normal;
 #ifdef POSITION
 in vec3 v_position;
 #endif
+#ifdef FOG
+#include "scene/fog.glsl"
+#endif
+#ifdef LIT
+in vec3 v_normal;
 #include "scene/lighting.glsl"
 #ifdef REFLECTANCE
 #include "scene/reflectance.glsl"
@@ -82,6 +86,9 @@ void main() {
 #endif
 #if defined(ALPHA_MASK) && defined(REFLECTANCE)
     if (is_hole) discard;
+#endif
+#ifdef FOG
+    color.rgb = fogged(color.rgb, length(v_position));
 #endif
 #ifndef ALPHA_BLEND
     color.a = 1.0;

@@ -22,9 +22,9 @@ in vec3 in_light;
 #ifdef LIT
 in vec3 in_normal;
 out vec3 v_normal;
+#endif
 #ifdef POSITION
 out vec3 v_position;
-#endif
 #endif
 
 #ifdef CLUSTERED
@@ -32,13 +32,15 @@ out vec3 v_position;
 in vec2 in_material;
 flat out vec2 v_material;  // layer of the texture array, and cutoff of alpha
 #endif
-#ifdef LIT
+#if defined(LIT) || defined(POSITION)
 in mat3x4 in_viewpoint_from_object;  // its rows are columns here; rigid
 #endif
 #else
 uniform vec4 u_base_color;
-#ifdef LIT
+#ifdef POSITION
 uniform mat4 u_viewpoint_from_mesh;
+#endif
+#ifdef LIT
 uniform mat3 u_normal_from_mesh;
 #endif
 #endif
@@ -63,16 +65,17 @@ void main() {
 #ifdef BAKED
     v_color.rgb *= in_light;
 #endif
-#ifdef LIT
+#ifdef POSITION
 #ifdef CLUSTERED
-#ifdef POSITION
     v_position = vec4(in_position, 1.0) * in_viewpoint_from_object;
-#endif
-    v_normal = vec4(in_normal, 0.0) * in_viewpoint_from_object;
 #else
-#ifdef POSITION
     v_position = (u_viewpoint_from_mesh * vec4(in_position, 1.0)).xyz;
 #endif
+#endif
+#ifdef LIT
+#ifdef CLUSTERED
+    v_normal = vec4(in_normal, 0.0) * in_viewpoint_from_object;
+#else
     v_normal = u_normal_from_mesh * in_normal;
 #endif
 #endif

@@ -12,6 +12,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.depth_pyramid import DepthPyramid
 from omnisim.gpu.capture.parallax_pass import CastSamples, ParallaxPass
 from omnisim.gpu.capture.parallax_rays import ParallaxRays
+from omnisim.scene.model import Fog
 
 _GREEN = 1  # whose rays say where the picture is valid
 
@@ -24,6 +25,7 @@ class ChromaticPass:
         rays: of the samples of R, G and B, from the viewpoint, rig frame.
         plan: tiles of the atlas.
         pyramid: of its depth.
+        fog: see `ParallaxPass`.
 
     Attributes:
         undecided_samples: of the last picture, those of all channels.
@@ -38,10 +40,11 @@ class ChromaticPass:
         rays: Sequence[ParallaxRays],
         plan: TilePlan,
         pyramid: DepthPyramid,
+        fog: Fog | None = None,
     ):
         self._pyramid, self.undecided_samples = pyramid, 0
         shown = rays[_GREEN].valid_shares() >= 0.5
-        self._passes = [ParallaxPass(context, one, plan, pyramid, shown) for one in rays]
+        self._passes = [ParallaxPass(context, one, plan, pyramid, shown, fog) for one in rays]
 
     def draw(
         self,

@@ -17,7 +17,8 @@ from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import find_uniform, uniform
+from omnisim.gpu.uniforms import find_uniform, uniform, write_fog
+from omnisim.scene.model import Fog
 
 # texture units
 _ATLAS, _RAYS, _ORIGINS, _RIM_RAYS, _SURFACES, _SAMPLES = range(6)
@@ -52,6 +53,7 @@ class ParallaxPass:
         plan: tiles of the atlas.
         pyramid: of its depth.
         shown: pixels (height, width) of the picture to draw; None: all that have samples.
+        fog: that the atlas shows, from the viewpoint; None: there is none.
 
     Attributes:
         undecided_samples: of the last picture.
@@ -67,9 +69,10 @@ class ParallaxPass:
         plan: TilePlan,
         pyramid: DepthPyramid,
         shown: NDArray[np.bool_] | None = None,
+        fog: Fog | None = None,
     ):
         self._context, self._sample_rays, self._plan = context, rays, plan
-        self._pyramid = pyramid
+        self._pyramid, self._fog = pyramid, fog
         self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
         self._what = f"a capture of {width} × {height} px"
         self.undecided_samples = 0
@@ -108,8 +111,12 @@ class ParallaxPass:
         plan = self._plan
         defines = ["MIP_LEVELS"] if plan.max_level else []
         defines.append(f"SUPERSAMPLING {self._sample_rays.supersampling}")
+        if self._fog is not None:
+            defines.append("FOG")
         program = build_program(self._context, vertex, f"capture/{fragment}.frag", defines)
         self._pyramid.bind_program(program)
+        if self._fog is not None:
+            write_fog(program, self._fog)
         for name, value in (
             ("u_atlas", _ATLAS),
             ("u_rays", _RAYS),

@@ -19,7 +19,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.shadow_source import ShadowSource
 from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import find_uniform, set_sampler, uniform
+from omnisim.gpu.uniforms import find_uniform, set_sampler, uniform, write_fog
 from omnisim.scene.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.reflectance import environment_table
@@ -46,6 +46,7 @@ class SurfaceVariant(NamedTuple):
         blended_arrays: number of texture arrays of blended clusters.
         maps: the material has such a map, in the order of `Material.maps`; None: it is matte.
         second_coordinates: place some of the maps.
+        in_fog: it is seen through the scene's fog, if there is some.
     """
 
     lit: bool
@@ -57,6 +58,7 @@ class SurfaceVariant(NamedTuple):
     blended_arrays: int | None = None
     maps: tuple[bool, ...] | None = None
     second_coordinates: bool = False
+    in_fog: bool = True
 
     @property
     def computes_light(self) -> bool:
@@ -66,6 +68,7 @@ class SurfaceVariant(NamedTuple):
     def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
         """Defines of the shaders."""
         defines = []
+        is_placed = in_fog = lighting.fog is not None and self.in_fog
         if self.computes_light:
             directional, punctual = lighting.by_kind()
             defines += [
@@ -76,8 +79,8 @@ class SurfaceVariant(NamedTuple):
             agree = self.shading is Shading.NORMALS_AGREE
             if agree:
                 defines.append("NORMALS_AGREE")
-            if punctual or not agree or self.maps is not None or shadows is not None:
-                defines.append("POSITION")
+            is_placed = is_placed or bool(punctual) or not agree or self.maps is not None
+            is_placed = is_placed or shadows is not None
             if lighting.environment is not None:
                 defines.append("ENVIRONMENT")
             if shadows is not None:
@@ -85,6 +88,10 @@ class SurfaceVariant(NamedTuple):
             defines += self._reflectance_defines()
         elif self.lit:
             defines.append("BAKED")
+        if is_placed:
+            defines.append("POSITION")
+        if in_fog:
+            defines.append("FOG")
         if self.textured:
             defines.append("TEXTURED")
         if self.alpha_mode is not AlphaMode.OPAQUE:
@@ -114,7 +121,7 @@ def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
     material, found = item.material, item.texture_layer.reflectance
     textured = material.texture is not None
     if unlit or material.unlit:
-        return SurfaceVariant(False, material.alpha_mode, textured)
+        return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
     variant = SurfaceVariant(True, material.alpha_mode, textured)
     return variant if found is None else _reflective(variant, found.maps, found.second_coordinates)
 
@@ -130,7 +137,7 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     """Variant that draws the clusters of a bucket; `unlit`: plain base colours."""
     textured = bucket.array is not None
     if unlit or bucket.unlit:
-        return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True)
+        return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
     variant = SurfaceVariant(True, bucket.alpha_mode, textured, bucket.shading, clustered=True)
     if bucket.maps is None:
         return variant
@@ -140,7 +147,12 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
 def variant_of_blended(arrays: int, unlit: bool) -> SurfaceVariant:
     """Variant that draws all blended items, of so many texture arrays."""
     return SurfaceVariant(
-        not unlit, AlphaMode.BLEND, arrays > 0, clustered=True, blended_arrays=arrays
+        not unlit,
+        AlphaMode.BLEND,
+        arrays > 0,
+        clustered=True,
+        blended_arrays=arrays,
+        in_fog=not unlit,
     )
 
 
@@ -190,6 +202,8 @@ class SurfaceProgram:
                 set_sampler(program, name, unit)
             if not variant.clustered:
                 set_sampler(program, "u_vertex_details", _ITEM_DETAILS_UNIT)
+        if lighting.fog is not None and variant.in_fog:
+            write_fog(program, lighting.fog)
         if variant.computes_light:
             _write_lights(program, lighting)
             if lighting.environment is not None:
