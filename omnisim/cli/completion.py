@@ -26,6 +26,7 @@ EXPORT_FORMATS = (
     "ros2-mcap", "ros2-sqlite", "kitti360", "tum", "euroc", "nerfstudio", "colmap",
     "colmap-binary", "tartanair",
 )  # fmt: skip
+CAMERA = "omnicamera"  # type of a sensor in a run's manifest
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",
@@ -72,8 +73,9 @@ def complete_run_camera(ctx: typer.Context, incomplete: str) -> list[str]:
     manifest_file = _argument(ctx, "run", "source") / "manifest.json"
     try:
         manifest = json.loads(manifest_file.read_text(encoding="utf-8"))
-        return _beginning(incomplete, manifest["cameras"])
-    except (OSError, ValueError, KeyError, TypeError):
+        sensors = manifest["sensors"].items()
+        return _beginning(incomplete, [name for name, one in sensors if one["type"] == CAMERA])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return []
 
 

@@ -62,8 +62,7 @@ class LensCamera:
         Raises:
             RunError: it has no single viewpoint.
         """
-        model = recorded.central("`omnisim calibration convert --optics` fits a lens to them")
-        camera = cls(recorded, model)
+        camera = cls(recorded, recorded.central)
         if camera.is_flipped:
             print_note(
                 f"{recorded.name}: looks into a mirror: its pictures are flipped left to right, as "

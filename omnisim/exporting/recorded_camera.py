@@ -55,18 +55,17 @@ class RecordedCamera:
         """False for an optical system whose rays do not meet."""
         return not isinstance(self.mount.camera, NonCentralCamera)
 
-    def central(self, reason: str) -> CentralCamera:
+    @property
+    def central(self) -> CentralCamera:
         """The camera's model, which has one viewpoint.
-
-        Args:
-            reason: what needs it, for the message.
 
         Raises:
             RunError: it has none.
         """
         if not self.has_one_viewpoint:
             raise RunError(
-                f"{self.run.path / self.name}: its optics have no single viewpoint: {reason}"
+                f"{self.run.path / self.name}: expected a camera with one viewpoint, got optics: "
+                "`omnisim calibration convert` fits one to it"
             )
         return self.mount.camera
 

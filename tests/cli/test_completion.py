@@ -1,5 +1,6 @@
 """Shell completion, as a shell asks for it."""
 
+import json
 import os
 import subprocess
 import sys
@@ -65,7 +66,9 @@ def test_names_are_completed(words, expected):
 
 
 def test_a_runs_cameras_are_completed(tmp_path):
-    (tmp_path / "manifest.json").write_text('{"cameras": ["cam0", "cam1", "front"]}')
+    cameras = {name: {"type": "omnicamera"} for name in ("cam0", "cam1", "front")}
+    sensors = {**cameras, "cam_imu": {"type": "imu"}}
+    (tmp_path / "manifest.json").write_text(json.dumps({"sensors": sensors}))
     assert _ask("video", str(tmp_path), "--camera-name", "c") == ["cam0", "cam1"]
     assert _ask("video", "none", "--camera-name", "c") == []
 

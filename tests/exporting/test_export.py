@@ -2,7 +2,9 @@
 
 import shutil
 from datetime import UTC, datetime
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from omnisim.atomic_file import atomic_folder, partials, remove_partials
@@ -10,9 +12,23 @@ from omnisim.cli.completion import EXPORT_FORMATS
 from omnisim.cli.export import parse_start_time
 from omnisim.errors import OmnisimError, OutputError
 from omnisim.exporting.export import export_run
+from omnisim.exporting.export_format import ExportSettings
 from omnisim.exporting.recorded_camera import RecordedCamera
+from omnisim.exporting.recording import Recording
 from omnisim.exporting.registry import EXTRAS, FORMATS, format_named
 from omnisim.extras import missing_packages
+from omnisim.optics import read_optics_file
+from omnisim.poses import pose
+from omnisim.robot.odometry import OdometryErrors
+from omnisim.scene import load_scene
+from omnisim.sensors import OmniCamera
+from omnisim.simulation.drive import Drive
+from omnisim.simulation.route import Route
+from omnisim.simulation.sensors import MountedCamera
+from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 def test_completion_and_registry_know_the_same_formats():
@@ -119,3 +135,45 @@ def test_an_interrupted_export_leaves_nothing(run, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         list(export_run(run, "ros2-mcap", tmp_path / "out"))
     assert not any(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def optics(tmp_path_factory):
+    """Run of a camera without one viewpoint, two steps, with ranges."""
+    model = read_optics_file(EXAMPLES / "optics" / "sphere.toml")
+    camera = MountedCamera("omnicamera", "ball", (), OmniCamera(model).resized(40))
+    vehicle = Vehicle("rig", "rig", None, None, OdometryErrors(), None, (camera,))
+    drive = Drive(load_scene("soccer"), vehicle, Route("line"), channels=("range",))
+    poses = np.array([pose((x, 0.0, 0.6)) for x in (0.0, 0.2)])
+    folder = tmp_path_factory.mktemp("optics") / "run"
+    list(drive.along(Trajectory(np.array([0.0, 0.5]), poses)).record(folder))
+    return folder
+
+
+@pytest.mark.usefixtures("needs_opengl")
+class TestOptics:
+    def test_a_bag_has_their_pictures_ranges_and_points(self, optics, tmp_path):
+        """Points of rays that do not meet in one point lie on the floor."""
+        rosbags = pytest.importorskip("rosbags.highlevel")
+        settings = ExportSettings(with_points=True)
+        list(export_run(optics, "ros2-mcap", tmp_path / "out", settings))
+        recorded = Recording.read(optics).cameras[0]
+        with rosbags.AnyReader([tmp_path / "out"]) as reader:
+            assert {connection.topic for connection in reader.connections} == {
+                "/ball/image_raw", "/ball/range", "/ball/points", "/ball/calibration", "/tf",
+                "/tf_static", "/ground_truth/pose",
+            }  # fmt: skip
+            (clouds,) = [one for one in reader.connections if one.topic == "/ball/points"]
+            _, _, data = next(reader.messages([clouds]))
+            cloud = reader.deserialize(data, clouds.msgtype)
+        points_m = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(-1, 4)[:, :3]
+        world_from_optical = pose((0.0, 0.0, 0.6)) @ recorded.mount.base_from_optical
+        heights_m = points_m @ world_from_optical[2, :3] + world_from_optical[2, 3]
+        assert np.mean(np.abs(heights_m) < 1e-3) > 0.3
+        assert heights_m.min() > -0.3
+
+    @pytest.mark.parametrize("format", [name for name in FORMATS if not name.startswith("ros2")])
+    def test_formats_of_lenses_refuse_them(self, optics, tmp_path, format):
+        with pytest.raises(OmnisimError, match="expected a camera with one viewpoint, got optics"):
+            list(export_run(optics, format, tmp_path / "out"))
+        assert not any(tmp_path.iterdir())

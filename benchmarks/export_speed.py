@@ -1,0 +1,84 @@
+"""Rate and memory of `omnisim export` of a run of 500 pictures of 720 × 720 px with ranges:
+`python -m benchmarks.export_speed [FORMAT [STEPS]]`, ros2-mcap and 500 by default.
+
+Eight pictures are rendered in courtyard, and linked as many times as there are steps. The rate is
+of the bytes that are written, by the wall's clock and by the processor's, which other programs do
+not slow as much; memory is the process's largest, libraries included.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from omnisim import load_scene, pose
+from omnisim.cameras import EquidistantCamera
+from omnisim.robot.odometry import OdometryErrors
+from omnisim.sensors import OmniCamera
+from omnisim.simulation.drive import Drive
+from omnisim.simulation.route import Route
+from omnisim.simulation.run_folder import GROUND_TRUTH, MANIFEST
+from omnisim.simulation.sensors import MountedCamera
+from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory, write_trajectory
+
+RENDERED, SIZE_PX, STEPS = 8, 720, 500
+CAMERA = "camera"
+
+
+def _record(folder: Path, steps: int) -> None:
+    """Record a run, and repeat its pictures."""
+    lens = EquidistantCamera(SIZE_PX, SIZE_PX, 240.0, (359.5, 359.5), 1.5)
+    camera = MountedCamera("omnicamera", CAMERA, (), OmniCamera(lens).with_quality("fast"))
+    vehicle = Vehicle("rig", "rig", None, None, OdometryErrors(), None, (camera,))
+    drive = Drive(load_scene("courtyard"), vehicle, Route("line"), channels=("range",))
+    list(drive.along(_line(RENDERED)).record(folder))
+    (folder / GROUND_TRUTH).unlink()
+    write_trajectory(folder / GROUND_TRUTH, _line(steps))
+    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    manifest["steps"] = steps
+    (folder / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    for step in range(RENDERED, steps):
+        for suffix in (".png", ".channels.exr"):
+            source = folder / CAMERA / f"{step % RENDERED:06d}{suffix}"
+            os.link(source, folder / CAMERA / f"{step:06d}{suffix}")
+
+
+def _line(steps: int) -> Trajectory:
+    x_m = np.linspace(-2.0, 2.0, steps)
+    times_s = np.arange(steps, dtype=np.float64) / 10.0
+    return Trajectory(times_s, np.array([pose((x, -0.5, 1.3)) for x in x_m]))
+
+
+def main(name: str, steps: int = STEPS) -> None:
+    """Measure one export."""
+    with tempfile.TemporaryDirectory() as folder:
+        run, output = Path(folder) / "run", Path(folder) / "export"
+        _record(run, steps)
+        command = [sys.executable, "-m", "omnisim", "export", str(run), "--to", name]
+        start_s = time.perf_counter()
+        subprocess.run([*command, "-o", str(output)], check=True)
+        wall_s = time.perf_counter() - start_s
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        processor_s = used.ru_utime + used.ru_stime
+        size_mb = sum(file.stat().st_size for file in output.rglob("*") if file.is_file()) / 1e6
+    print(
+        f"{name}: {size_mb:.0f} MB of {steps} steps: {size_mb / wall_s:.0f} MB/s, "
+        f"{size_mb / processor_s:.0f} MB a second of processor, {used.ru_maxrss / 1e3:.0f} MB of "
+        "memory"
+    )
+
+
+if __name__ == "__main__":
+    main(
+        sys.argv[1] if len(sys.argv) > 1 else "ros2-mcap",
+        int(sys.argv[2]) if len(sys.argv) > 2 else STEPS,
+    )
