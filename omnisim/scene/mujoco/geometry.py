@@ -74,13 +74,13 @@ def _of_sizes(surface: Surface, sizes: NDArray[np.float64]) -> Shape:
 
 
 def _capsule(size: NDArray[np.float64]) -> Shape:
-    """Capsule, whose half spheres are scaled about their own middles."""
+    """Capsule, whose half spheres are scaled by the radius, from the ends of its tube on."""
     radius, half = float(size[0]), float(size[1])
     surface = capsule(radius, half)
     scaled = surface.positions / (radius, radius, half)
     domes = slice(2 * (segments(radius) + 1), None)  # what follows the tube
-    if surface.normals is not None:
-        scaled[domes] = surface.normals[domes]
+    z = surface.positions[domes, 2]
+    scaled[domes, 2] = np.sign(z) * (1.0 + (np.abs(z) - half) / radius)
     return Shape(surface, None, scaled)
 
 

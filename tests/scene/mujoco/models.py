@@ -46,6 +46,7 @@ SHAPES = """
     </body>
     <body name="tet" pos="1.2 -1 .3"><geom type="mesh" mesh="tetra"/></body>
     <camera name="top" pos="0 0 5" fovy="60" resolution="80 60"/>
+    <camera name="view" pos="0 -5.5 4.5" xyaxes="1 0 0 0 .65 .76" fovy="50"/>
   </worldbody>
 </mujoco>
 """
