@@ -370,7 +370,7 @@ def _readers() -> list[Reader]:
         Reader("gltf", _gltf_json, partial(_read_scene, "box.gltf")),
         Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
         Reader("sdf", _gazebo_world, partial(_read_scene, "a.world"),
-               ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material")),
+               ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material", "wood.png")),
         Reader("urdf", _urdf, partial(_read_scene, "a.urdf"), ("a.urdf",)),
         Reader("mujoco", _mujoco_model, partial(_read_scene, "a.xml"), ("a.xml",)),
         Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
@@ -493,6 +493,10 @@ GAZEBO_WORLD = """<sdf version="1.9"><world name="w">
 </plane></geometry></visual><visual name="h"><geometry><polyline><point>0 0</point>
 <point>3 0</point><point>0 3</point><height>2</height></polyline><polyline><point>1 1</point>
 <point>1 0.5</point><point>0.5 1</point></polyline></geometry></visual>
+<visual name="i"><geometry><heightmap><uri>wood.png</uri><size>3 4 1</size><texture><diffuse>
+wood.png</diffuse><size>2</size></texture><texture><diffuse>wood.png</diffuse><size>1</size>
+</texture><blend><min_height>0.2</min_height><fade_dist>0.1</fade_dist></blend></heightmap>
+</geometry></visual>
 </link><pose relative_to="one::f">1 2 3 0.1 0.2 0.3</pose></model></world></sdf>
 """
 URDF = """<robot name="r"><material name="m"><color rgba="1 0 0 0.5"/></material>

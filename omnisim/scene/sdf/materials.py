@@ -7,11 +7,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf.element import Omissions, SdfElement
+from omnisim.scene.sdf.heightmaps import Layer, blend
 from omnisim.scene.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
 from omnisim.scene.textures import NO_PICTURE, TextureStore, alpha_mode_of
 
@@ -103,6 +106,28 @@ class MaterialReader:
         if any(True for _ in element.children("diffuse", "ambient", "emissive", "pbr")):
             return True
         return self._script(element) is not None
+
+    def terrain(self, element: SdfElement, levels: NDArray[np.float64]) -> tuple[int, float]:
+        """Index of a heightmap's material, and the side that its texture covers; 0: the whole."""
+        layers = []
+        blends = [
+            (one.number("min_height", 0.0), one.number("fade_dist", 0.0))
+            for one in element.children("blend")
+        ]
+        starts = [(0.0, 0.0), *blends]
+        for stated, (from_m, fade_m) in zip(element.children("texture"), starts, strict=False):
+            image = self._image(stated, stated.text("diffuse"))
+            if image is not None:
+                layers.append(Layer(image, stated.positive("size", 10.0), from_m, fade_m))
+        if not layers:
+            return self._index(Material("", (*_DEFAULT, 1.0))), 0.0
+        size = element.vector("size", (1.0, 1.0, 1.0))
+        if len(layers) == 1:
+            picture, tile_m = layers[0].image, layers[0].size_m
+        else:
+            picture, tile_m = blend(layers, levels, size), 0.0
+        texture = self._textures.texture(picture, "terrain")
+        return self._index(Material("", texture=texture)), tile_m
 
     def of_mesh(self, material: Material, visual: SdfElement) -> int:
         """Index of a mesh's own material, as transparent as its visual."""

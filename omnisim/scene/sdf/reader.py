@@ -16,6 +16,7 @@ from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf import shapes
 from omnisim.scene.sdf.document import parse_xml
 from omnisim.scene.sdf.element import Omissions, SdfElement
+from omnisim.scene.sdf.heightmaps import read_levels, terrain
 from omnisim.scene.sdf.lights import read_light
 from omnisim.scene.sdf.materials import MaterialReader
 from omnisim.scene.sdf.meshes import MeshLibrary, centre, submesh
@@ -145,12 +146,32 @@ class _Reader:
         tag = kind.element.tag
         if tag == "mesh":
             self._read_mesh(kind, visual, file_from_visual, name)
+        elif tag == "heightmap":
+            self._read_heightmap(kind, file_from_visual, name)
         elif tag in shapes.SHAPES:
             shape = self._shape(geometry, kind)
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
         else:
             self._omissions.add(f"<{tag}> is not drawn", "visual")
+
+    def _read_heightmap(
+        self, element: SdfElement, file_from_visual: NDArray[np.float64], name: str
+    ) -> None:
+        uri = element.text("uri")
+        path = self._materials.find_image(element, uri)
+        if path is None:
+            self._library.miss(uri)
+            return
+        image = self._materials.image(path)
+        levels = None if image is None else read_levels(image)
+        if levels is None:
+            self._omissions.add(f"heightmap {path.name} is not drawn: no grey image", "visual")
+            return
+        if element.find("texture/normal") is not None:
+            self._omissions.add("normal maps of terrains are not drawn", "heightmap")
+        material, tile_m = self._materials.terrain(element, levels)
+        self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
 
     def _shape(self, geometry: SdfElement, kind: SdfElement) -> Shape:
         """Shape of a geometry; equal ones are one."""
