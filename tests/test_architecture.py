@@ -36,6 +36,7 @@ LAYERS = (
     {"errors", "short_repr", "version"},
 )
 GPU_LAYERS = (
+    {"hit_batches"},
     {"batch_pipeline", "parallax_pipeline"},
     {"cuda_buffer", "pipeline", "readback_ring"},
     {"ground_truth"},

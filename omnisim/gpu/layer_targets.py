@@ -8,27 +8,29 @@ import moderngl
 
 from omnisim.gpu.gl_functions import gl_function
 
-_COLOR_ATTACHMENT, _DEPTH_ATTACHMENT = 0x8CE0, 0x8D00
+COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; those of more colours follow
 _TEXTURE_2D_ARRAY, _DEPTH_COMPONENT32F = 0x8C1A, 0x8CAC
 _DEPTH_COMPONENT, _FLOAT = 0x1902, 0x1406
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 
 
-def attach_texture(framebuffer: int, texture: int) -> None:
-    """Make a 2D texture the colours of a framebuffer."""
-    _attach(framebuffer, _COLOR_ATTACHMENT, texture)
+def attach_texture(framebuffer: int, texture: int, attachment: int = COLORS) -> None:
+    """Make a texture, or all layers of an array, the colours of a framebuffer, or another
+    attachment."""  # fmt: skip
+    attach = gl_function("glNamedFramebufferTexture", _ENUM, _ENUM, _ENUM, _INT)
+    attach(framebuffer, attachment, texture, 0)
 
 
-def attach_layer(framebuffer: int, array: int, layer: int) -> None:
-    """Make a layer of a texture array the colours of a framebuffer."""
+def attach_layer(framebuffer: int, array: int, layer: int, attachment: int = COLORS) -> None:
+    """Make a layer of a texture array the colours of a framebuffer, or another attachment."""
     attach = gl_function("glNamedFramebufferTextureLayer", _ENUM, _ENUM, _ENUM, _INT, _INT)
-    attach(framebuffer, _COLOR_ATTACHMENT, array, 0, layer)
+    attach(framebuffer, attachment, array, 0, layer)
 
 
 def layered_target(
-    context: moderngl.Context, colors: moderngl.TextureArray
+    context: moderngl.Context, *colors: moderngl.TextureArray
 ) -> tuple[moderngl.Framebuffer, moderngl.TextureArray]:
-    """Framebuffer of all layers of a texture array, and their depth: 32-bit floats, readable."""
+    """Framebuffer of all layers of texture arrays, and their depth: 32-bit floats, readable."""
     # moderngl makes no depth of layers: its texture gets other storage
     depth = context.texture_array((1, 1, 1), 1)
     depth.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -38,14 +40,8 @@ def layered_target(
         "glTexImage3D",
         _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p,
     )  # fmt: skip
-    size = colors.width, colors.height, colors.layers
+    size = colors[0].width, colors[0].height, colors[0].layers
     allocate(_TEXTURE_2D_ARRAY, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None)
-    target = context.framebuffer([colors])
-    _attach(target.glo, _DEPTH_ATTACHMENT, depth.glo)
+    target = context.framebuffer(colors)
+    attach_texture(target.glo, depth.glo, DEPTH)
     return target, depth
-
-
-def _attach(framebuffer: int, attachment: int, texture: int) -> None:
-    """Make a texture, or all layers of an array, an attachment of a framebuffer."""
-    attach = gl_function("glNamedFramebufferTexture", _ENUM, _ENUM, _ENUM, _INT)
-    attach(framebuffer, attachment, texture, 0)

@@ -226,9 +226,8 @@ def fill_channels(
         others: those of the "next" and the "previous" pictures, where channels need them.
     """
     truth = passes.ground_truth("albedo" in arrays)
-    for number, now in enumerate(poses):
-        there = {other: some[number] for other, some in others.items()}
-        for name, values in truth.channels(tuple(arrays), now, there).items():
+    for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):
+        for name, values in channels.items():
             arrays[name][number] = values
 
 

@@ -31,6 +31,7 @@ from omnisim.gpu.ground_truth.lidar_pass import LidarPass
 from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
+from omnisim.gpu.hit_batches import HitBatches
 from omnisim.gpu.pipeline import (
     DegradedPipeline,
     Pipeline,
@@ -305,6 +306,8 @@ class CubeHits(HitSource):
     def refresh(self) -> None:
         """Hit what the buffers have now."""
         self._passes.refresh()
+        if "_batches" in self.__dict__:
+            self._batches.refresh()
         self._find_draws()
 
     def _find_draws(self) -> None:
@@ -318,6 +321,16 @@ class CubeHits(HitSource):
     def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
         """Intersect all rays with what is seen around them."""
         return self._passes.render(*poses, normals=normals, albedos=albedos)
+
+    def batch_hits(
+        self, poses: Sequence[ScenePoses], normals: bool = False, albedos: bool = False
+    ) -> Iterator[Hits]:
+        """Intersect the rays of many pictures, drawn together."""
+        return self._batches.hits(poses, normals, albedos)
+
+    @cached_property
+    def _batches(self) -> HitBatches:
+        return HitBatches(self._passes)
 
     def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
         """Start to draw the occlusion from another viewpoint."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -61,12 +61,34 @@ class GroundTruth:
             others: those of the "next" and the "previous" picture, where `Channel.other` of a name
                 needs them.
         """
-        hits = self._source.hits(
-            current,
-            normals="normals" in names or "normals_camera" in names,
-            albedos="albedo" in names,
+        hits = self._source.hits(current, *_needs(names))
+        return self._channels_of(hits, names, current, others or {})
+
+    def batch(
+        self,
+        names: Sequence[str],
+        current: Sequence[ScenePoses],
+        others: Mapping[str, Sequence[ScenePoses]],
+    ) -> Iterator[dict[str, NDArray[Any]]]:
+        """Render the channels of many pictures, in order; see `channels`."""
+        flows = any(name in FLOWS for name in names)  # occlusion is that of the last hits
+        hits = (
+            (self._source.hits(one, *_needs(names)) for one in current)
+            if flows
+            else self._source.batch_hits(current, *_needs(names))
         )
-        poses = others or {}
+        for number, (one, found) in enumerate(zip(current, hits, strict=True)):
+            there = {other: some[number] for other, some in others.items()}
+            yield self._channels_of(found, names, one, there)
+
+    def _channels_of(
+        self,
+        hits: Hits,
+        names: Sequence[str],
+        current: ScenePoses,
+        poses: Mapping[str, ScenePoses],
+    ) -> dict[str, NDArray[Any]]:
+        """Channels of a picture whose hits are found."""
         rig_from_optical = self._source.camera.rig_from_optical
         world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
         make: dict[str, Callable[[], NDArray[Any]]] = {
@@ -108,6 +130,11 @@ class GroundTruth:
     @cached_property
     def _flow(self) -> OpticalFlow:
         return OpticalFlow(self._source)
+
+
+def _needs(names: Collection[str]) -> tuple[bool, bool]:
+    """Normals and albedos are needed for channels of these names."""
+    return not {"normals", "normals_camera"}.isdisjoint(names), "albedo" in names
 
 
 def instances_of_draws(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,13 @@ class HitSource(ABC):
 
         Normals and albedos have no rows where they are not asked for.
         """
+
+    def batch_hits(
+        self, poses: Sequence[ScenePoses], normals: bool = False, albedos: bool = False
+    ) -> Iterator[Hits]:
+        """Cast all rays of each picture, in order; here one after the other."""
+        for one in poses:
+            yield self.hits(one, normals, albedos)
 
     @abstractmethod
     def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:

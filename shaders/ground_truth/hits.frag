@@ -1,10 +1,15 @@
 // Hit of each pixel's ray: point, range, primitive; with NORMALS the interpolated normal, with
 // ALBEDO the base colour. With PARALLAX rays have origins of their own, and the triangles are those
-// that the viewpoint sees where the ray ends, by depth (first_surface.glsl).
+// that the viewpoint sees where the ray ends, by depth (first_surface.glsl). With BATCH there are
+// pictures below each other.
 #version 430 core
 
 uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
+#ifdef BATCH
+flat in int v_picture;
+#else
 uniform mat3 u_viewpoint_from_optical;
+#endif
 
 // Viewpoint frame; and range. Infinite: nothing is hit, and the point is a direction.
 layout(location = 0) out vec4 out_point;
@@ -31,8 +36,33 @@ const float IN_FRONT = 1.005;  // inverse depths this much larger are not of the
 #include "ground_truth/intersect.glsl"
 #ifdef ALBEDO
 #include "ground_truth/nearest_texel.glsl"
+#ifdef BATCH
+uniform sampler2DArray u_albedos;
+#define albedo_at(texel) texelFetch(u_albedos, ivec3(texel, v_picture), 0)
+#else
 uniform sampler2D u_albedos;
+#define albedo_at(texel) texelFetch(u_albedos, texel, 0)
+#endif
 layout(location = ALBEDO_LOCATION) out vec4 out_albedo;
+#endif
+
+#ifdef BATCH
+mat3 viewpoint_from_optical() {
+    vec4 rows[3] = matrix_at(u_draw_item_count - 1u, VIEWPOINT_FROM_MESH);
+    return transpose(mat3(rows[0].xyz, rows[1].xyz, rows[2].xyz));
+}
+
+ivec2 pixel() {
+    return ivec2(gl_FragCoord.xy) - ivec2(0, v_picture * textureSize(u_rays, 0).y);
+}
+#else
+mat3 viewpoint_from_optical() {
+    return u_viewpoint_from_optical;
+}
+
+ivec2 pixel() {
+    return ivec2(gl_FragCoord.xy);
+}
 #endif
 
 #ifdef NORMALS
@@ -65,7 +95,7 @@ struct Ending {
 // as the ray, too thin to show there.
 bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
     vec3 normal = u_face_from_rig[place.face] * u_rig_from_optical *
-        (transpose(u_viewpoint_from_optical) * hit.normal);
+        (transpose(viewpoint_from_optical()) * hit.normal);
     float scale = hit.primitive.x == 0u ? 0.0 :
         1.0 / dot(hit.normal, ray_origin + hit.range * ray);
     bool found = false;
@@ -103,8 +133,8 @@ Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
 #endif
 
 void main() {
-    vec4 optical = texelFetch(u_rays, ivec2(gl_FragCoord.xy), 0);
-    vec3 ray = u_viewpoint_from_optical * optical.xyz;
+    vec4 optical = texelFetch(u_rays, pixel(), 0);
+    vec3 ray = viewpoint_from_optical() * optical.xyz;
     out_point = vec4(ray, INFINITE);
     out_primitive = uvec2(0u);
 #ifdef NORMALS
@@ -115,9 +145,9 @@ void main() {
 #endif
     if (optical.w < 0.5) return;
 #ifdef PARALLAX
-    vec3 optical_origin = texelFetch(u_origins, ivec2(gl_FragCoord.xy), 0).xyz;
+    vec3 optical_origin = texelFetch(u_origins, pixel(), 0).xyz;
     vec3 rig = u_rig_from_optical * optical.xyz, rig_origin = u_rig_from_optical * optical_origin;
-    ray_origin = u_viewpoint_from_optical * optical_origin;
+    ray_origin = viewpoint_from_optical() * optical_origin;
     Ending ending = follow(rig, rig_origin, ray);
     vec3 texel = ending.texel;
     Hit hit = ending.hit;
@@ -137,7 +167,7 @@ void main() {
     out_normal = vec4(normal_of(hit), 1.0);
 #endif
 #ifdef ALBEDO
-    vec3 root = texelFetch(u_albedos, nearest_texel(texel, hit), 0).rgb;
+    vec3 root = albedo_at(nearest_texel(texel, hit)).rgb;
     out_albedo = vec4(root * root, 1.0);
 #endif
 }

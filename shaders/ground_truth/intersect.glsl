@@ -59,7 +59,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
             is_own = (candidates & 1u) != 0u;
             uint at = is_own ? OWN : uint(findLSB(candidates)) - 1u;
             candidates &= candidates - 1u;
-            triangle_id = texelFetch(u_triangle_ids, own_texel + texel_offset(at), 0).x;
+            triangle_id = id_at(own_texel + texel_offset(at));
             primitive = primitive_at(triangle_id);
             if (primitive == hit.primitive) hit.triangle_id = triangle_id;
             steps = 0u;

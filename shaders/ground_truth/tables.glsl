@@ -5,6 +5,7 @@
 // uvec4 draw_item_at(uint item): first index of a draw item, its flags, unused.
 // vec4[3] matrix_at(uint item, uint which): rows of one of its matrices.
 // uvec2 primitive_at(uint triangle_id): 1 + draw item, and triangle in it; 0 for 0.
+// With BATCH draw items are those of a picture, and one past its last is the camera.
 // The layout is that of triangle_table.py, hit_tables.py and triangle_ids.py.
 
 uniform usampler2D u_corners;
@@ -17,6 +18,18 @@ const uint ITEM_ENTRIES = 8u;
 const uint VIEWPOINT_FROM_MESH = 1u, SECOND_MATRIX = 4u;
 const uint MASKED = 1u, DOUBLE_SIDED = 2u, FLIPS_WINDING = 4u;  // flags
 
+#ifdef BATCH
+uniform uint u_draw_item_count;  // of a picture, with the camera
+
+uint first_entry_of(uint item) {
+    return ITEM_ENTRIES * (uint(v_picture) * u_draw_item_count + item);
+}
+#else
+uint first_entry_of(uint item) {
+    return ITEM_ENTRIES * item;
+}
+#endif
+
 uvec4 entry_at(usampler2D entries, uint at) {
     return texelFetch(entries, ivec2(at & ((1u << ROW_BITS) - 1u), at >> ROW_BITS), 0);
 }
@@ -26,11 +39,11 @@ uvec4 corner_at(uint index) {
 }
 
 uvec4 draw_item_at(uint item) {
-    return entry_at(u_draw_items, ITEM_ENTRIES * item);
+    return entry_at(u_draw_items, first_entry_of(item));
 }
 
 vec4[3] matrix_at(uint item, uint which) {
-    uint first = ITEM_ENTRIES * item + which;
+    uint first = first_entry_of(item) + which;
     return vec4[3](
         uintBitsToFloat(entry_at(u_draw_items, first)),
         uintBitsToFloat(entry_at(u_draw_items, first + 1u)),

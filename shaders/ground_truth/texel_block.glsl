@@ -1,9 +1,15 @@
 // uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around one; 0: nothing.
+// uint id_at(ivec2 texel): triangle ID of a texel; with BATCH of the picture's own layer.
 // uint distinct_texels(uint ids[TEXELS]): bits of those whose triangle none before them shows. Bit
 //     0 is the block's own, in its middle, then come all, row by row: what its own ray hits spares
 //     the search behind it.
 
-uniform usampler2D u_triangle_ids;  // as visibility.frag writes them
+// As visibility.frag writes them.
+#ifdef BATCH
+uniform usampler2DArray u_triangle_ids;
+#else
+uniform usampler2D u_triangle_ids;
+#endif
 
 const int WIDTH = 3;
 const uint TEXELS = uint(WIDTH * WIDTH), OWN = TEXELS / 2u;
@@ -12,10 +18,18 @@ ivec2 texel_offset(uint at) {
     return ivec2(int(at) % WIDTH, int(at) / WIDTH) - WIDTH / 2;
 }
 
+uint id_at(ivec2 texel) {
+#ifdef BATCH
+    return texelFetch(u_triangle_ids, ivec3(texel, v_picture), 0).x;
+#else
+    return texelFetch(u_triangle_ids, texel, 0).x;
+#endif
+}
+
 uint[TEXELS] ids_around(ivec2 texel) {
     uint ids[TEXELS];
     for (uint at = 0u; at < TEXELS; ++at)
-        ids[at] = texelFetch(u_triangle_ids, texel + texel_offset(at), 0).x;
+        ids[at] = id_at(texel + texel_offset(at));
     return ids;
 }
 

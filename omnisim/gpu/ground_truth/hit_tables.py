@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +48,7 @@ class HitTables:
         self._draw_items["flags"] = [_flags(draw, visibility.both_sides) for draw in draws]
         entries = len(draws) * _DRAW_ITEM.itemsize // 16
         self._texture = table_texture(visibility.buffers.context, entries, "the scene's instances")
+        self._batch: moderngl.Texture | None = None
 
     def bind_program(
         self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]
@@ -63,10 +66,47 @@ class HitTables:
         self._draw_items["viewpoint_from_mesh"] = transforms.viewpoint_from_mesh[:, :3]
         self._draw_items["second_matrix"][..., : second_matrices.shape[-1]] = second_matrices
         write_table(self._texture, self._draw_items)
+        self._bind(self._visibility.id_atlas, self._texture)
+
+    def update_batch(
+        self,
+        ids: moderngl.TextureArray,
+        transforms: Sequence[InstanceTransforms],
+        viewpoints_from_optical: NDArray[np.float64],
+    ) -> None:
+        """Write each picture's draw items, normal matrices and camera (n, 3, 3), and bind.
+
+        Args:
+            ids: layers of triangle IDs.
+            transforms: of each picture.
+            viewpoints_from_optical: of each.
+        """
+        count = len(self._draw_items)
+        tables = np.zeros((len(transforms), count + 1), dtype=_DRAW_ITEM)
+        tables[:, :count] = self._draw_items
+        tables["viewpoint_from_mesh"][:, count, :, :3] = viewpoints_from_optical
+        for table, one in zip(tables, transforms, strict=True):
+            table["viewpoint_from_mesh"][:count] = one.viewpoint_from_mesh[:, :3]
+            table["second_matrix"][:count, :, :3] = one.normal_from_mesh
+        entries = tables.nbytes // 16
+        if self._batch is None or self._batch.width * self._batch.height < entries:
+            context = self._visibility.buffers.context
+            self._batch = table_texture(context, entries, "the instances of a batch")
+        write_table(self._batch, tables.ravel())
+        self._bind(ids, self._batch)
+
+    @property
+    def picture_bytes(self) -> int:
+        """Memory of the draw items of a picture of a batch."""
+        return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
+
+    def _bind(
+        self, ids: moderngl.Texture | moderngl.TextureArray, draw_items: moderngl.Texture
+    ) -> None:
         visibility = self._visibility
-        visibility.id_atlas.use(_UNITS["u_triangle_ids"])
+        ids.use(_UNITS["u_triangle_ids"])
         visibility.buffers.triangles.corners.use(_UNITS["u_corners"])
-        self._texture.use(_UNITS["u_draw_items"])
+        draw_items.use(_UNITS["u_draw_items"])
         visibility.triangle_ids.texture.use(_UNITS["u_primitives"])
 
 

@@ -20,7 +20,7 @@ from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.ground_truth.hits import Hits
 
 _VERTICES, _INDICES = range(2)  # bindings
-_ALBEDO_UNIT = 4
+ALBEDO_UNIT = 4
 _POINTS, _PRIMITIVES = range(2)  # attachments; normals and albedos follow
 
 
@@ -96,11 +96,16 @@ class RayHitPass:
         self.tables.update(transforms, transforms.normal_from_mesh)
         self.bind()
         if albedos and visibility.albedo_atlas is not None:
-            visibility.albedo_atlas.use(_ALBEDO_UNIT)
+            visibility.albedo_atlas.use(ALBEDO_UNIT)
+        self.bind_geometry()
+        variant.vertex_array.render()
+        return read_hits(variant.target, self.pixels.size_px, 1, normals, albedos)[0]
+
+    def bind_geometry(self) -> None:
+        """Bind vertices and indices, which normals need."""
+        buffers = self.visibility.buffers
         buffers.vertices.bind_to_storage_buffer(_VERTICES)
         buffers.triangles.indices.bind_to_storage_buffer(_INDICES)
-        variant.vertex_array.render()
-        return self._read(variant.target, normals, albedos)
 
     def bind(self) -> None:
         """Bind the rays."""
@@ -112,46 +117,71 @@ class RayHitPass:
         uniform(program, "u_rays").value = RAYS_UNIT
 
     def _variant(self, normals: bool, albedos: bool) -> _Variant:
-        context, size = self.pixels.context, self.pixels.size_px
+        context = self.pixels.context
+        program = self.build_program(normals, albedos)
+        with gpu_allocation(self._what, "make the picture smaller"):
+            target = hits_target(
+                context, self.pixels.size_px, [self.points, self.primitives], normals, albedos
+            )
+        array = valid_pixels_array(context, program, self.pixels.valid)
+        return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
+
+    def build_program(self, normals: bool, albedos: bool, *defines: str) -> moderngl.Program:
+        """Program of the hits, its constant uniforms set."""
         program = build_program(
-            context,
+            self.pixels.context,
             "capture/picture.vert",
             "ground_truth/hits.frag",
             (
                 *self.defines,
                 *(("NORMALS",) if normals else ()),
                 *(("ALBEDO",) if albedos else ()),
+                *defines,
             ),
         )
         self.prepare(program, self.pixels.camera.rig_from_optical)
-        attachments: list[moderngl.Texture | moderngl.Renderbuffer]
-        attachments = [self.points, self.primitives]
-        with gpu_allocation(self._what, "make the picture smaller"):
-            if normals:
-                attachments.append(context.renderbuffer(size, 4, dtype="f4"))
-            if albedos:
-                uniform(program, "u_albedos").value = _ALBEDO_UNIT
-                attachments.append(context.renderbuffer(size, 4, dtype="f2"))
-            target = context.framebuffer(attachments)
-        # once: nothing is ever drawn where there is no ray
-        target.use()
-        target.clear(0.0, 0.0, 0.0, np.inf)
-        clear_integers(_PRIMITIVES)
-        array = valid_pixels_array(context, program, self.pixels.valid)
-        return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
+        if albedos:
+            uniform(program, "u_albedos").value = ALBEDO_UNIT
+        return program
 
-    def _read(self, target: moderngl.Framebuffer, normals: bool, albedos: bool) -> Hits:
-        width, height = self.pixels.size_px
-        points = np.empty((height, width, 4), dtype=np.float32)
-        primitives = np.empty((height, width, 2), dtype=np.uint32)
-        target.read_into(points, components=4, attachment=_POINTS, dtype="f4")
-        target.read_into(primitives, components=2, attachment=_PRIMITIVES, dtype="u4")
-        channels = []
-        attachment = _PRIMITIVES
-        for is_asked_for in (normals, albedos):
-            channel = np.empty((height if is_asked_for else 0, width, 3), dtype=np.float32)
-            if is_asked_for:
-                attachment += 1
-                target.read_into(channel, components=3, attachment=attachment, dtype="f4")
-            channels.append(channel)
-        return Hits(points, primitives[..., 0], primitives[..., 1], *channels)
+
+def hits_target(
+    context: moderngl.Context,
+    size: tuple[int, int],
+    points_and_primitives: Sequence[moderngl.Texture | moderngl.Renderbuffer],
+    normals: bool,
+    albedos: bool,
+) -> moderngl.Framebuffer:
+    """Target of the hits, without any: nothing is ever drawn where there is no ray."""
+    attachments = list(points_and_primitives)
+    if normals:
+        attachments.append(context.renderbuffer(size, 4, dtype="f4"))
+    if albedos:
+        attachments.append(context.renderbuffer(size, 4, dtype="f2"))
+    target = context.framebuffer(attachments)
+    target.use()
+    target.clear(0.0, 0.0, 0.0, np.inf)
+    clear_integers(_PRIMITIVES)
+    return target
+
+
+def read_hits(
+    target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, normals: bool, albedos: bool
+) -> list[Hits]:
+    """Read the hits of some pictures, of width and height, that are below each other."""
+    width, height = size_px
+    region = (0, 0, width, count * height)
+    points = np.empty((count, height, width, 4), dtype=np.float32)
+    primitives = np.empty((count, height, width, 2), dtype=np.uint32)
+    target.read_into(points, region, components=4, attachment=_POINTS, dtype="f4")
+    target.read_into(primitives, region, components=2, attachment=_PRIMITIVES, dtype="u4")
+    channels = []
+    attachment = _PRIMITIVES
+    for is_asked_for in (normals, albedos):
+        channel = np.empty((count, height if is_asked_for else 0, width, 3), dtype=np.float32)
+        if is_asked_for:
+            attachment += 1
+            target.read_into(channel, region, components=3, attachment=attachment, dtype="f4")
+        channels.append(channel)
+    arrays = (points, primitives[..., 0], primitives[..., 1], *channels)
+    return [Hits(*(values[one] for values in arrays)) for one in range(count)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -12,6 +13,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds
 from omnisim.gpu.ground_truth.visibility_program import VisibilityProgram, VisibilityVariant
+from omnisim.gpu.layer_targets import COLORS, DEPTH, attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
@@ -19,6 +21,9 @@ from omnisim.gpu.scene.reversed_depth import depth_texture
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
+
+# Pose (4, 4) of a camera's rig, and those of the dynamic objects.
+CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]
 
 
 class VisibilityPass:
@@ -34,7 +39,7 @@ class VisibilityPass:
         albedo: also be able to draw plain base colours.
 
     Attributes:
-        buffers, plan, near_m, far_m, both_sides: as given.
+        buffers, plan, cameras, near_m, far_m, both_sides: as given.
         id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
         triangle_ids: table of the IDs.
         albedo_atlas: texture of the square root of linear RGB, or None.
@@ -68,7 +73,7 @@ class VisibilityPass:
         for texture in (self.id_atlas, self.albedo_atlas):
             if texture is not None:
                 texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._cameras = cameras
+        self.cameras = cameras
         self._compiled: dict[VisibilityVariant, VisibilityProgram] = {}
         self.triangle_ids = TriangleIds(buffers, self._one_by_one())
         self._draw_by_ids()
@@ -87,7 +92,7 @@ class VisibilityPass:
 
     def _one_by_one(self) -> NDArray[np.intp]:
         """Draw items that are not drawn by clusters."""
-        items, cameras = self.buffers.draw_items, self._cameras
+        items, cameras = self.buffers.draw_items, self.cameras
         shown = self.buffers.shown_one_by_one(cameras.hidden)
         # a material may be so clear that no texel can show it: textures only take away
         alphas = np.array([one.material.base_color[3] for one in items])
@@ -104,7 +109,7 @@ class VisibilityPass:
             items,
             lambda item: self._program(VisibilityVariant(item.material.hit_cutoff > 0.0, colored)),
             self.triangle_ids.first_of_item,
-            self._cameras.both_sides,
+            self.cameras.both_sides,
         )
 
     def read_depth(self) -> NDArray[np.float32]:
@@ -115,17 +120,50 @@ class VisibilityPass:
 
     def _make_tiles(self, colored: bool, items: NDArray[np.intp]) -> TileRenderer:
         """Renderer of the clusters' IDs, with base colours or without."""
-        first_plus_one = self.triangle_ids.first_of_clusters + 1
+        find_program = partial(self.bucket_program, colored)
+        return TileRenderer(self.buffers, self.plan, self.cameras, items, find_program, self._depth)
 
-        def find_program(bucket: Bucket) -> BucketProgram:
-            variant = VisibilityVariant(bucket.cutoff, colored, bucket.array is not None, True)
-            found = self._program(variant)
-            found.first_plus_one.value = first_plus_one
-            return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
-
-        return TileRenderer(
-            self.buffers, self.plan, self._cameras, items, find_program, self._depth
+    def draw_items(
+        self, poses: Sequence[CameraPoses], layers: Sequence[moderngl.TextureArray]
+    ) -> None:
+        """Draw the items that are no clusters' into layers of IDs, perhaps albedo, and depth."""
+        colored = len(layers) > 2
+        target, (drawer, tiles) = self._targets[colored], self._drawn[colored]
+        if not tiles.has_items:
+            return
+        own = (
+            [self.id_atlas, self.albedo_atlas, self._depth]
+            if colored
+            else [self.id_atlas, self._depth]
         )
+        attachments = [*range(COLORS, COLORS + len(layers) - 1), DEPTH]
+        target.use()
+        try:
+            for number, one in enumerate(poses):
+                for attachment, layer in zip(attachments, layers, strict=True):
+                    attach_layer(target.glo, layer.glo, number, attachment)
+                tiles.draw_one_by_one(target, *one, drawer)
+        finally:
+            for attachment, texture in zip(attachments, own, strict=True):
+                if texture is not None:
+                    attach_texture(target.glo, texture.glo, attachment)
+
+    @property
+    def command_bytes(self) -> int:
+        """Memory of the draw commands."""
+        return self._drawn[False][1].command_bytes
+
+    def bucket_program(self, colored: bool, bucket: Bucket, layered: bool = False) -> BucketProgram:
+        """Program of a bucket's IDs, with base colours or without."""
+        variant = VisibilityVariant(bucket.cutoff, colored, bucket.array is not None, True, layered)
+        found = self._program(variant)
+        found.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
+        return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
+
+    def end(self) -> None:
+        """Leave the state that later passes expect."""
+        for program in self._compiled.values():
+            program.end()
 
     def _program(self, variant: VisibilityVariant) -> VisibilityProgram:
         if variant not in self._compiled:
@@ -144,5 +182,4 @@ class VisibilityPass:
         clear_integers(0)
         tiles.draw(target, world_from_rig, world_from_objects, drawer)
         tiles.end(target)
-        for program in self._compiled.values():
-            program.end()
+        self.end()

@@ -22,12 +22,14 @@ class VisibilityVariant(NamedTuple):
         albedo: base colours are drawn, too.
         textured: there may be a texture.
         clustered: of clusters, not of single items.
+        layered: of several cameras, each into a layer of the target.
     """
 
     holes: bool
     albedo: bool
     textured: bool = True
     clustered: bool = False
+    layered: bool = False
 
     @property
     def defines(self) -> tuple[str, ...]:
@@ -39,6 +41,7 @@ class VisibilityVariant(NamedTuple):
             "COLORED": colored,
             "TEXTURED": self.textured and colored,
             "CLUSTERED": self.clustered,
+            "LAYERED": self.layered,
         }
         return tuple(name for name, is_defined in defined.items() if is_defined)
 

@@ -153,6 +153,16 @@ class TileRenderer:
             drawer: draws one item.
         """
         self.draw_clusters(world_from_rig, world_from_objects)
+        self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
+
+    def draw_one_by_one(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the items of all tiles, after the clusters."""
         if not self._items.size:
             return
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
