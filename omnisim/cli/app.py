@@ -13,7 +13,7 @@ import typer
 
 from omnisim.cli import INTERRUPTED
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
-from omnisim.cli.command import Command, Group, command
+from omnisim.cli.command import Command, DefaultGroup, Group, command
 from omnisim.cli.console import err, out
 from omnisim.cli.live_requests import LiveRequest
 from omnisim.cli.optics_requests import (
@@ -28,6 +28,7 @@ from omnisim.cli.picture_requests import (
     MirrorRequest,
     RenderRequest,
     ScanRequest,
+    SceneConvertRequest,
     SceneRequest,
     SensorRequest,
     UnwarpRequest,
@@ -56,6 +57,12 @@ app = typer.Typer(
     add_completion=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
+)
+scene_app = typer.Typer(
+    name="scene",
+    cls=DefaultGroup,
+    help="What is in a scene: `omnisim scene SCENE`; and its conversion to GLB.",
+    no_args_is_help=True,
 )
 robot_app = typer.Typer(
     name="robot",
@@ -91,10 +98,18 @@ def info() -> None:
     run()
 
 
-@command(app, SceneRequest)
-def scene(request: SceneRequest) -> None:
+@command(scene_app, SceneRequest, "show")
+def show_scene(request: SceneRequest) -> None:
     """Show what is in a scene: instances, bounds, floors, starts, paths, lights, classes."""
     from omnisim.cli.scene import run
+
+    run(request)
+
+
+@command(scene_app, SceneConvertRequest, "convert")
+def convert_scene(request: SceneConvertRequest) -> None:
+    """Write a scene of any format as GLB: instances, materials, textures, lights."""
+    from omnisim.cli.scene_convert import run
 
     run(request)
 
@@ -324,7 +339,7 @@ def calibrate_optics(request: OpticsCalibrateRequest) -> None:
     calibrate(request)
 
 
-for group in (robot_app, landmarks_app, calibration_app, optics_app):
+for group in (scene_app, robot_app, landmarks_app, calibration_app, optics_app):
     app.add_typer(group)
 
 

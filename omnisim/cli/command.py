@@ -24,6 +24,21 @@ class Group(TyperGroup):
         return _without_flag_types(super().get_params(*context))
 
 
+class DefaultGroup(Group):
+    """Group whose command `show` is taken where none of its commands is named."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: D102 - click's
+        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
+            args = ["show", *args]
+        return super().parse_args(ctx, args)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:  # noqa: D102 - click's
+        show = self.commands["show"]
+        argument = next(one for one in show.params if one.param_type_name == "argument")
+        commands: list[Any] = super().shell_complete(ctx, incomplete)
+        return commands + list(argument.shell_complete(ctx, incomplete))
+
+
 def _without_flag_types(parameters: list[Any]) -> list[Any]:
     for parameter in parameters:
         if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:

@@ -430,7 +430,7 @@ class SensorRequest:
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """Parameters of `omnisim scene`."""
+    """Parameters of `omnisim scene show`."""
 
     scene: SceneArgument
     plot: Annotated[
@@ -448,6 +448,17 @@ class SceneRequest:
         bool, typer.Option("--all", help="List all instances, not only the largest.")
     ] = False
     labels: LabelsOption = None
+    up_axis: UpOption = None
+    meters_per_unit: UnitOption = None
+    resources: ResourcesOption = None
+
+
+@dataclass(frozen=True)
+class SceneConvertRequest:
+    """Parameters of `omnisim scene convert`."""
+
+    scene: SceneArgument
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File: .glb.")]
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
     resources: ResourcesOption = None

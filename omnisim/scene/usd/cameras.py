@@ -23,4 +23,5 @@ def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
     if np.hypot(*ahead[:2]) < _LEVEL * np.linalg.norm(ahead):
         ahead = world_from_camera[:3, 1] * -np.sign(ahead[2])  # the top of the picture
     x, y, z = position.tolist()
-    return StartPose((x, y, z), math.degrees(math.atan2(ahead[1], ahead[0])))
+    yaw_deg = math.degrees(math.atan2(ahead[1], ahead[0]))
+    return StartPose((x, y, z), round(yaw_deg, 6) + 0.0)  # no -0.0

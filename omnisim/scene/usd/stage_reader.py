@@ -117,7 +117,7 @@ class _Reader:
                     self._world_from_stage @ site.stage_from_prim
                 )
             elif prim.IsA(UsdGeom.PointInstancer):
-                placed += self._copies(site, nested)
+                placed += self._copies(site, owners, nested)
             elif prim.IsA(UsdGeom.Mesh) or is_shape(prim):
                 placed += self._parts(site, owners)
             elif prim.IsA(UsdGeom.Gprim):
@@ -134,25 +134,22 @@ class _Reader:
         parts = self._gprims.parts(site.prim)
         if not parts:
             return []
-        owner = site.owner
-        if owner is None:
-            name = self._distinct(self._walk.path_name(site.prim))
-        elif owner.path in owners:
-            name = owners[owner.path]
-        else:
-            name = owners[owner.path] = self._distinct(owner.name)
+        name, frame, class_name = self._object(site, owners)
         return [
-            _Placed(
-                name,
-                one.mesh,
-                translate(site.stage_from_prim, one.center),
-                site.stage_from_prim if owner is None else owner.stage_from_object,
-                "" if owner is None else owner.class_name,
-            )
+            _Placed(name, one.mesh, translate(site.stage_from_prim, one.center), frame, class_name)
             for one in parts
         ]
 
-    def _copies(self, site: Site, nested: int) -> list[_Placed]:
+    def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
+        """Name, frame and class of the object that a prim is a part of."""
+        owner = site.owner
+        if owner is None:
+            return self._distinct(self._walk.path_name(site.prim)), site.stage_from_prim, ""
+        if owner.path not in owners:
+            owners[owner.path] = self._distinct(owner.name)
+        return owners[owner.path], owner.stage_from_object, owner.class_name
+
+    def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_Placed]:
         """Meshes of all copies that a point instancer makes."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
@@ -173,10 +170,16 @@ class _Reader:
                 frames = site.stage_from_prim @ copies.instancer_from_copies
                 poses = [frames @ one.frame_from_mesh for one in parts]
             for row, frame in enumerate(frames):
-                name = self._distinct(f"{copies.prototype.GetName()}_{copies.numbers[row]}")
+                if site.owner is None:
+                    name = self._distinct(f"{copies.prototype.GetName()}_{copies.numbers[row]}")
+                    of_part = [(name, frame, one.class_name) for one in parts]
+                else:
+                    of_part = [self._object(site, owners)] * len(parts)
                 placed += [
-                    _Placed(name, one.mesh, pose[row], frame, one.class_name)
-                    for one, pose in zip(parts, poses, strict=True)
+                    _Placed(part_name, one.mesh, pose[row], part_frame, class_name)
+                    for one, pose, (part_name, part_frame, class_name) in zip(
+                        parts, poses, of_part, strict=True
+                    )
                 ]
         return placed
 

@@ -1,0 +1,33 @@
+"""`omnisim scene convert`."""
+
+from __future__ import annotations
+
+from omnisim.atomic_file import atomic_write, check_distinct, check_suffix, check_target
+from omnisim.cli.console import out, pluralize, print_note
+from omnisim.cli.picture_requests import SceneConvertRequest
+from omnisim.scene import load_scene
+from omnisim.scene.gltf.writer import write_glb
+from omnisim.scene.source import resolve_source
+
+
+def run(request: SceneConvertRequest) -> None:
+    """Write a scene as GLB, and print what it cannot have."""
+    check_suffix(request.output, ".glb")
+    check_target(request.output)
+    source = resolve_source(request.scene)
+    check_distinct(
+        {"the GLB file": request.output},
+        {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
+    )
+    scene = load_scene(
+        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+    )
+    for notice in scene.notices:
+        print_note(notice)
+    with atomic_write(request.output) as partial:
+        left_out = write_glb(scene, partial)
+    for notice in left_out:
+        print_note(notice)
+    size_mb = request.output.stat().st_size / 1e6
+    instances = pluralize(len(scene.instance_names), "instance")
+    out.print(f"{request.output}: {instances}, {size_mb:.1f} MB", markup=False)
