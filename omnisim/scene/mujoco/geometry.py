@@ -126,7 +126,7 @@ def _rows(
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Surface:
-    """Top of a height field, and its four sides and base."""
+    """Top of a height field, and its four sides and base; flat triangles, as MuJoCo draws them."""
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     half_x, half_y, top, base = (float(size) for size in model.hfield_size[field])
     start = int(model.hfield_adr[field])
@@ -136,30 +136,17 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
     positions = np.stack(
         np.broadcast_arrays(x, y[:, None], heights.astype(np.float64) * top), axis=-1
     )
-    across = np.cross(np.gradient(positions, axis=1), np.gradient(positions, axis=0))
-    normals = (across / np.linalg.norm(across, axis=-1, keepdims=True)).reshape(-1, 3)
-    surface = Surface(positions.reshape(-1, 3), grid_triangles(rows, columns), normals)
     edges = (positions[0], positions[:, -1], positions[-1, ::-1], positions[::-1, 0])
-    outside = ((0.0, -1, 0), (1.0, 0, 0), (0.0, 1, 0), (-1.0, 0, 0))
-    sides = [_side(edge, -base, out) for edge, out in zip(edges, outside, strict=True)]
     bottom = rectangle(half_x, half_y)
     return join(
-        surface,
-        *sides,
-        Surface(
-            bottom.positions - (0.0, 0.0, base),
-            bottom.triangles[:, ::-1],
-            np.tile((0.0, 0.0, -1.0), (4, 1)),
-        ),
+        Surface(positions.reshape(-1, 3), grid_triangles(rows, columns), None),
+        *(_side(edge, -base) for edge in edges),
+        Surface(bottom.positions - (0.0, 0.0, base), bottom.triangles[:, ::-1], None),
     )
 
 
-def _side(edge: NDArray[np.float64], base: float, outside: tuple[float, float, float]) -> Surface:
+def _side(edge: NDArray[np.float64], base: float) -> Surface:
     """Wall below an edge (n, 3), down to a height."""
     below = edge.copy()
     below[:, 2] = base
-    return Surface(
-        np.concatenate((below, edge)),
-        grid_triangles(2, len(edge)),
-        np.tile(outside, (2 * len(edge), 1)),
-    )
+    return Surface(np.concatenate((below, edge)), grid_triangles(2, len(edge)), None)

@@ -20,6 +20,7 @@ _Type = mujoco.mjtLightType
 # Mean cosine of what is seen of a ball from afar: the share of a light beside the eye.
 _HEADLIGHT_SHARE = 2.0 / 3.0
 _NEAREST_M = 0.1
+_VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)  # groups of geoms
 _FULL_TURN_DEG = 180.0
 
 
@@ -45,8 +46,7 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
         model.light_attenuation[lamps, :2].any()
     ):
         notices.append(
-            "lamps fall off with the square of the distance: as bright as the model says at its "
-            "middle"
+            "lamps fall off with the square of the distance: as the model says where they point to"
         )
     red, green, blue = ambient.tolist()
     return Lighting((red, green, blue), tuple(lights)), notices
@@ -85,18 +85,36 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, light: int) -> Light:
     level = float(diffuse.max())
     red, green, blue = (diffuse / level if level > 0.0 else diffuse).tolist()
     color, kind = (red, green, blue), int(model.light_type[light])
+    shadows = bool(model.light_castshadow[light])
     position, direction = data.light_xpos[light].copy(), _unit(data.light_xdir[light])
     if kind == _Type.mjLIGHT_DIRECTIONAL:
-        return Light(LightKind.DIRECTIONAL, color, level, direction=direction)
-    distance_m = max(float(np.linalg.norm(position - model.stat.center)), _NEAREST_M)
+        return Light(LightKind.DIRECTIONAL, color, level, direction=direction, casts_shadow=shadows)
+    distance_m = max(_distance_m(model, data, position, direction), _NEAREST_M)
     constant, linear, square = model.light_attenuation[light].tolist()
     loss = constant + linear * distance_m + square * distance_m**2
     candela = level * distance_m**2 / max(loss, 1e-6)
     cutoff_deg = float(model.light_cutoff[light])
     if kind == _Type.mjLIGHT_POINT or cutoff_deg >= _FULL_TURN_DEG:
-        return Light(LightKind.POINT, color, candela, position)
+        return Light(LightKind.POINT, color, candela, position, casts_shadow=shadows)
     cones = _cone_cosines(cutoff_deg, float(model.light_exponent[light]))
-    return Light(LightKind.SPOT, color, candela, position, direction, cone_cosines=cones)
+    return Light(
+        LightKind.SPOT, color, candela, position, direction,
+        cone_cosines=cones, casts_shadow=shadows,
+    )  # fmt: skip
+
+
+def _distance_m(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    position: NDArray[np.float64],
+    direction: NDArray[np.float64],
+) -> float:
+    """Distance at which a lamp's axis meets the model, or else of the model's middle."""
+    geom = np.array([-1], dtype=np.int32)
+    distance_m = mujoco.mj_ray(model, data, position, direction, _VISIBLE, 1, -1, geom)
+    if distance_m >= 0.0:
+        return distance_m
+    return float(np.linalg.norm(position - model.stat.center))
 
 
 def _cone_cosines(cutoff_deg: float, exponent: float) -> tuple[float, float]:

@@ -50,8 +50,7 @@ def test_what_is_not_drawn_is_said(shapes):
             "not drawn, as in MuJoCo: 1 geom of group 3",
             "not drawn: mirror images in 1 material",
             "the headlight shines from everywhere",
-            "lamps fall off with the square of the distance: as bright as the model says at its "
-            "middle",
+            "lamps fall off with the square of the distance: as the model says where they point to",
             "the sky box is drawn in its mean colour",
         )
     )
@@ -92,12 +91,11 @@ def test_one_square_picture_is_on_all_faces_of_a_cube(tmp_path):
     assert texture.pixels[..., :3].tolist() == (np.arange(12).reshape(2, 2, 3) * 20).tolist()
 
 
-def test_lights_are_as_bright_as_stated_at_the_middle_of_the_model(shapes):
-    model = mujoco.MjModel.from_xml_path(str(shapes))
+def test_lights_are_as_bright_as_stated_where_they_point_to(shapes):
     (light,) = load_scene(shapes).lighting.lights
     assert light.kind is LightKind.SPOT
-    distance_m = np.linalg.norm(light.position_m - model.stat.center)
-    assert light.intensity / distance_m**2 == pytest.approx(0.7, rel=1e-6)
+    assert light.position_m.tolist() == [0.0, 0.0, 4.0]  # straight down to the floor
+    assert light.intensity / 4.0**2 == pytest.approx(0.7, rel=1e-6)
     inner, outer = light.cone_cosines
     for angle_deg in (0.0, 15.0, 25.0, 35.0):  # MuJoCo's defaults: 45°, exponent 10
         cosine = np.cos(np.radians(angle_deg))
@@ -113,7 +111,7 @@ def test_a_model_without_lights_is_in_daylight(tmp_path):
 def test_directional_lights_and_keyframes_count(tmp_path):
     path = _written(
         tmp_path,
-        "<worldbody><light type='directional' dir='0 1 -1' diffuse='.5 .25 0'/>"
+        "<worldbody><light type='directional' dir='0 1 -1' diffuse='.5 .25 0' castshadow='false'/>"
         "<body name='b'><joint type='slide' axis='1 0 0'/><geom size='.1'/></body></worldbody>"
         "<keyframe><key qpos='3'/></keyframe>",
     )
@@ -121,6 +119,7 @@ def test_directional_lights_and_keyframes_count(tmp_path):
     (light,) = scene.lighting.lights
     assert light.kind is LightKind.DIRECTIONAL
     assert light.intensity == 0.5
+    assert not light.casts_shadow
     assert light.color == pytest.approx((1.0, 0.5, 0.0))
     assert light.direction == pytest.approx(np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0))
     assert scene.pose_of("b/sphere")[:3, 3] == pytest.approx((3.0, 0.0, 0.0))

@@ -163,6 +163,7 @@ class MjModel:
     light_type: Ints
     light_bodyid: Ints
     light_active: Bools
+    light_castshadow: Bools
     light_attenuation: Singles
     light_cutoff: Singles
     light_exponent: Singles
@@ -345,3 +346,14 @@ def mj_camlight(m: MjModel, d: MjData) -> None: ...
 def mj_flex(m: MjModel, d: MjData) -> None: ...
 def set_mju_user_warning(handler: Callable[[str], None] | None) -> None: ...
 def get_mju_user_warning() -> Callable[[str], None] | None: ...
+def mj_ray(
+    m: MjModel,
+    d: MjData,
+    pnt: Floats,
+    vec: Floats,
+    geomgroup: NDArray[np.uint8] | None,
+    flg_static: int,
+    bodyexclude: int,
+    geomid: Ints,
+    normal: Floats | None = None,
+) -> float: ...
