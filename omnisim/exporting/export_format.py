@@ -16,7 +16,7 @@ from omnisim.exporting.recording import Recording
 from omnisim.simulation.sensors import MountedSensor
 
 NANOSECONDS = 1_000_000_000
-LARGEST_START_S = 4_000_000_000  # the year 2096: seconds of ROS are signed 32-bit numbers
+LARGEST_S = 2**31 - 1  # in 2038: ROS counts seconds in signed 32 bits
 
 PrintNote = Callable[[str], None]
 
@@ -39,14 +39,16 @@ class ExportSettings:
         """Stamps of times, whole nanoseconds.
 
         Raises:
-            OutputError: a stamp before 1970.
+            OutputError: a stamp before 1970, or later than ROS can count.
         """
-        stamps = [self.start_ns + round(time * NANOSECONDS) for time in times_s.tolist()]
-        if stamps and min(stamps) < 0:
-            raise OutputError(
-                f"{source}: time {times_s.min():g} s: expected 0 or more; --start-time moves it"
-            )
-        return stamps
+        largest_s = LARGEST_S - self.start_ns / NANOSECONDS
+        for time_s in times_s.tolist():
+            if not -self.start_ns / NANOSECONDS <= time_s < largest_s:  # true for NaN, too
+                raise OutputError(
+                    f"{source}: time {time_s:g} s: expected a stamp from 1970 to 2038: "
+                    "--start-time moves it"
+                )
+        return [self.start_ns + round(time_s * NANOSECONDS) for time_s in times_s.tolist()]
 
 
 class ExportFormat(ABC):

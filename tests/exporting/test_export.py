@@ -84,7 +84,7 @@ def test_start_times_are_exact_to_the_nanosecond():
     assert parse_start_time(moment.isoformat()) == 1_769_860_800_123_456_000
 
 
-@pytest.mark.parametrize("text", ["noon", "-1", "1e400", "", "5000000000", "1969-12-31", "1_000"])
+@pytest.mark.parametrize("text", ["noon", "-1", "1e400", "", "3000000000", "1969-12-31", "1_000"])
 def test_impossible_start_times_are_refused(text):
     with pytest.raises(OmnisimError, match=r"--start-time .*: expected seconds since 1970"):
         parse_start_time(text)

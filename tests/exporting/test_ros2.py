@@ -1,6 +1,7 @@
 """ROS 2 bags, read by MCAP's own reader and by rosbags."""
 
 import json
+import shutil
 from collections import defaultdict
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from omnisim.errors import OmnisimError
 from omnisim.exporting.export import export_run
 from omnisim.exporting.export_format import ExportSettings
 from omnisim.exporting.recording import Recording
@@ -236,10 +238,26 @@ def test_compressed_pictures_are_the_runs_files(run, tmp_path):
     ]
 
 
+@pytest.mark.parametrize("name", ["odom", "front", "base link"])
+def test_objects_whose_frames_are_taken_are_refused(run, tmp_path, name):
+    pytest.importorskip("rosbags")
+    shutil.copytree(run, tmp_path / "run")
+    (tmp_path / "run" / "objects").mkdir()
+    shutil.copy(run / "ground_truth.tum", tmp_path / "run" / "objects" / f"{name}.tum")
+    with pytest.raises(OmnisimError, match=f"topic and frame of its own for {name}, got"):
+        list(export_run(tmp_path / "run", "ros2-mcap", tmp_path / "bag"))
+
+
+def test_stamps_past_what_ros_counts_are_refused(run, tmp_path):
+    pytest.importorskip("rosbags")
+    late = ExportSettings(2_147_483_646 * 1_000_000_000)
+    with pytest.raises(OmnisimError, match=r"time 1 s: expected a stamp from 1970 to 2038"):
+        list(export_run(run, "ros2-mcap", tmp_path / "bag", late))
+    assert not any(tmp_path.iterdir())
+
+
 def test_dynamic_objects_have_frames_of_the_map(run, tmp_path):
     """A run with an object, as a drive beside others has it."""
-    import shutil
-
     pytest.importorskip("rosbags")
     reader = pytest.importorskip("mcap_ros2.reader")
     moving = tmp_path / "run"

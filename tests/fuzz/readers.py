@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+import math
 import re
 import shutil
+import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +19,9 @@ from omnisim import OmniCamera
 from omnisim.calibration import load_calibration
 from omnisim.calibration.ray_table import read_ray_table, write_ray_table
 from omnisim.errors import OpticsError
+from omnisim.exporting.export import export_run
+from omnisim.exporting.stored_clouds import read_cloud
+from omnisim.exporting.stored_scans import read_table
 from omnisim.frame import Frame
 from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.channels import CHANNELS
@@ -36,9 +41,11 @@ from omnisim.robot import read_odometry, simulate_odometry, write_odometry
 from omnisim.robot.usarsim import import_robot
 from omnisim.scene import load_scene
 from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.sensors import LaserScanner, Scan, SpinningLidar
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.degradations.degradation_file import PRESETS
 from omnisim.sensors.picture_file import read_picture
+from omnisim.sensors.point_cloud import POINT, PointCloud
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.simulation.calibration_file import calibration_json, read_mount
 from omnisim.simulation.drive import Drive
@@ -332,6 +339,37 @@ def _read_run(folder: Path) -> None:
         pass
 
 
+def _scan() -> Scan:
+    scanner = LaserScanner.lms200(1.0)
+    angles_rad = np.radians(np.linspace(-90.0, 90.0, 5))
+    ranges_m = np.array([1.0, math.inf, 2.5, -math.inf, 3.0])
+    return Scan(angles_rad, ranges_m, scanner, pose((1.0, 2.0, 0.3)), {"scan_number": 1})
+
+
+def _read_scan(folder: Path) -> None:
+    table = read_table(folder / "a.csv", "beam", "angle_deg", "range_m")
+    table.header.pose("world_from_scanner")
+    table.header.number("range_max_m")
+
+
+def _cloud(kind: str, folder: Path) -> None:
+    points = np.zeros(3, dtype=POINT)
+    points["x"] = 1.0, 2.0, 3.0
+    lidar = SpinningLidar.vlp16()
+    PointCloud(points, lidar, pose(), pose((1.0, 0.0, 0.0))).save(folder / f"a.{kind}")
+
+
+def _read_cloud(kind: str, folder: Path) -> None:
+    cloud = read_cloud(folder / f"a.{kind}")
+    cloud.header.pose("world_from_lidar")
+    cloud.points["x"].sum()
+
+
+def _export(folder: Path) -> None:
+    with tempfile.TemporaryDirectory() as parent:
+        list(export_run(folder / "run", "tum", Path(parent) / "out"))
+
+
 def _read_scene(name: str, folder: Path) -> None:
     scene = load_scene(folder / name)
     find_labels(scene).notices()
@@ -436,8 +474,18 @@ def _readers() -> list[Reader]:
         Reader(f"sidecars-{name}", partial(_sidecars, name), _read_sidecars)
         for name in ("auto", "npy")
     ]
-    run = Reader("run", _run, _read_run, RUN_FILES)
-    return [*scene, *tables, *calibrations, *routes, *pictures, run]
+    measurements = [
+        Reader("scan", lambda f: _scan().save_csv(f / "a.csv"), _read_scan),
+        *(
+            Reader(f"cloud-{kind}", partial(_cloud, kind), partial(_read_cloud, kind))
+            for kind in ("ply", "pcd")
+        ),
+    ]
+    runs = [
+        Reader("run", _run, _read_run, RUN_FILES),
+        Reader("export", _run, _export, RUN_FILES),
+    ]
+    return [*scene, *tables, *calibrations, *routes, *pictures, *measurements, *runs]
 
 
 RUN_FILES = (

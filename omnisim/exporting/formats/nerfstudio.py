@@ -20,8 +20,8 @@ from omnisim.atomic_file import write_text
 from omnisim.calibration.formats.nerfstudio import OPENGL_FROM_OPENCV, intrinsics
 from omnisim.calibration.formats.nerfstudio import Nerfstudio as NerfstudioCalibration
 from omnisim.errors import OutputError
+from omnisim.exporting.depth_pictures import FarDepths
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
-from omnisim.exporting.formats.tum import depth_steps
 from omnisim.exporting.lens_camera import LensCamera
 from omnisim.exporting.picture_folders import (
     MASKS,
@@ -74,14 +74,17 @@ class Nerfstudio(ExportFormat):
             for frame in _frames(recording, camera)
         ]
         write_text(folder / "transforms.json", json.dumps(document, indent=2) + "\n")
-        with_depths = [camera for camera in cameras if _has_depths(camera)]
-        for camera in with_depths:
+        depths = {camera: FarDepths(camera.name, STEPS_PER_M)
+                  for camera in cameras if _has_depths(camera)}  # fmt: skip
+        for camera in depths:
             (folder / DEPTHS / camera.name).mkdir(parents=True)
         for done in write_pictures(recording, cameras, folder):
-            for camera in with_depths:
-                depths, _ = depth_steps(camera.depths_m(done - 1), STEPS_PER_M)
-                write_numbers(folder / DEPTHS / picture_name(camera, done - 1), depths)
+            for camera, far in depths.items():
+                path = folder / DEPTHS / picture_name(camera, done - 1)
+                write_numbers(path, far.encode(camera.depths_m(done - 1)))
             yield done
+        for far in depths.values():
+            far.note(print_note)
 
 
 def _has_depths(camera: LensCamera) -> bool:

@@ -13,10 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.atomic_file import write_text
+from omnisim.exporting.depth_pictures import FarDepths
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.exporting.lens_camera import LensCamera
 from omnisim.exporting.recording import Recording
@@ -54,26 +52,13 @@ class Tum(ExportFormat):
         _write_list(folder, "rgb", "color images", stamps)
         if has_depths:
             _write_list(folder, "depth", "depth maps", stamps)
-        far = 0
+        far = FarDepths(camera.name, STEPS_PER_M)
         for step, stamp in enumerate(stamps):
             camera.copy_picture(step, folder / "rgb" / f"{stamp}.png")
             if has_depths:
-                depths, too_far = depth_steps(camera.depths_m(step), STEPS_PER_M)
-                write_numbers(folder / "depth" / f"{stamp}.png", depths)
-                far += too_far
+                write_numbers(folder / "depth" / f"{stamp}.png", far.encode(camera.depths_m(step)))
             yield step + 1
-        if far:
-            limit_m = np.iinfo(np.uint16).max / STEPS_PER_M
-            print_note(f"{camera.name}: {far} depths past {limit_m:.1f} m are 0: none")
-
-
-def depth_steps(
-    depths_m: NDArray[np.float32], steps_per_m: float
-) -> tuple[NDArray[np.uint16], int]:
-    """Depths as whole steps in 16 bits, 0 for none, and the number of hits that are too far."""
-    steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * steps_per_m)
-    fits = (steps >= 0.0) & (steps <= np.iinfo(np.uint16).max)
-    return np.where(fits, steps, 0.0).astype(np.uint16), int(np.count_nonzero(~fits))
+        far.note(print_note)
 
 
 def write_lines(path: Path, lines: Iterator[str]) -> None:

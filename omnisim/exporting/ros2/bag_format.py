@@ -114,20 +114,23 @@ def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]
     """Streams of all sensors.
 
     Raises:
-        OutputError: two whose topics would have the same name.
+        OutputError: two whose topics or frames would have the same name.
     """
     streams: list[Stream] = [
         CameraStream(recording, camera, settings) for camera in recording.cameras
     ]
     for kind, open_stream in STREAMS:
         streams += [open_stream(recording, name, settings) for name in recording.sensors(kind)]
-    names = [stream.topic for stream in streams]
-    for stream in streams:
-        if names.count(stream.topic) > 1:
+    sources = [(stream.topic, stream.name) for stream in streams]
+    sources += [(ros_name(name), name) for name in recording.objects()]
+    taken = {MAP: "the world", ODOM: "the odometry", BASE: "the vehicle"}
+    for ros, name in sources:
+        if ros in taken:
             raise OutputError(
-                f"{recording.run.path / stream.name}: expected a topic of its own, got "
-                f"/{stream.topic} for two sensors"
+                f"{recording.run.path}: expected a topic and frame of its own for {name}, got "
+                f"{ros}, which is {taken[ros]}"
             )
+        taken[ros] = name
     return streams
 
 

@@ -16,7 +16,7 @@ from omnisim.calibration import CalibratedCamera
 from omnisim.calibration.encode import encode_exactly
 from omnisim.calibration.formats.camera_info import CameraInfoLens
 from omnisim.calibration.formats.ros import Ros
-from omnisim.exporting.export_format import NANOSECONDS, ExportSettings
+from omnisim.exporting.export_format import ExportSettings
 from omnisim.exporting.recorded_camera import RecordedCamera
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.ros2 import messages
@@ -208,8 +208,9 @@ class ImuStream(Stream):
         """Readings since the step before."""
         path = self.recording.run.file(self.name, step, ".csv")
         columns = read_table(path, *IMU_COLUMNS.split(",")).columns
-        for time_s, *values in zip(*columns.values(), strict=True):
-            own_ns = self.settings.start_ns + round(float(time_s) * NANOSECONDS)
+        stamps_ns = self.settings.stamps_ns(columns.pop("t_s"), path)
+        readings = np.column_stack(list(columns.values())).tolist()
+        for own_ns, values in zip(stamps_ns, readings, strict=True):
             message = messages.imu(own_ns, self.frame, values[:3], values[3:])
             yield StampedMessage(f"/{self.topic}/data_raw", own_ns, message)
 
