@@ -21,7 +21,7 @@ WHEEL_PER_CLEARANCE = 4.0
 # Assumed of all robots.
 WHEEL_WIDTH = 0.4  # of the diameter
 WHEEL_MASS = 0.03  # of the robot's
-CASTOR, CASTOR_LOAD = 0.35, 0.2  # behind the axle, of the length; and its share of the weight
+CASTOR, CASTOR_LOAD = 0.35, 0.4  # behind the axle, of the length; and its share of the weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,7 @@ class Rover:
             half_base_m, castor = 0.5 * (chassis.wheelbase_m or WHEELBASE * length_m), None
         else:
             half_base_m, behind_m = 0.0, CASTOR * length_m
-            castor_radius_m = min(boxes.clearance_m, radius_m)
-            castor = np.array((-behind_m, 0.0, castor_radius_m))
+            castor = np.array((-behind_m, 0.0, min(radius_m, CASTOR * length_m)))
             centre[0] = -CASTOR_LOAD * behind_m
         axles = (half_base_m, -half_base_m) if half_base_m > 0.0 else (0.0,)
         wheels = [(x, y, radius_m) for y in (half_track_m, -half_track_m) for x in axles]

@@ -85,6 +85,8 @@ class WorldModel:
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = FRICTION_IMPEDANCE
+        # what rests costs nothing
+        option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
         option.gravity = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
         for piece in pieces:
             model._add_piece(model.spec.worldbody, piece.name, piece.shape)

@@ -83,6 +83,9 @@ class mjtMeshInertia(IntEnum):
 class mjtTrn(IntEnum):
     mjTRN_JOINT = 0
 
+class mjtEnableBit(IntEnum):
+    mjENBL_SLEEP = 16
+
 class mjtWarning(IntEnum):
     mjWARN_BADQPOS = 3
     mjWARN_BADQVEL = 4
@@ -116,6 +119,7 @@ class _Option:
     integrator: mjtIntegrator
     cone: mjtCone
     impratio: float
+    enableflags: int
     gravity: ArrayLike
 
 class MjModel:
