@@ -45,14 +45,29 @@ def export_run(
     check_new_folder(output)
     if run.resolve() in output.resolve().parents:
         raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
-    form = format_named(format)
+    form, settings = format_named(format), settings or ExportSettings()
+    _check_settings(settings, form)
     recording = _for_format(recording, form, print_note)
-    settings = settings or ExportSettings()
     if form.dates_stamps and settings.start_ns == 0:
         print_note("times begin in 1970: --start-time says otherwise")
     yield recording.steps
     with atomic_folder(output) as folder:
         yield from form.write(recording, folder, settings, print_note)
+
+
+def _check_settings(settings: ExportSettings, form: ExportFormat) -> None:
+    """Refuse settings that a format has no use for.
+
+    Raises:
+        OutputError: naming the option and the formats that have it.
+    """
+    for option, is_given, is_used, others in (
+        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
+    ):
+        if is_given and not is_used:
+            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")
 
 
 def _for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
@@ -75,4 +90,7 @@ def _for_format(recording: Recording, form: ExportFormat, print_note: PrintNote)
     ]
     if left_out:
         print_note(f"{form.name} has no place for {', '.join(left_out)}: left out")
+    channels = [name for name in manifest.channels if name not in form.channels]
+    if channels:
+        print_note(f"{form.name} has no place for the channels {', '.join(channels)}: left out")
     return recording

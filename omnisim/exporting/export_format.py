@@ -60,7 +60,9 @@ class ExportFormat(ABC):
         extra: that it needs, or None.
         one_camera: it holds the pictures of one camera.
         sensors: classes of the sensors that it holds beside cameras.
+        channels: of ground truth that it holds.
         dates_stamps: its stamps are since 1970.
+        has_messages: it has a choice of pixels or PNG, and point clouds.
     """
 
     name: ClassVar[str]
@@ -68,7 +70,9 @@ class ExportFormat(ABC):
     extra: ClassVar[str | None] = None
     one_camera: ClassVar[bool] = False
     sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    channels: ClassVar[tuple[str, ...]] = ()
     dates_stamps: ClassVar[bool] = True
+    has_messages: ClassVar[bool] = False
 
     @abstractmethod
     def write(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.exporting.export import export_run
+from omnisim.exporting.recording import Recording
 from omnisim.image_files import read_image
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -85,6 +86,26 @@ def test_text_and_binary_files_are_the_same_reconstruction(colmap, pycolmap, run
     for number, point in text.points3D.items():
         np.testing.assert_array_equal(point.xyz, binary.points3D[number].xyz)
         np.testing.assert_array_equal(point.color, binary.points3D[number].color)
+
+
+def test_all_cameras_are_on_one_rig_that_moves(colmap, pycolmap, run, tmp_path):
+    list(export_run(run, "colmap-binary", tmp_path / "out"))
+    for folder in (colmap, tmp_path / "out"):
+        found = pycolmap.Reconstruction(folder / "sparse" / "0")
+        (rig,) = found.rigs.values()
+        assert rig.num_sensors() == 3
+        assert rig.ref_sensor_id.id == 1
+        assert len(found.frames) == 4
+        for frame in found.frames.values():
+            images = [found.images[data.id] for data in frame.data_ids]
+            assert {image.frame_id for image in images} == {frame.frame_id}
+            assert len({image.name.partition("/")[2] for image in images}) == 1
+        recording = Recording.read(run)
+        for image in found.images.values():
+            (camera,) = [one for one in recording.cameras if image.name.startswith(one.name)]
+            step = int(image.name[-10:-4])
+            pose = recording.truth.world_from_base[step] @ camera.mount.base_from_optical
+            np.testing.assert_allclose(image.projection_center(), pose[:3, 3], atol=1e-12)
 
 
 def test_masks_leave_out_what_colmap_cannot_project(colmap):

@@ -108,6 +108,18 @@ class TestRefusals:
             list(export_run(tmp_path / "run", format, tmp_path / "out", camera_name="front"))
         assert [file.name for file in tmp_path.iterdir()] == ["run"]
 
+    @pytest.mark.parametrize(
+        ("format", "settings", "option"),
+        [
+            ("euroc", {"compressed": True}, "--compressed"),
+            ("tum", {"with_points": True}, "--points"),
+            ("colmap", {"start_ns": 1}, "--start-time"),
+        ],
+    )
+    def test_of_options_that_a_format_has_no_use_for(self, run, tmp_path, format, settings, option):
+        with pytest.raises(OmnisimError, match=f"{option}: expected with --to .*, got {format}"):
+            list(export_run(run, format, tmp_path / "out", ExportSettings(**settings)))
+
     def test_of_what_is_there(self, run, tmp_path):
         (tmp_path / "out").mkdir()
         with pytest.raises(OmnisimError, match="out: is there already: expected the name of a new"):
@@ -124,6 +136,27 @@ class TestRefusals:
     def test_of_another_camera(self, run, tmp_path):
         with pytest.raises(OmnisimError, match="camera 'fron': not there; did you mean 'front'"):
             list(export_run(run, "ros2-mcap", tmp_path / "out", camera_name="fron"))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("format", FORMATS)
+def test_sensors_and_channels_that_a_format_has_no_place_for_are_named(run, tmp_path, format):
+    """The run's sensors beside cameras, and its channels, are taken or named in a note."""
+    if format in EXTRAS and missing_packages(EXTRAS[format]):
+        pytest.skip(f"the extra {EXTRAS[format]} is not installed")
+    notes = []
+    list(export_run(run, format, tmp_path / "out", None, "fisheye", notes.append))
+    form = format_named(format)
+    sensors = [note for note in notes if "has no place for" in note and "channels" not in note]
+    channels = [note for note in notes if "has no place for the channels" in note]
+    if format.startswith("ros2"):
+        assert not sensors
+        assert channels == [f"{format} has no place for the channels flow, occluded: left out"]
+    else:
+        assert "laser" in sensors[0]
+        assert ("lidar" in sensors[0]) == (format != "kitti360")
+        named = channels[0].partition("channels ")[2].partition(":")[0].split(", ")
+        assert set(named) == {"range", "semantic", "flow", "occluded"} - set(form.channels)
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -76,6 +76,7 @@ def test_all_topics_are_read_with_their_messages(topics):
     assert topics["/imu/data_raw"]["count"] == 31
     assert {name: one["count"] for name, one in topics.items() if one["count"] == 1} == {
         "/tf_static": 1,
+        "/labels": 1,
         "/front/calibration": 1,
         "/fisheye/calibration": 1,
         "/mirror/calibration": 1,

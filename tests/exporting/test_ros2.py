@@ -73,6 +73,15 @@ def test_pictures_and_ranges_are_the_runs_own(bag, run):
             np.testing.assert_array_equal(_array(range_image, np.float32), recorded)
 
 
+def test_classes_are_the_runs_own_with_their_labels(bag, run):
+    for step, image in enumerate(_messages(bag, "/mirror/semantic")):
+        recorded = Recording.read(run, "mirror").cameras[0].channel(step, "semantic")
+        assert image.encoding == "16UC1"
+        np.testing.assert_array_equal(_array(image, np.uint16), recorded)
+    (labels,) = _messages(bag, "/labels")
+    assert labels.data == (run / "labels.json").read_text()
+
+
 def test_frames_are_a_tree_from_the_map_to_the_sensors(bag, run):
     truth = read_trajectory(run / "ground_truth.tum")
     recording = Recording.read(run)

@@ -3,6 +3,7 @@
     images/<camera>/000000.png              pictures
     masks/<camera>.png                      for `ImageReader.camera_mask_path`
     sparse/0/cameras, images, points3D      .txt or .bin
+    sparse/0/rigs, frames                   all cameras on one rig, whose first is its reference
 
 The world is omnisim's: metres, z up. A point's track has the pictures whose ranges agree with it;
 its pixels are exact projections. COLMAP projects nothing at or past 90° from a lens's axis: masks
@@ -24,11 +25,12 @@ from numpy.typing import NDArray
 from omnisim.calibration.formats.colmap import CENTRE_PX, ColmapLens, parameters
 from omnisim.calibration.formats.colmap import Colmap as ColmapCalibration
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.exporting.formats.colmap_rig import rigid, write_rig_binary, write_rig_text
 from omnisim.exporting.lens_camera import LensCamera
 from omnisim.exporting.picture_folders import note_missing_ranges, picture_name, write_pictures
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.scene_points import Observations, ScenePoints, observations, sample_points
-from omnisim.poses import inverse, quaternion_from_rotation
+from omnisim.poses import inverse
 
 # COLMAP's numbers of the models that `parameters` names.
 MODEL_IDS = {
@@ -59,23 +61,12 @@ class Picture(NamedTuple):
     lens_from_world: NDArray[np.float64]
     seen: Observations
 
-    @property
-    def quaternion(self) -> list[float]:
-        """Rotation, w first."""
-        xyzw = quaternion_from_rotation(self.lens_from_world[None, :3, :3])[0].tolist()
-        return [xyzw[3], *xyzw[:3]]
-
-    @property
-    def translation_m(self) -> list[float]:
-        """Translation."""
-        translation: list[float] = self.lens_from_world[:3, 3].tolist()
-        return translation
-
 
 class _Colmap(ExportFormat):
     """Base of COLMAP's two formats."""
 
     dates_stamps = False
+    channels = ("range",)
     suffix: ClassVar[str]
 
     def write(
@@ -90,6 +81,12 @@ class _Colmap(ExportFormat):
         model.mkdir(parents=True)
         write = _write_text if self.suffix == ".txt" else _write_binary
         write(model, lenses, _pictures(recording, cameras, points), points)
+        rig_from_world = inverse(recording.truth.world_from_base @ cameras[0].base_from_lens)
+        lens_from_rig = [
+            inverse(camera.base_from_lens) @ cameras[0].base_from_lens for camera in cameras
+        ]
+        write_rig = write_rig_text if self.suffix == ".txt" else write_rig_binary
+        write_rig(model, lens_from_rig, rig_from_world)
         yield from write_pictures(recording, cameras, folder, front_only=True)
 
 
@@ -149,7 +146,7 @@ def _write_text(
 
 
 def _write_picture(file: TextIO, picture: Picture) -> None:
-    numbers = " ".join(map(repr, (*picture.quaternion, *picture.translation_m)))
+    numbers = " ".join(map(repr, rigid(picture.lens_from_world)))
     file.write(f"{picture.id} {numbers} {picture.camera_id} {picture.name}\n")
     rows = zip((picture.seen.pixels + CENTRE_PX).tolist(), picture.seen.points, strict=True)
     file.write(" ".join(f"{u:.6f} {v:.6f} {point + 1}" for (u, v), point in rows) + "\n")
@@ -182,7 +179,7 @@ def _write_binary(
 
 
 def _pack_picture(file: BinaryIO, picture: Picture) -> None:
-    pose = *picture.quaternion, *picture.translation_m
+    pose = rigid(picture.lens_from_world)
     file.write(struct.pack("<I7dI", picture.id, *pose, picture.camera_id))
     file.write(picture.name.encode("utf-8") + b"\0")
     records = np.empty(len(picture.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])

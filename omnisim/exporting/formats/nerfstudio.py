@@ -46,6 +46,7 @@ class Nerfstudio(ExportFormat):
     name = "nerfstudio"
     title = "nerfstudio: transforms.json, pictures, points"
     dates_stamps = False
+    channels = ("range",)
 
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote

@@ -45,6 +45,7 @@ class Tartanair(ExportFormat):
     name = "tartanair"
     title = "TartanAir V2: pictures, depths, classes, poses"
     one_camera = True
+    channels = ("range", "semantic")
     dates_stamps = False
 
     def write(

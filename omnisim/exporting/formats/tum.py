@@ -32,6 +32,7 @@ class Tum(ExportFormat):
     name = "tum"
     title = "TUM RGB-D: pictures, depths of a pinhole, poses"
     one_camera = True
+    channels = ("range",)
 
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote

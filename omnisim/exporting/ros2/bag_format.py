@@ -6,6 +6,8 @@
 | `/<camera>/camera_info` | CameraInfo | only where it is the camera to the last bit |
 | `/<camera>/calibration` | String, latched | omnisim's calibration, JSON: any model |
 | `/<camera>/range` | Image, 32FC1 | metres along the ray, inf: nothing |
+| `/<camera>/semantic`, `/<camera>/instance` | Image, 16UC1, 32SC1 | numbers of `/labels` |
+| `/labels` | String, latched | table of classes and instances, JSON |
 | `/<camera>/points` | PointCloud2 | `--points`: its points, with colours |
 | `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimetres, 0: none (REP 118) |
 | `/<scanner>/scan` | LaserScan | |
@@ -35,6 +37,7 @@ from omnisim.exporting.ros2 import messages
 from omnisim.exporting.ros2.bag import Bag
 from omnisim.exporting.ros2.streams import (
     BASE,
+    LABELLED,
     CameraStream,
     DepthStream,
     ImuStream,
@@ -45,6 +48,7 @@ from omnisim.exporting.ros2.streams import (
     ros_name,
 )
 from omnisim.poses import inverse
+from omnisim.simulation.run_folder import LABELS
 from omnisim.simulation.sensors import MountedSensor
 from omnisim.simulation.sensors.depth_camera import MountedDepthCamera
 from omnisim.simulation.sensors.imu import MountedImu
@@ -67,6 +71,8 @@ class Ros2Bag(ExportFormat):
     """Base of the bags, which differ in their storage."""
 
     extra = "ros"
+    has_messages = True
+    channels = ("range", *LABELLED)
     sensors = tuple(kind for kind, _ in STREAMS)
     storage: ClassVar[str]
 
@@ -86,6 +92,9 @@ class Ros2Bag(ExportFormat):
         folder.rmdir()  # rosbags makes it
         with Bag(folder, self.storage) as bag:
             _write_latched(bag, streams, stamps_ns[0])
+            if recording.run.has(LABELS):
+                text = (recording.run.path / LABELS).read_text(encoding="utf-8")
+                bag.write("/labels", stamps_ns[0], messages.text(text), is_latched=True)
             for step, stamp_ns in enumerate(stamps_ns):
                 motion.write(bag, step, stamp_ns)
                 found = [one for stream in streams for one in stream.messages_at(step, stamp_ns)]
@@ -123,7 +132,7 @@ def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]
         streams += [open_stream(recording, name, settings) for name in recording.sensors(kind)]
     sources = [(stream.topic, stream.name) for stream in streams]
     sources += [(ros_name(name), name) for name in recording.objects()]
-    taken = {MAP: "the world", ODOM: "the odometry", BASE: "the vehicle"}
+    taken = {MAP: "the world", ODOM: "the odometry", BASE: "the vehicle", "labels": "the labels"}
     for ros, name in sources:
         if ros in taken:
             raise OutputError(

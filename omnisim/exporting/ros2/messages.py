@@ -50,7 +50,12 @@ from omnisim.poses import quaternion_from_rotation
 NANOSECONDS = 1_000_000_000
 # sensor_msgs/PointField's numbers of the types.
 _POINT_TYPES = {"u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
-_ENCODINGS = {("uint8", 3): "rgb8", ("uint16", 1): "16UC1", ("float32", 1): "32FC1"}
+_ENCODINGS = {
+    ("uint8", 3): "rgb8",
+    ("uint16", 1): "16UC1",
+    ("uint32", 1): "32SC1",  # there is no unsigned one
+    ("float32", 1): "32FC1",
+}
 UNKNOWN = np.zeros(36)  # of covariances
 
 
@@ -61,7 +66,7 @@ def header(stamp_ns: int, frame: str) -> Header:
 
 
 def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
-    """Image of a picture (height, width, 3) uint8 or of depths (height, width)."""
+    """Image of a picture (height, width, 3) uint8, or of depths or labels (height, width)."""
     height, width = pixels.shape[:2]
     kind = pixels.dtype.name, 1 if pixels.ndim == 2 else pixels.shape[2]
     data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)

@@ -27,6 +27,7 @@ from omnisim.simulation.sensors.imu import COLUMNS as IMU_COLUMNS
 
 BASE = "base_link"
 CLOUD_COLORS = "rgb"
+LABELLED = ("semantic", "instance")  # channels whose numbers are those of the run's labels
 
 
 class StampedMessage(NamedTuple):
@@ -97,6 +98,9 @@ class CameraStream(Stream):
         if self.lens is not None:
             info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
             yield StampedMessage(f"/{self.topic}/camera_info", stamp_ns, info)
+        for name in LABELLED:
+            if self.camera.has(name):
+                yield self._image(name, stamp_ns, self.camera.channel(step, name))
         if not self.camera.has("range"):
             return
         ranges_m = self.camera.channel(step, "range")
