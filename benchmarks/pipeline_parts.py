@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, NamedTuple
 
 import moderngl
@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
+from omnisim.gpu.culling.cluster_culling import BANDS
+from omnisim.gpu.scene.cluster_drawer import ClusterDrawer
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.sensors.backend import CameraBackend
 from omnisim.sensors.cube_backend import CubeCamera
@@ -29,7 +31,6 @@ _READS = (
     (moderngl.Texture, ("read", "read_into")),
     (moderngl.Buffer, ("read", "read_into")),
 )
-_INDIRECT_BYTES = 20  # of a draw in an indirect list
 
 
 class PartSeconds(NamedTuple):
@@ -53,7 +54,7 @@ class FrameCounts:
     Attributes:
         virtual_cameras: pipeline statistics of the faces.
         calls: draw calls from Python, in the whole frame.
-        draws: in these calls; an indirect list has many.
+        draws: in these calls; those of clusters have many.
     """
 
     virtual_cameras: Counts
@@ -107,20 +108,17 @@ class RepeatedFrame:
             counted = count(self.renderer._stage.context, lambda: self._draw_faces(passes))
         calls: list[int] = []
 
-        def noting(draws_of: Callable[..., int]) -> Callable[..., Any]:
-            def wrapped(draw: Callable[..., Any]) -> Callable[..., Any]:
-                @wraps(draw)
-                def noted(*arguments: Any, **options: Any) -> Any:
-                    calls.append(draws_of(*arguments, **options))
-                    return draw(*arguments, **options)
+        def noting(draw: Callable[..., Any]) -> Callable[..., Any]:
+            @wraps(draw)
+            def noted(*arguments: Any, **options: Any) -> Any:
+                calls.append(1)
+                return draw(*arguments, **options)
 
-                return noted
-
-            return wrapped
+            return noted
 
         with (
-            _patched(moderngl.VertexArray, "render", noting(lambda *_, **__: 1)),
-            _patched(moderngl.VertexArray, "render_indirect", noting(_listed)),
+            _patched(moderngl.VertexArray, "render", noting),
+            _patched(ClusterDrawer, "draw", partial(_noting_clusters, calls)),
         ):
             self.render()
         return FrameCounts(counted, len(calls), sum(calls))
@@ -203,12 +201,16 @@ def _reads(change: Callable[[Callable[..., Any]], Callable[..., Any]]) -> Iterat
         yield
 
 
-def _listed(
-    _: moderngl.VertexArray,
-    buffer: moderngl.Buffer,
-    mode: Any = None,
-    count: int = -1,
-    first: int = 0,
-) -> int:
-    """Number of draws in an indirect list from the first on."""
-    return buffer.size // _INDIRECT_BYTES - first if count < 0 else count
+def _noting_clusters(
+    calls: list[int], draw: Callable[[ClusterDrawer, int], None]
+) -> Callable[[ClusterDrawer, int], None]:
+    """Drawing of clusters that notes the draws of each of its calls, which the GPU has."""
+
+    @wraps(draw)
+    def noted(drawer: ClusterDrawer, pass_index: int) -> None:
+        draw(drawer, pass_index)
+        counts = np.frombuffer(drawer.culler.counts.read(), dtype=np.uint32)
+        length = BANDS * len(drawer.culler.ranges)
+        calls.extend(counts[pass_index * length : (pass_index + 1) * length].tolist())
+
+    return noted

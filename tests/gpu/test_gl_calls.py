@@ -1,4 +1,4 @@
-"""Calls of OpenGL in a frame: as many for one view as for many, and for a few objects as for many."""
+"""Calls of OpenGL in a frame: as many for one view as for many, for few objects as for many."""
 
 import numpy as np
 import pytest

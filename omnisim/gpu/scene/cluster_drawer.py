@@ -38,6 +38,9 @@ class ClusterDrawer:
         culler: of their views.
         programs: of each bucket.
         both_sides: draw back faces, too.
+
+    Attributes:
+        culler: as given.
     """
 
     def __init__(
@@ -48,7 +51,7 @@ class ClusterDrawer:
         programs: Sequence[BucketProgram],
         both_sides: bool = False,
     ):
-        self._context, self._culler = context, culler
+        self._context, self.culler = context, culler
         self._draws = IndirectDraws()
         arrays = {
             id(one.program): cluster_vertex_array(
@@ -65,7 +68,7 @@ class ClusterDrawer:
         """Draw the commands of a pass; target, depth and viewport are set."""
         context, draws = self._context, self._draws
         context.front_face = "cw"
-        draws.bind(self._culler.commands.glo, self._culler.counts.glo)
+        draws.bind(self.culler.commands.glo, self.culler.counts.glo)
         with clip_distances(context):
             self._draw_buckets(pass_index)
 
@@ -75,7 +78,7 @@ class ClusterDrawer:
         buckets = enumerate(BANDS * self._buckets, pass_index * BANDS * len(self._buckets))
         for number, (one, vertices, shows_back, bucket) in buckets:
             band, index = divmod(number, len(self._buckets))
-            commands, textures = self._culler.ranges[index], bucket.array
+            commands, textures = self.culler.ranges[index], bucket.array
             first = commands.first + band % BANDS * commands.most
             if one.program is not program:
                 program = one.program
