@@ -229,6 +229,21 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
         return pixels, _parse_metadata(spec.getattribute(METADATA_KEY))
 
 
+def read_radiance(path: Path) -> NDArray[np.float32]:
+    """Read the linear RGB (height, width, 3) of a float picture, such as .hdr and .exr.
+
+    Raises:
+        OutputError: the file is missing, not a picture, or has less than three channels.
+    """
+    spec, pixels = _read(path, oiio.FLOAT)
+    with _utf8_header(path):
+        names = [name.upper() for name in spec.channelnames]
+    places = [names.index(name) for name in "RGB"] if set("RGB") <= set(names) else [0, 1, 2]
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise OutputError(f"{path}: expected a picture of red, green and blue")
+    return np.ascontiguousarray(pixels[..., places])
+
+
 def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
     """Encode a picture (height, width, 3) sRGB as JPEG, and decode it again.
 

@@ -16,6 +16,7 @@ from omnisim.rays.fog import fogged
 from omnisim.rays.geometry import Poses
 from omnisim.rays.shading import Shading
 from omnisim.rays.shadows import CastShadow
+from omnisim.scene.environment import Environment
 from omnisim.scene.model import Scene
 from omnisim.world import ObjectPart
 
@@ -90,6 +91,7 @@ class RayScene:
         poses, shading = objects.world_from_objects, self.shading
         fog = None if unlit else self._fog
         background = self._background if fog is None else np.array(fog.color, dtype=np.float32)
+        environment = self.scene.lighting.environment if fog is None else None
         total = np.zeros((len(rays.near_m), 3), dtype=np.float32)
         share = np.ones(len(total), dtype=np.float32)
         active, behind = np.arange(len(total)), None
@@ -97,7 +99,12 @@ class RayScene:
             hits = self.caster.cast(rays, poses, objects.hidden, behind)
             is_hit = hits.triangles != NO_TRIANGLE
             missed = active[~is_hit]
-            total[missed] += share[missed, None] * background
+            seen = background
+            if environment is not None:
+                seen = self._sky(
+                    rays.take(np.flatnonzero(~is_hit)), footprints, missed, environment
+                )
+            total[missed] += share[missed, None] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
@@ -122,6 +129,19 @@ class RayScene:
             active, behind = active[on], hits.triangles[on]
             rays = self.caster.behind(rays.take(on), hits.ranges_m[on])
         return total
+
+    @staticmethod
+    def _sky(
+        rays: Rays,
+        footprints: NDArray[np.float32] | None,
+        missed: NDArray[np.intp],
+        environment: Environment,
+    ) -> NDArray[np.float32]:
+        """Radiance (n, 3) of the sky along rays (n,) that hit nothing."""
+        widths = None
+        if footprints is not None:
+            widths = np.linalg.norm(footprints[missed], axis=-1).max(axis=-1)
+        return environment.seen(rays.directions, widths)
 
     def first_hits(
         self,

@@ -98,11 +98,18 @@ def _environment(surface: Reflectance, placed: Placed, coat: Floats, lighting: L
 
 
 def _radiance(lighting: Lighting, normals: Floats, views: Floats, roughness: Floats) -> Floats:
-    """Radiance (n, 3) of the environment in the mirror's direction."""
+    """Radiance (n, 3) of the environment around the direction that most light comes from.
+
+    Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
+    """
     total: Floats = np.tile(np.array(lighting.ambient), (len(normals), 1))
     if lighting.environment is not None:
         mirrored = 2.0 * _dot(normals, views)[:, None] * normals - views
-        total = total + lighting.environment.light(mirrored, roughness)
+        alpha = roughness * roughness
+        share = ((1.0 - alpha) * (np.sqrt(1.0 - alpha) + alpha))[:, None]
+        towards = normals + share * (mirrored - normals)
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        total = total + lighting.environment.light(towards, roughness)
     return total
 
 

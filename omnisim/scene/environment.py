@@ -40,7 +40,7 @@ class Environment:
     def irradiance(self) -> NDArray[np.float64]:
         """Light on white surfaces: factors (9, 3) of the polynomials in `shares_of_normals`."""
         pixels = _halved_to(self.radiance, 128).astype(np.float64)
-        directions, weights = _grid(*pixels.shape[:2])
+        directions, weights = map_directions(*pixels.shape[:2])
         shares = shares_of_normals(directions.reshape(-1, 3))
         moments = shares.T @ (pixels * weights[:, None, None]).reshape(-1, 3)
         factors: NDArray[np.float64] = moments * _FACTORS[:, None]
@@ -66,21 +66,23 @@ class Environment:
         self, directions: NDArray[np.floating], roughness: NDArray[np.floating]
     ) -> NDArray[np.float32]:
         """Radiance (n, 3) around directions (n, 3), filtered for roughnesses (n,) from 0 to 1."""
-        places = coordinates_of(directions)
         steps = np.asarray(roughness, dtype=np.float64) * (FILTERED_LEVELS - 1)
-        lower = np.minimum(steps.astype(np.intp), FILTERED_LEVELS - 2)
-        shares = (steps - lower)[:, None]
-        total = np.zeros((len(places), 3), dtype=np.float32)
-        for level, pixels in enumerate(self.filtered):
-            weights = np.where(lower == level, 1.0 - shares[:, 0], 0.0)
-            weights = np.where(lower + 1 == level, shares[:, 0], weights)
-            some = np.flatnonzero(weights)
-            total[some] += weights[some, None] * lookup(pixels, places[some])
-        return total
+        return _between_levels(self.filtered, coordinates_of(directions), steps)
 
-    def seen(self, directions: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Radiance (n, 3) along directions (n, 3)."""
-        return lookup(self.radiance, coordinates_of(directions))
+    @cached_property
+    def pyramid(self) -> tuple[NDArray[np.float32], ...]:
+        """The map, and means of it with half as many rows and columns each."""
+        return tuple(_pyramid(self.radiance))
+
+    def seen(
+        self, directions: NDArray[np.floating], widths_rad: NDArray[np.floating] | None = None
+    ) -> NDArray[np.float32]:
+        """Radiance (n, 3) along directions (n, 3), within widths (n,); None: of no width."""
+        places = coordinates_of(directions)
+        if widths_rad is None:
+            return lookup(self.radiance, places)
+        texels = np.maximum(widths_rad, 1e-12) * (self.radiance.shape[0] / np.pi)
+        return _between_levels(self.pyramid, places, np.maximum(np.log2(texels), 0.0))
 
 
 # Of the polynomials: their norms squared, by Lambert's cosine of their order, over pi.
@@ -125,7 +127,23 @@ def lookup(pixels: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[
     return found
 
 
-def _grid(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _between_levels(
+    levels: tuple[NDArray[np.float32], ...],
+    places: NDArray[np.float64],
+    steps: NDArray[np.floating],
+) -> NDArray[np.float32]:
+    """Values (n, 3) at texture coordinates (n, 2), between the two levels nearest to steps (n,)."""
+    steps = np.minimum(steps, len(levels) - 1)
+    total = np.zeros((len(places), 3), dtype=np.float32)
+    for level, pixels in enumerate(levels):
+        weights = np.maximum(1.0 - np.abs(steps - level), 0.0)
+        some = np.flatnonzero(weights)
+        if len(some):
+            total[some] += weights[some, None] * lookup(pixels, places[some])
+    return total
+
+
+def map_directions(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Directions (height, width, 3) of a map's pixels, and solid angles (height,) of its rows'."""
     azimuth = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)[None]
     polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
@@ -151,9 +169,10 @@ def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
 
 
 def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of 2 × 2 pixels, by their solid angles."""
-    height, width = pixels.shape[:2]
-    weights = _grid(height, width)[1].astype(np.float32)[:, None, None]
+    """Means of 2 × 2 pixels, by their solid angles; of an odd number the last one is left out."""
+    height, width = (size // 2 * 2 for size in pixels.shape[:2])
+    pixels = pixels[:height, :width]
+    weights = map_directions(height, width)[1].astype(np.float32)[:, None, None]
     rows = (pixels * weights).reshape(height // 2, 2, width, 3).sum(axis=1)
     rows /= weights.reshape(height // 2, 2, 1, 1).sum(axis=1)
     halved: NDArray[np.float32] = 0.5 * (rows[:, 0::2] + rows[:, 1::2])
@@ -175,7 +194,7 @@ def _filtered(
     Each half vector of GGX looks up the level whose pixels are as wide as its share of the lobe.
     Source: Křivánek and Colbert, "Real-time shading with filtered importance sampling", 2008.
     """
-    normals = _grid(rows, 2 * rows)[0].reshape(-1, 3)
+    normals = map_directions(rows, 2 * rows)[0].reshape(-1, 3)
     up = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     tangents = np.cross(up, normals)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)

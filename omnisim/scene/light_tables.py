@@ -126,3 +126,32 @@ class FogTable(Table):
         if (self.visibility_m is None) == (self.attenuation_per_m is None):
             raise ValueError("expected either visibility_m or attenuation_per_m")
         return self
+
+
+class SkyTable(Table):
+    """Sky that lights the scene and is seen behind it, instead of even light."""
+
+    file: Annotated[str, Field(min_length=1, strict=True)] | None = None
+    """Environment map, .hdr or .exr, relative to this file; left out: a clear sky. It is twice as
+    wide as high; its middle is the world's x, before yaw_deg."""
+    yaw_deg: Number = 0.0
+    """Turn of the map in degrees, counter-clockwise seen from above."""
+    brightness: Positive = 0.8
+    """Brightness of a level white surface under the sky and the sun; 1 is white. With [sun] and
+    light.exposure that exposure counts instead."""
+    turbidity: Annotated[Number, Field(ge=1.7, le=10.0)] = 3.0
+    """Haze of the clear sky: 2 very clear, 6 hazy."""
+    sun_elevation_deg: Annotated[Number, Field(ge=-90.0, le=90.0)] = 45.0
+    """Height of the clear sky's sun above the horizon, degrees; without [sun]."""
+    sun_azimuth_deg: Number = 135.0
+    """Direction of the clear sky's sun, degrees counter-clockwise from the world's x; without
+    [sun]."""
+
+    @model_validator(mode="after")
+    def _one_sky(self) -> SkyTable:
+        of_clear_sky = {"turbidity", "sun_elevation_deg", "sun_azimuth_deg"}
+        if self.file is not None and (given := of_clear_sky & self.model_fields_set):
+            raise ValueError(f"{min(given)}: expected a clear sky, got file = {self.file!r}")
+        if self.file is None and "yaw_deg" in self.model_fields_set:
+            raise ValueError("yaw_deg: expected an environment map in file")
+        return self

@@ -85,6 +85,10 @@ def _load_source(
         scene = _load_extended(str(source), found, axes, resources, outer)
 
     scene = lit_scene(scene, found.settings)
+    if found.settings.sky is not None:
+        from omnisim.scene.sky import under_sky  # reads pictures, slow to import
+
+        scene = under_sky(scene, found.settings, found.toml)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
         return _load_source(path, FileAxes(axis), resources, outer, is_shape=True)
@@ -190,7 +194,7 @@ def _scene(
 
 
 def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
-    """Lighting with what a TOML says of it."""
+    """Lighting with the shading of a TOML."""
     if settings.light.shading is None:
         return lighting
     return dataclasses.replace(lighting, is_matte=settings.light.shading == "matte")

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from omnisim.errors import did_you_mean
 from omnisim.parameters import Number, Signed, Table
-from omnisim.scene.light_tables import FogTable, LampTable, LightTable, SunTable
+from omnisim.scene.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 
 Level = Annotated[Number, Field(ge=0.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
@@ -233,6 +233,7 @@ class SceneFile(Table):
     light: LightTable = Field(default_factory=LightTable)
     lamps: tuple[LampTable, ...] = ()
     sun: SunTable | None = None
+    sky: SkyTable | None = None
     fog: FogTable | None = None
     start: StartTable | None = None
     starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()

@@ -1,7 +1,6 @@
 // Light of an environment map.
 // vec3 ambient_light(vec3 normal): on a white surface, by spherical harmonics of order 2.
 // vec3 environment_light(vec3 direction, float roughness): its radiance, filtered for a roughness.
-// vec3 sky_radiance(vec3 direction): its own radiance.
 // Directions are unit vectors in axes of the world, radiance is linear RGB.
 // Twin of omnisim/scene/environment.py.
 // Source: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps",
@@ -10,13 +9,7 @@
 uniform vec3 u_irradiance[9];
 uniform sampler2D u_filtered_sky;  // a level for each step of roughness
 
-const float TURN = 6.28318530717959;
-
-// Texture coordinates of a direction: east of the map's middle is left of it.
-vec2 sky_coordinates(vec3 direction) {
-    float azimuth = atan(direction.y, direction.x);
-    return vec2(0.5 - azimuth / TURN, acos(clamp(direction.z, -1.0, 1.0)) / (0.5 * TURN));
-}
+#include "scene/sky_coordinates.glsl"
 
 vec3 ambient_light(vec3 n) {
     vec3 total = u_irradiance[0]

@@ -65,6 +65,14 @@ vec3 reflected_lamp(
     return lamp.color * lamp.level * total;
 }
 
+// Direction that most of the light comes from: of a rough surface nearer to the normal than the
+// mirror's. Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
+vec3 dominant_direction(vec3 normal, vec3 view, float roughness) {
+    float alpha = roughness * roughness;
+    float share = (1.0 - alpha) * (sqrt(1.0 - alpha) + alpha);
+    return normalize(mix(normal, reflect(-view, normal), share));
+}
+
 vec3 reflected_environment(
     Reflectance surface, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
     float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
@@ -72,13 +80,16 @@ vec3 reflected_environment(
     float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), shares.z));
     vec3 total = surface.body * (1.0 - lost) * ambient_light(normal)
         + (surface.f0 * shares.x + surface.f90 * shares.y)
-            * environment_light(reflect(-view, normal), surface.roughness);
+            * environment_light(
+                dominant_direction(normal, view, surface.roughness), surface.roughness);
     total *= 1.0 - coat;
     if (coat > 0.0) {
         vec2 coated = environment_shares(
             clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0), surface.coat_roughness).xy;
         total += coat * (coated.x + coated.y)
-            * environment_light(reflect(-view, coat_normal), surface.coat_roughness);
+            * environment_light(
+                dominant_direction(coat_normal, view, surface.coat_roughness),
+                surface.coat_roughness);
     }
     return surface.occlusion * total;
 }

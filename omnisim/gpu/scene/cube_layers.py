@@ -15,6 +15,7 @@ from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.sky_pass import SkyPass
 from omnisim.gpu.scene.surface_program import (
     SurfacePrograms,
     SurfaceVariant,
@@ -80,6 +81,8 @@ class CubeLayers:
         self._programs, self._tile_count = list(used.values()), len(plan.tiles)
         self._surface_programs, positions = programs, len(programs.positions_m)
         self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))
+        sky = programs.sky_seen(cameras.unlit)
+        self._sky = None if sky is None else SkyPass(buffers.context, sky, plan, count)
 
     def draw(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
@@ -99,6 +102,8 @@ class CubeLayers:
             uniform(program, "u_cameras").value = len(poses)
             uniform(program, "u_tiles").value = self._tile_count
         self._tiles.begin(self._target, (*self._background, 1.0))
+        if self._sky is not None:
+            self._sky.draw(self._target, rigs)
         self._surface_programs.bind_tables()
         self._positions.bind_to_storage_buffer(_POSITIONS)
         self._tiles.draw_clusters(rigs, objects)

@@ -21,6 +21,7 @@ from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import depth_texture, float_depth
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
+from omnisim.gpu.scene.sky_pass import SkyPass
 from omnisim.gpu.scene.surface_program import (
     SurfacePrograms,
     variant_of,
@@ -87,6 +88,8 @@ class CubePass:
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
         self._is_multisampled = samples > 1
         self._cameras, self._programs, self._samples = cameras, programs, samples
+        sky = programs.sky_seen(cameras.unlit)
+        self._sky = None if sky is None else SkyPass(context, sky, plan)
         self.refresh()
 
     def refresh(self) -> None:
@@ -204,6 +207,8 @@ class CubePass:
             program.set_viewpoint(viewpoint_m)
         self._programs.bind_tables()
         tiles.begin(target, (*self._background, 1.0))
+        if self._sky is not None:
+            self._sky.draw(target, world_from_rig[None])
         tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
         if self._blended.size:
             self._draw_blended(world_from_rig, world_from_objects)

@@ -79,6 +79,8 @@ def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> 
     Twin of shaders/scene/lighting.glsl without punctual lights.
     """
     total = np.tile(np.array(lighting.ambient), (len(normals), 1))
+    if lighting.environment is not None:
+        total += lighting.environment.ambient(normals)
     for light in lighting.lights:
         color = np.array(light.color) * (light.intensity * lighting.exposure)
         total += np.maximum(-(normals @ light.direction), 0.0)[:, None] * color

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.environment_textures import filtered_texture, sky_texture
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.shadow_source import ShadowSource
@@ -298,6 +299,22 @@ class SurfacePrograms:
         buffers.materials.texture.use(_TABLE_UNITS["u_materials"])
         if details is not None:
             details.use(_TABLE_UNITS["u_vertex_details"])
+        if self._filtered_sky is not None:
+            self._filtered_sky.use(_TABLE_UNITS["u_filtered_sky"])
+
+    def sky_seen(self, unlit: bool) -> moderngl.Texture | None:
+        """Texture of the environment map; None: there is none, or fog hides it."""
+        return None if self._lighting.fog is not None and not unlit else self._sky
+
+    @cached_property
+    def _sky(self) -> moderngl.Texture | None:
+        environment = self._lighting.environment
+        return None if environment is None else sky_texture(self._context, environment)
+
+    @cached_property
+    def _filtered_sky(self) -> moderngl.Texture | None:
+        environment = self._lighting.environment
+        return None if environment is None else filtered_texture(self._context, environment)
 
     @cached_property
     def _environment_table(self) -> moderngl.Texture:

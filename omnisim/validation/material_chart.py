@@ -1,0 +1,125 @@
+"""Chart of materials: spheres of some roughness by metalness, seen by a pinhole camera."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, PerspectiveCamera, pixel_grid
+from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
+from omnisim.sensors import OmniCamera
+
+ROUGHNESS = 0.1, 0.25, 0.4, 0.6, 0.8, 1.0  # from top to bottom
+METALLIC = 0.0, 0.5, 1.0  # from left to right
+BASE_COLOR = 0.8, 0.3, 0.1
+RADIUS_M, DISTANCE_M = 0.4, 6.0
+SPHERE_PX = 66  # wide, in the picture
+CLEAR = 0.93  # of a sphere's radius: pixels there show nothing else
+
+
+def sphere(radius_m: float, rows: int = 64) -> Mesh:
+    """Sphere of triangles, with normals and texture coordinates; its poles are up and down."""
+    polar = np.pi * np.arange(rows + 1) / rows
+    azimuth = np.pi * np.arange(2 * rows + 1) / rows
+    normals = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar)[:, None] * np.cos(azimuth),
+            np.sin(polar)[:, None] * np.sin(azimuth),
+            np.cos(polar)[:, None],
+        ),
+        axis=-1,
+    ).reshape(-1, 3)
+    across = np.tile(azimuth / (2.0 * np.pi), rows + 1)
+    down = np.repeat(polar / np.pi, 2 * rows + 1)
+    width = 2 * rows + 1
+    first = (width * np.arange(rows)[:, None] + np.arange(2 * rows)).ravel()
+    triangles = np.concatenate(
+        [
+            np.stack((first, first + width, first + width + 1), axis=1),
+            np.stack((first, first + width + 1, first + 1), axis=1),
+        ]
+    )
+    return Mesh(
+        "sphere",
+        (radius_m * normals).astype(np.float32),
+        triangles.astype(np.uint32),
+        0,
+        normals=normals.astype(np.float32),
+        texture_coordinates=np.stack((across, down), axis=-1).astype(np.float32),
+    )
+
+
+def centres_m() -> NDArray[np.float64]:
+    """Centres (18, 3) of the spheres, row by row, about the camera's axis, the world's x."""
+    rows, columns = len(ROUGHNESS), len(METALLIC)
+    return np.array(
+        [
+            (DISTANCE_M, 0.5 * (columns - 1) - column, 0.5 * (rows - 1) - row)
+            for row, column in itertools.product(range(rows), range(columns))
+        ]
+    )
+
+
+def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
+    """Number of the sphere (height, width) that each pixel shows, clear of outlines; −1: none.
+
+    Args:
+        model: of a camera like `camera()`, at the origin, its axis along the world's x.
+    """
+    rays = model.ray_from_pixel(pixel_grid(model.width_px, model.height_px)).directions
+    # right, down and forward of the camera are the world's −y, −z and x
+    directions = np.stack((rays[..., 2], -rays[..., 0], -rays[..., 1]), axis=-1)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    away_m = np.stack(
+        [np.linalg.norm(np.cross(centre_m, directions), axis=-1) for centre_m in centres_m()]
+    )
+    nearest: NDArray[np.int64] = away_m.argmin(axis=0).astype(np.int64)
+    nearest[away_m.min(axis=0) > CLEAR * RADIUS_M] = -1
+    return nearest
+
+
+def chart(lighting: Lighting) -> Scene:
+    """Chart under some lighting."""
+    pairs = list(itertools.product(ROUGHNESS, METALLIC))
+    materials = tuple(
+        Material(
+            f"roughness {roughness:g}, metallic {metallic:g}",
+            (*BASE_COLOR, 1.0),
+            metallic=metallic,
+            roughness=roughness,
+            specular=1.0,
+        )
+        for roughness, metallic in pairs
+    )
+    shape = sphere(RADIUS_M)
+    meshes = tuple(
+        Mesh(
+            f"sphere {number}", shape.positions, shape.triangles, number,
+            shape.normals, shape.texture_coordinates,
+        )
+        for number in range(len(materials))
+    )  # fmt: skip
+    instances = []
+    for number, centre_m in enumerate(centres_m()):
+        pose = np.eye(4)
+        pose[:3, 3] = centre_m
+        instances.append(Instance(f"sphere {number}", number, pose))
+    return Scene(
+        name="material chart",
+        meshes=meshes,
+        materials=materials,
+        instances=tuple(instances),
+        lighting=lighting,
+        background=(0.0, 0.0, 0.0),
+        start=StartPose((0.0, 0.0, 0.0)),
+    )
+
+
+def camera() -> OmniCamera:
+    """Pinhole camera that sees the whole chart from the world's origin."""
+    focal_px = SPHERE_PX * DISTANCE_M / (2.0 * RADIUS_M)
+    width, height = (int((n + 0.2) * focal_px / DISTANCE_M) for n in (3, 6))
+    middle = 0.5 * (width - 1), 0.5 * (height - 1)
+    return OmniCamera(PerspectiveCamera(width, height, focal_px, middle), supersampling=4)

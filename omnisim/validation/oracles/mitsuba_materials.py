@@ -1,0 +1,124 @@
+"""Material chart by Mitsuba 3: spheres of its principled BSDF under a lamp or an environment.
+
+Its metals and gloss are glTF's: GGX with alpha = roughness², Schlick's Fresnel for metals. It
+differs in three things, of which none can be chosen: facets are shadowed each way on its own; a
+dielectric's Fresnel is exact, and takes no light from the body below; and that body is Disney's,
+which is brighter than Lambert's at grazing angles where it is rough, and darker where it is smooth.
+
+Each sphere is alone: none is seen in another.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera
+from omnisim.scene.environment import Environment
+from omnisim.scene.model import Light, Lighting, Material
+from omnisim.validation.oracles.mitsuba_scene import film, rgb, scalar_variant
+
+
+def trace_sphere(
+    material: Material,
+    centre_m: NDArray[np.float64],
+    radius_m: float,
+    lighting: Lighting,
+    camera: PerspectiveCamera,
+    crop_px: tuple[int, int, int, int],
+    samples: int,
+) -> NDArray[np.float32]:
+    """Part (height, width, 3), linear RGB, of a picture from the origin along the world's x.
+
+    Args:
+        material: a metal or a dielectric of the default index, without maps.
+        centre_m: (3,) of the sphere, world.
+        radius_m: of the sphere.
+        lighting: directional lamps and light from everywhere, or a map.
+        camera: at the origin.
+        crop_px: left, top, width and height of the part.
+        samples: rays a pixel.
+    """
+    with scalar_variant():
+        content = _content(material, centre_m, radius_m, lighting)
+        content["sensor"] = _sensor(camera, crop_px, samples)
+        return np.array(mi.render(mi.load_dict(content), seed=mi.UInt32(0)))[..., :3]
+
+
+def _content(
+    material: Material, centre_m: NDArray[np.float64], radius_m: float, lighting: Lighting
+) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
+        "sphere": {
+            "type": "sphere",
+            "center": centre_m.tolist(),
+            "radius": radius_m,
+            "bsdf": {
+                "type": "principled",
+                "base_color": rgb(material.base_color[:3]),
+                "metallic": material.metallic,
+                "roughness": material.roughness,
+                "eta": material.ior,
+            },
+        },
+    }
+    for number, light in enumerate(lighting.lights):
+        content[f"lamp {number}"] = _lamp(light, lighting.exposure)
+    if any(lighting.ambient):
+        content["even light"] = {"type": "constant", "radiance": rgb(lighting.ambient)}
+    if lighting.environment is not None:
+        content["sky"] = _sky(lighting.environment)
+    return content
+
+
+def _lamp(light: Light, exposure: float) -> dict[str, Any]:
+    """Lamp of which a white surface is as bright as in omnisim, where radiance is times pi."""
+    level = np.array(light.color) * (light.intensity * exposure * math.pi)
+    return {
+        "type": "directional",
+        "direction": light.direction.tolist(),
+        "irradiance": rgb(tuple(level.tolist())),
+    }
+
+
+def _sky(environment: Environment) -> dict[str, Any]:
+    """The map; Mitsuba's has its up along y, and its middle along +z."""
+    pixels = np.ascontiguousarray(environment.radiance)
+    world_from_sky = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    return {
+        "type": "envmap",
+        "bitmap": mi.Bitmap(pixels),
+        "to_world": mi.ScalarTransform4f(world_from_sky),
+    }
+
+
+def _sensor(
+    camera: PerspectiveCamera, crop_px: tuple[int, int, int, int], samples: int
+) -> dict[str, Any]:
+    (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
+    left, top, wide, high = crop_px
+    return {
+        "type": "perspective",
+        "to_world": mi.ScalarTransform4f().look_at(
+            origin=[0, 0, 0], target=[1, 0, 0], up=[0, 0, 1]
+        ),
+        "fov_axis": "x",
+        "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
+        "principal_point_offset_x": 0.5 - (u + 0.5) / width,
+        "principal_point_offset_y": 0.5 - (v + 0.5) / height,
+        "near_clip": 0.01,
+        "film": film(width, height)
+        | {
+            "crop_offset_x": left,
+            "crop_offset_y": top,
+            "crop_width": wide,
+            "crop_height": high,
+        },
+        "sampler": {"type": "multijitter", "sample_count": samples},
+    }

@@ -1,0 +1,9 @@
+// vec2 sky_coordinates(vec3 direction): texture coordinates of an environment map, for a unit vector
+// in axes of the world. Twin of coordinates_of in omnisim/scene/environment.py.
+
+const float TURN = 6.28318530717959;
+
+vec2 sky_coordinates(vec3 direction) {
+    float azimuth = atan(direction.y, direction.x);
+    return vec2(0.5 - azimuth / TURN, acos(clamp(direction.z, -1.0, 1.0)) / (0.5 * TURN));
+}

@@ -1,0 +1,105 @@
+"""Skies of scenes' TOMLs: clear ones and maps."""
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from omnisim.errors import SceneError
+from omnisim.scene import load_scene
+from omnisim.scene.clear_sky import clear_sky, sun_illuminance
+from omnisim.scene.environment import Environment
+
+UP = np.array([[0.0, 0.0, 1.0]])
+
+
+def _load(folder, sky, extends="rings"):
+    path = folder / "scene.toml"
+    path.write_text(f'extends = "{extends}"\n[sky]\n{sky}\n')
+    return load_scene(path)
+
+
+def _write(path, pixels):
+    height, width, channels = pixels.shape
+    out = oiio.ImageOutput.create(str(path))
+    out.open(str(path), oiio.ImageSpec(width, height, channels, "float"))
+    out.write_image(pixels.astype(np.float32))
+    out.close()
+
+
+def _towards(elevation_deg):
+    angle = np.radians(elevation_deg)
+    return np.array([np.cos(angle), 0.0, np.sin(angle)])
+
+
+def test_a_clear_sky_is_blue_brightest_near_the_sun_and_as_bright_as_skies_are():
+    """A clear sky gives level ground some 10 to 20 klx; the model is known to give more."""
+    sky = clear_sky(_towards(50.0), 3.0)
+    assert sky.shape == (256, 512, 3)
+    assert np.isfinite(sky).all()
+    assert sky.min() >= 0.0
+    level = np.pi * Environment(sky).ambient(UP)[0] @ (0.2126, 0.7152, 0.0722)
+    assert 10_000.0 < level < 35_000.0
+    zenith = sky[0].mean(axis=0)
+    assert zenith[2] > 1.5 * zenith[0]
+    row, column = np.unravel_index(sky[:128].sum(axis=2).argmax(), (128, 512))
+    assert abs(row - 256 * 40 / 180) < 4
+    assert abs(column - 255.5) < 3
+
+
+def test_the_sun_is_as_bright_as_the_sun_and_redder_when_low():
+    """Direct sun of a clear day: some 80 to 105 klx at 60° (IES handbook)."""
+    high, low = (sun_illuminance(_towards(angle), 3.0) for angle in (60.0, 5.0))
+    assert 70_000.0 < high @ (0.2126, 0.7152, 0.0722) < 110_000.0
+    assert low[2] / low[0] < 0.7 * high[2] / high[0]
+    assert low.sum() < 0.5 * high.sum()
+
+
+@pytest.mark.parametrize("elevation_deg", [10.0, 45.0, 90.0])
+def test_a_level_surface_is_as_bright_as_asked(tmp_path, elevation_deg):
+    lighting = _load(tmp_path, f"brightness = 0.7\nsun_elevation_deg = {elevation_deg}").lighting
+    (sun,) = lighting.lights
+    level = lighting.environment.ambient(UP)[0]
+    level += np.array(sun.color) * (sun.intensity * lighting.exposure * -sun.direction[2])
+    assert level @ (0.2126, 0.7152, 0.0722) == pytest.approx(0.7, rel=1e-3)
+    assert -sun.direction[2] == pytest.approx(np.sin(np.radians(elevation_deg)))
+    assert lighting.ambient == (0.0, 0.0, 0.0)
+
+
+def test_at_night_there_is_no_sun(tmp_path):
+    assert _load(tmp_path, "sun_elevation_deg = -5").lighting.lights == ()
+
+
+@pytest.mark.parametrize("suffix", ["hdr", "exr"])
+def test_a_map_is_turned_and_scaled(tmp_path, suffix):
+    pixels = np.full((16, 32, 3), 0.5)
+    pixels[7:9, 15:17] = (40.0, 0.0, 0.0)
+    _write(tmp_path / f"sky.{suffix}", pixels)
+    lighting = _load(tmp_path, f'file = "sky.{suffix}"\nyaw_deg = 90').lighting
+    assert lighting.lights == ()
+    level = lighting.environment.ambient(UP)[0] @ (0.2126, 0.7152, 0.0722)
+    assert level == pytest.approx(0.8, rel=1e-3)
+    red, grey = lighting.environment.seen(np.array([[0.0, 1, 0], [1, 0, 0]]))
+    assert red[0] > 50.0 * grey[0]
+
+
+@pytest.mark.parametrize(
+    ("sky", "expected"),
+    [
+        ('file = "none.hdr"', "sky.file = 'none.hdr': no such file beside it"),
+        ('file = "scene.toml"', r"expected an environment map \(.hdr, .exr\), got '.toml'"),
+        ('file = "bad.exr"', "bad.exr: cannot be read"),
+        ('file = "square.exr"', "expected a map twice as wide as high"),
+        ('file = "dark.exr"', "expected finite radiance of at least 0"),
+        ('file = "x.hdr"\nturbidity = 3', "expected a clear sky"),
+        ("yaw_deg = 3", "yaw_deg: expected an environment map in file"),
+        ("turbidity = 1", "sky.turbidity: expected a number ≥ 1.7, got 1"),
+        ("brightness = 0", "sky.brightness: expected a number > 0, got 0"),
+    ],
+)
+def test_a_bad_sky_is_one_line(tmp_path, sky, expected):
+    (tmp_path / "bad.exr").write_bytes(b"no picture")
+    _write(tmp_path / "square.exr", np.ones((8, 8, 3)))
+    _write(tmp_path / "dark.exr", np.full((8, 16, 3), -1.0))
+    with pytest.raises(SceneError, match=expected) as caught:
+        _load(tmp_path, sky)
+    assert "\n" not in str(caught.value)
