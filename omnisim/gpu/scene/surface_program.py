@@ -31,7 +31,7 @@ _NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
 MAPS = "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map"
 MAP_UNITS = {f"u_{name}": unit for unit, name in enumerate(MAPS, start=1)}
 _TABLE_UNITS = {
-    "u_environment_table": 8, "u_filtered_sky": 9, "u_vertex_details": 10, "u_materials": 11
+    "u_environment_table": 5, "u_filtered_sky": 6, "u_vertex_details": 10, "u_materials": 11
 }  # fmt: skip
 _ITEM_DETAILS_UNIT = 12
 
