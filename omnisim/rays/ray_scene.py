@@ -101,9 +101,7 @@ class RayScene:
             missed = active[~is_hit]
             seen = background
             if environment is not None:
-                seen = self._sky(
-                    rays.take(np.flatnonzero(~is_hit)), footprints, missed, environment
-                )
+                seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
             total[missed] += share[missed, None] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
@@ -129,19 +127,6 @@ class RayScene:
             active, behind = active[on], hits.triangles[on]
             rays = self.caster.behind(rays.take(on), hits.ranges_m[on])
         return total
-
-    @staticmethod
-    def _sky(
-        rays: Rays,
-        footprints: NDArray[np.float32] | None,
-        missed: NDArray[np.intp],
-        environment: Environment,
-    ) -> NDArray[np.float32]:
-        """Radiance (n, 3) of the sky along rays (n,) that hit nothing."""
-        widths = None
-        if footprints is not None:
-            widths = np.linalg.norm(footprints[missed], axis=-1).max(axis=-1)
-        return environment.seen(rays.directions, widths)
 
     def first_hits(
         self,
@@ -213,3 +198,15 @@ class RayScene:
         opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
         opacity[is_hole] = 0.0
         return opacity
+
+
+def _sky(
+    environment: Environment,
+    directions: NDArray[np.float64],
+    footprints: NDArray[np.float32] | None,
+    missed: NDArray[np.intp],
+) -> NDArray[np.float32]:
+    """Radiance (n, 3) of the sky along directions (n, 3) of some of the rays."""
+    if footprints is None:
+        return environment.seen(directions)
+    return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
