@@ -7,7 +7,7 @@ from omnisim import OmniCamera, pose
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.cameras.camera import pixel_grid
 from omnisim.errors import OmnisimError, SceneError
-from omnisim.mujoco import NO_GEOM, Camera
+from omnisim.mujoco import NO_GEOM, Camera, lens_of
 from tests.scene.mujoco.models import SHAPES
 
 mujoco = pytest.importorskip("mujoco")
@@ -138,3 +138,17 @@ def test_mocap_bodies_move_and_hidden_geoms_are_not_drawn():
         assert not (ids == 1).any()
     with pytest.raises(SceneError, match="hidden: 'palm': did you mean"):
         Camera(model, data, FISHEYE, hidden=["palm"])
+
+
+def test_lenses_of_the_model_have_their_sizes():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><camera name='a' fovy='90'/><camera name='b' resolution='80 60'/>"
+        "<camera name='c' projection='orthographic'/></worldbody></mujoco>"
+    )
+    wide = lens_of(model, "a")
+    assert (wide.width_px, wide.height_px) == (640, 480)
+    assert wide.focal_length_px == pytest.approx(240.0)
+    assert lens_of(model, "a", (100, 50)).focal_length_px == pytest.approx(25.0)
+    assert (lens_of(model, "b").width_px, lens_of(model, "b").height_px) == (80, 60)
+    with pytest.raises(SceneError, match="expected a perspective camera, got an orthographic"):
+        lens_of(model, "c")

@@ -46,6 +46,32 @@ def test_each_pixel_has_the_geom_that_mujoco_draws(pictures):
 
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize(
+    "lens",
+    [
+        'fovy="50"',
+        'sensorsize="4e-3 3e-3" focal="3e-3 3e-3"',
+        'sensorsize="4e-3 3e-3" focalpixel="330 300" principalpixel="30 20"',
+    ],
+)
+def test_lenses_of_the_model_see_what_they_see_in_mujoco(lens):
+    from tests.scene.mujoco.mujoco_pictures import render
+
+    size = f'resolution="{WIDTH_PX} {HEIGHT_PX}"'
+    camera = f'<camera name="own" pos="0 -5.5 4.5" xyaxes="1 0 0 0 .65 .76" {size} {lens}/>'
+    model = mujoco.MjModel.from_xml_string(SHAPES.replace("</worldbody>", f"{camera}</worldbody>"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    try:
+        _, theirs = render(model, data, "own", WIDTH_PX, HEIGHT_PX)
+    except (OSError, mujoco.FatalError) as reason:
+        pytest.skip(f"MuJoCo's renderer does not work here: {reason}")
+    with Camera(model, data, camera="own") as own:
+        ours = own.geom_ids(own.render(also=("instance",)))
+    assert (theirs == ours).mean() > 0.999
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize(
     "name",
     ["floor", "ball/sphere", "can/side", "pill/capsule", "egg/ellipsoid", "crate/box",
      "ground/hfield", "tet/tetra"],

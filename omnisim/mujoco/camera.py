@@ -1,10 +1,4 @@
-"""Cameras of omnisim in simulations of MuJoCo, which needs the extra `mujoco`.
-
-with omnisim.mujoco.Camera(model, data, "fisheye.toml", body="head") as camera:
-    while data.time < 1.0:
-        mujoco.mj_step(model, data)
-        frame = camera.render(also=("range", "instance"))
-"""
+"""Camera in a simulation of MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,12 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.errors import OmnisimError, SceneError, did_you_mean
+from omnisim.errors import OmnisimError
 from omnisim.extras import require_extra
 from omnisim.frame import Frame
-from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.ground_truth import Labels
-from omnisim.poses import check_pose, pose_from_rotation
+from omnisim.poses import check_pose
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.sensors.stage import BackendName, Closing
 from omnisim.world import WorldState
@@ -33,9 +26,6 @@ if TYPE_CHECKING:
 
 VISIBLE_GROUPS = (0, 1, 2)  # that MuJoCo's own renderer shows
 NO_GEOM = -1
-# MuJoCo's cameras look along −z, y is up: OpenGL's frame.
-_OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
-_OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
 
 
 class Camera(Closing):
@@ -51,7 +41,8 @@ class Camera(Closing):
     Args:
         model, data: `mujoco.MjModel` and `mujoco.MjData`; the poses of the data are computed, as
             after `mj_forward` or `mj_step`.
-        sensor: the camera, as for `omnisim.Renderer`; None: the paper's.
+        sensor: the camera, as for `omnisim.Renderer`; None: the lens of the model's camera that it
+            is mounted on, or else the paper's.
         body, site, camera: name of the mount; at most one of them.
         pose: (4, 4) mount_from_base, or world_from_base without a mount; None: the identity.
         groups: of the geoms that are drawn.
@@ -91,10 +82,14 @@ class Camera(Closing):
         backend: BackendName = "cube",
     ):
         require_extra("mujoco", "omnisim.mujoco.Camera")
+        from omnisim.mujoco.lens import lens_of
+        from omnisim.mujoco.mount import find_mount
         from omnisim.scene.mujoco.moving_model import split_model
 
-        self.sensor, self._data = OmniCamera.of(sensor), data
-        self._mount = _mount(model, body=body, site=site, camera=camera)
+        self._data, self._mount = data, find_mount(model, body=body, site=site, camera=camera)
+        if sensor is None and camera is not None:
+            sensor = lens_of(model, camera)
+        self.sensor = OmniCamera.of(sensor)
         self._mount_from_base = np.eye(4) if pose is None else check_pose(pose)
         self._moving = split_model(model, data, groups, hidden)
         self.notices = self._moving.static.notices
@@ -117,17 +112,7 @@ class Camera(Closing):
         """Pose (4, 4) of the sensor's base at the moment of the data."""
         if self._mount is None:
             return self._mount_from_base
-        kind, index = self._mount
-        if kind == "body":
-            rotation, position = self._data.xmat[index], self._data.xpos[index]
-        elif kind == "site":
-            rotation, position = self._data.site_xmat[index], self._data.site_xpos[index]
-        else:
-            rotation, position = self._data.cam_xmat[index], self._data.cam_xpos[index]
-        rotation = rotation.reshape(3, 3)
-        if kind == "camera":
-            rotation = rotation @ _OPENGL_FROM_BASE
-        return pose_from_rotation(rotation, position) @ self._mount_from_base
+        return self._mount.pose(self._data) @ self._mount_from_base
 
     def state(self) -> WorldState:
         """Time and poses of the data, which stay as they are while the data goes on.
@@ -191,29 +176,3 @@ class Camera(Closing):
         """Free the GPU memory; a second time does nothing."""
         self._renderer.close()
         self._stage.close()
-
-
-def _mount(model: mujoco.MjModel, **names: str | None) -> tuple[str, int] | None:
-    """Kind and number of the element that is named; None: there is no name.
-
-    Raises:
-        SceneError: there is no such element, or several are named.
-    """
-    given = {kind: name for kind, name in names.items() if name is not None}
-    if len(given) > 1:
-        raise SceneError(f"expected one mount, got {' and '.join(given)}")
-    for kind, name in given.items():
-        import mujoco
-
-        kinds = mujoco.mjtObj
-        types = {
-            "body": (kinds.mjOBJ_BODY, model.nbody),
-            "site": (kinds.mjOBJ_SITE, model.nsite),
-            "camera": (kinds.mjOBJ_CAMERA, model.ncam),
-        }
-        number, count = types[kind]
-        there = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
-        if name not in there:
-            raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, there, 'the model has')}")
-        return kind, there.index(name)
-    return None
