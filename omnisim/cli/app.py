@@ -67,7 +67,7 @@ scene_app = typer.Typer(
 robot_app = typer.Typer(
     name="robot",
     cls=Group,
-    help="Robots: list, check, or import from USARSim.",
+    help="Robots: list, check, or import from USARSim or Gazebo.",
     no_args_is_help=True,
 )
 landmarks_app = typer.Typer(
@@ -244,7 +244,7 @@ def check_robot(request: CheckRequest) -> None:
 
 @command(robot_app, ImportRequest, "import")
 def import_robot(request: ImportRequest) -> None:
-    """Convert a robot of USARSim's configuration to a robot file."""
+    """Convert a robot of USARSim's configuration, or a model of Gazebo, to a robot file."""
     from omnisim.cli.robot import import_robot
 
     import_robot(request)

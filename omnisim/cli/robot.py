@@ -19,7 +19,7 @@ from omnisim.robot import (
     read_robot,
     usarsim,
 )
-from omnisim.simulation import Vehicle
+from omnisim.simulation import Vehicle, gazebo
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.sensors import MountedCamera, MountedSensor
 
@@ -51,11 +51,16 @@ def check_robot(request: CheckRequest) -> None:
 
 
 def import_robot(request: ImportRequest) -> None:
-    """Convert a robot of USARSim's to a robot file, and list what is in it and what is not."""
+    """Convert a robot of USARSim's or Gazebo's, and list what is in it and what is not."""
     output = request.output
     if output.suffix.lower() != ".toml":
         raise OutputError(f"--output: expected a .toml file, got {output}")
     check_target(output)
+    if request.configuration.suffix.lower() in gazebo.SUFFIXES:
+        _import_model(request)
+        return
+    if request.resources:
+        raise OutputError("--resources: expected with a model of Gazebo's only")
     imported = usarsim.import_robot(
         request.configuration,
         request.robot_class,
@@ -73,6 +78,29 @@ def import_robot(request: ImportRequest) -> None:
     out.print(
         f"{output}: {robot.name} of [{imported.section}], {sensors or 'no sensors'}", markup=False
     )
+
+
+def _import_model(request: ImportRequest) -> None:
+    """Convert a model of Gazebo's; its cameras get a sensor file each."""
+    output = request.output
+    for option, value in (
+        ("--unreal-units", request.unreal_units),
+        ("--origin-height", request.origin_height_m),
+    ):
+        if value:
+            raise OutputError(f"{option}: expected with a configuration of USARSim's only")
+    imported = gazebo.import_model(
+        request.configuration, output, request.robot_class, request.resources or ()
+    )
+    for name, text in imported.sensor_files.items():
+        write_text(output.with_name(name), text)
+    robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
+    vehicle = Vehicle.from_robot(robot)
+    write_text(output, imported.text)
+    for notice in imported.notices:
+        print_note(notice)
+    sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
+    out.print(f"{output}: {robot.name}, {sensors or 'no sensors'}", markup=False)
 
 
 def _format_drive(kinematics: Kinematics | None) -> str:

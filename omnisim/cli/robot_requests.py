@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from omnisim.cli.arguments import ResourcesOption
 from omnisim.cli.completion import complete_robot
 
 
@@ -28,7 +29,11 @@ class ImportRequest:
     """Parameters of `omnisim robot import`."""
 
     configuration: Annotated[
-        Path, typer.Argument(metavar="USARBot.ini", help="A configuration of USARSim.")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A configuration of USARSim (USARBot.ini), or a model of Gazebo (.sdf).",
+        ),
     ]
     output: Annotated[
         Path,
@@ -39,7 +44,7 @@ class ImportRequest:
         typer.Option(
             "--class",
             metavar="NAME",
-            help="Class of the robot, such as P2AT.",
+            help="Class of the robot, such as P2AT, or name of the model.",
             show_default="the file's only one",
         ),
     ] = None
@@ -60,3 +65,4 @@ class ImportRequest:
             show_default="0",
         ),
     ] = None
+    resources: ResourcesOption = None

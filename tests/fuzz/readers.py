@@ -49,6 +49,7 @@ from omnisim.sensors.point_cloud import POINT, PointCloud
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.simulation.calibration_file import calibration_json, read_mount
 from omnisim.simulation.drive import Drive
+from omnisim.simulation.gazebo import import_model
 from omnisim.simulation.manifest import read_manifest
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_data import read_run
@@ -67,6 +68,7 @@ from tests.scene.mujoco.models import SHAPES
 from tests.vehicles import p2at_with_every_sensor
 
 SIZE_PX = 24
+GAZEBO_ROBOT = Path(__file__).parents[2] / "examples" / "gazebo/models/rover/model.sdf"
 OPTICS = Path(__file__).parents[2] / "examples" / "optics"
 LINES = re.compile(r"(?m)^\[\[labels\]\]\n(?:.+\n)*")
 
@@ -440,6 +442,8 @@ def _readers() -> list[Reader]:
                lambda f: read_parameters(f / "a.toml")),
         Reader("robot", _robot, lambda f: Vehicle.load(f / "robot.toml"),
                ("robot.toml", "omnicam.toml")),
+        Reader("gazebo-robot", partial(_copy, GAZEBO_ROBOT, "a.sdf"),
+               lambda f: import_model(f / "a.sdf", f / "robot.toml")),
         Reader("usarsim", partial(_copy, ROBOTS_INI, "a.ini"), _import_robots),
     ]  # fmt: skip
     calibrations = [

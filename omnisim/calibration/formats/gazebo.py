@@ -82,7 +82,7 @@ class Gazebo(Format[GazeboLens]):
         for name, element in zip(_names(elements, parents), elements, strict=True):
             place = f"{source}: {name}"
             with error_context(place):
-                cameras.append(ParsedCamera(name, _lens(element, place)))
+                cameras.append(ParsedCamera(name, read_lens(element, place)))
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[GazeboLens]]) -> str:
@@ -139,7 +139,12 @@ def _names(cameras: Sequence[Element], parents: Mapping[Element, Element]) -> li
     return [f"camera{index}" for index in range(len(cameras))]
 
 
-def _lens(camera: Element, place: str) -> CentralCamera:
+def read_lens(camera: Element, place: str) -> CentralCamera:
+    """Lens of a `<camera>`.
+
+    Raises:
+        CalibrationError: naming place, expected and found value.
+    """
     size = _size(camera, "image/width", place), _size(camera, "image/height", place)
     fov = _number(camera, "horizontal_fov", None, place)
     if not 0.0 < fov <= 2.0 * math.pi + 1e-5:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.resources import ResourcePath
@@ -99,7 +104,7 @@ class ModelLibrary:
             if child.element.tag == "include":
                 self._include(model, child, taken, depth)
             else:
-                inner = self.tree(child, _unique(child.name or "model", taken), depth + 1)
+                inner = self.tree(child, unique_name(child.name or "model", taken), depth + 1)
                 model.models.append(inner)
                 model.scope.add_model(
                     inner.name, child, inner.scope, child.attribute("placement_frame")
@@ -123,7 +128,7 @@ class ModelLibrary:
             model.others.append(_with_pose_of(found, posed))
             return
         is_merged = include.attribute("merge").lower() in ("true", "1")
-        name = _unique(include.text("name") or found.name or "model", taken)
+        name = unique_name(include.text("name") or found.name or "model", taken)
         inner = self.tree(found, name, depth + 1)
         inner.is_merged = is_merged
         model.models.append(inner)
@@ -214,7 +219,7 @@ def _version(text: str | None) -> tuple[int, ...]:
     return tuple(int(part) for part in (text or "").split(".") if part.isdecimal())
 
 
-def _unique(name: str, taken: set[str]) -> str:
+def unique_name(name: str, taken: set[str]) -> str:
     """The name, numbered where another has it."""
     unique, number = name, 0
     while unique in taken:
@@ -231,3 +236,55 @@ def _with_pose_of(entity: SdfElement, posed: SdfElement) -> SdfElement:
     copy = Element(entity.element.tag, entity.element.attrib)
     copy.extend([pose, *(child for child in entity.element if child.tag != "pose")])
     return entity._replace(element=copy)
+
+
+class PlacedModel(NamedTuple):
+    """Model in the frame of an outer one.
+
+    Attributes:
+        path: names of the models that it is in, a slash after each; a merged model adds none.
+        model: itself.
+        outer_from_model: (4, 4).
+    """
+
+    path: str
+    model: Model
+    outer_from_model: NDArray[np.float64]
+
+    def pose_of(self, element: SdfElement, default: str = "") -> NDArray[np.float64]:
+        """Pose (4, 4) outer_from_element of an element in the model.
+
+        Args:
+            element: with the pose.
+            default: frame of that pose where it names none.
+        """
+        pose: NDArray[np.float64] = self.outer_from_model @ self.model.scope.pose_of(
+            element, default
+        )
+        return pose
+
+
+def placed_models(
+    model: Model, outer_from_model: NDArray[np.float64] | None = None, path: str = ""
+) -> Iterator[PlacedModel]:
+    """World or model itself, and all models in it; by default in its own frame."""
+    own = np.eye(4) if outer_from_model is None else outer_from_model
+    yield PlacedModel(path, model, own)
+    for inner in model.models:
+        pose = own @ model.scope.model_pose(inner.name)
+        yield from placed_models(inner, pose, path if inner.is_merged else f"{path}{inner.name}/")
+
+
+def read_root(path: Path, data: bytes | None = None) -> SdfElement:
+    """Read the `<sdf>` of a file.
+
+    Raises:
+        SceneError: it cannot be read, or is none.
+    """
+    try:
+        root = parse_xml(path.read_bytes() if data is None else data)
+    except OSError as reason:
+        raise SceneError(f"cannot be read: {reason.strerror}") from None
+    if root.tag != "sdf":
+        raise SceneError(f"expected <sdf>, got <{root.tag}>")
+    return SdfElement(root, "", path)

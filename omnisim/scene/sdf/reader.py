@@ -14,13 +14,18 @@ from omnisim.scene.lighting import DEFAULT_BACKGROUND
 from omnisim.scene.parts import Instance, Light, Mesh
 from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf import shapes
-from omnisim.scene.sdf.document import parse_xml
 from omnisim.scene.sdf.element import Omissions, SdfElement
 from omnisim.scene.sdf.heightmaps import read_levels, terrain
 from omnisim.scene.sdf.lights import read_light
 from omnisim.scene.sdf.materials import MaterialReader
 from omnisim.scene.sdf.meshes import MeshLibrary, centre, submesh
-from omnisim.scene.sdf.models import ENTITIES, Model, ModelLibrary
+from omnisim.scene.sdf.models import (
+    ENTITIES,
+    ModelLibrary,
+    PlacedModel,
+    placed_models,
+    read_root,
+)
 from omnisim.scene.sdf.shapes import Shape
 from omnisim.scene.textures import TextureStore
 
@@ -45,16 +50,7 @@ def read_sdf(
         SceneError: it is damaged; naming element, value and what was expected.
     """
     reader = _Reader(resources, textures, world_from_file)
-    return reader.read(_root(path, data))
-
-
-def _root(path: Path, data: bytes) -> SdfElement:
-    root = parse_xml(data)
-    if root.tag == "gazebo":
-        raise SceneError("is of SDFormat before 1.4: expected <sdf>, got <gazebo>")
-    if root.tag != "sdf":
-        raise SceneError(f"expected <sdf>, got <{root.tag}>")
-    return SdfElement(root, "", path)
+    return reader.read(read_root(path, data))
 
 
 class _Reader:
@@ -87,7 +83,8 @@ class _Reader:
         world = self._library.tree(outer, "")
         scene = outer.find("scene")
         background = None if scene is None else self._read_scene(scene)
-        self._read_model(world, np.eye(4), "")
+        for placed in placed_models(world):
+            self._read_model(placed)
         for each in outer.children("road", "population"):
             self._omissions.add(_LEFT_OUT[each.element.tag], each.element.tag)
         notices = [*self._library.notices, *self._omissions.notices, *self._files.notices]
@@ -111,23 +108,18 @@ class _Reader:
             self._omissions.add("fog is not drawn", "fog")
         return scene.color("background")
 
-    def _read_model(self, model: Model, file_from_model: NDArray[np.float64], path: str) -> None:
-        for other in model.others:
+    def _read_model(self, placed: PlacedModel) -> None:
+        for other in placed.model.others:
             if other.element.tag == "actor":
                 self._omissions.add(_LEFT_OUT["actor"], "actor")
             else:
-                self._read_light(other, file_from_model @ model.scope.pose_of(other))
-        for inner in model.models:
-            pose = file_from_model @ model.scope.model_pose(inner.name)
-            self._read_model(inner, pose, path if inner.is_merged else f"{path}{inner.name}/")
-        for link in model.element.children("link"):
+                self._read_light(other, placed.pose_of(other))
+        for link in placed.model.element.children("link"):
             for visual in link.children("visual"):
-                pose = file_from_model @ model.scope.pose_of(visual, link.name)
-                name = f"{path}{link.name or 'link'}/{visual.name or 'visual'}"
-                self._read_visual(visual, pose, name)
+                name = f"{placed.path}{link.name or 'link'}/{visual.name or 'visual'}"
+                self._read_visual(visual, placed.pose_of(visual, link.name), name)
             for light in link.children("light"):
-                pose = file_from_model @ model.scope.pose_of(light, link.name)
-                self._read_light(light, pose)
+                self._read_light(light, placed.pose_of(light, link.name))
             for extra in link.children("projector", "particle_emitter"):
                 self._omissions.add(f"{extra.element.tag}s are not drawn", "element")
 
