@@ -22,6 +22,7 @@ from omnisim.errors import OpticsError
 from omnisim.exporting.export import export_run
 from omnisim.exporting.stored_clouds import read_cloud
 from omnisim.exporting.stored_scans import read_table
+from omnisim.extras import is_installed
 from omnisim.frame import Frame
 from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.channels import CHANNELS
@@ -41,6 +42,7 @@ from omnisim.robot import read_odometry, simulate_odometry, write_odometry
 from omnisim.robot.usarsim import import_robot
 from omnisim.scene import load_scene
 from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.scene.usd import process
 from omnisim.sensors import LaserScanner, Scan, SpinningLidar
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.degradations.degradation_file import PRESETS
@@ -62,6 +64,7 @@ from omnisim.trajectories.files import FORMATS
 from tests.calibration.sample_files import EXACT_SAMPLES
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.fuzz.mutations import glb
+from tests.fuzz.usd_sample import write_sample
 from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
 from tests.scene.gltf_builder import png, skinned_and_textured
 from tests.scene.mujoco.models import SHAPES
@@ -171,6 +174,18 @@ def _robot(folder: Path) -> None:
     text = re.sub(r"(?m)^hides = .*$", 'hides = ["box"]', text)
     (folder / "robot.toml").write_text(text)
     shutil.copy(SCENES / "p2at" / "omnicam.toml", folder)
+
+
+def _usd_stage(name: str, folder: Path) -> None:
+    """Stage with all that is read of one."""
+    (folder / "wood.png").write_bytes(png(np.arange(48).reshape(4, 4, 3)))
+    write_sample(folder / name)
+
+
+def _read_usd_scene(name: str, folder: Path) -> None:
+    """Read a stage; usd-core has no end with some that are damaged."""
+    process.LIMIT_CPU_S = 5
+    _read_scene(name, folder)
 
 
 def _sensors(folder: Path) -> None:
@@ -422,6 +437,9 @@ def _readers() -> list[Reader]:
         ("stl-text", "a.stl", {"file_type": "stl_ascii"}), ("off", "a.off", {}),
         ("dae", "a.dae", {}),
     ]  # fmt: skip
+    for name in ("a.usda", "a.usdc") if is_installed("pxr") else ():
+        build, read = partial(_usd_stage, name), partial(_read_usd_scene, name)
+        scene.append(Reader(name[2:], build, read, (name,)))
     for name, file, options in meshes:
         scene.append(Reader(name, partial(_mesh, file, **options), partial(_read_scene, file)))
     tables = [
