@@ -53,6 +53,10 @@ class OutputError(OmnisimError):
     """A picture, mesh, scan or plot that cannot be written, or read back."""
 
 
+class PlanError(OmnisimError):
+    """A plan of a data set with a fault, or that cannot be carried out."""
+
+
 class LocalizationError(OmnisimError):
     """Colours, landmarks, measurements or times that cannot localize a robot."""
 
