@@ -59,7 +59,7 @@ class Distribution:
         if self.kind == "normal":
             return first + second * float(scipy.special.ndtri(min(max(share, _STEP), 1.0 - _STEP)))
         if self.kind == "log_uniform":
-            return first * (second / first) ** share
+            return float(first * (second / first) ** share)
         return first + share * (second - first)
 
     @property

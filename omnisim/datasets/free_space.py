@@ -71,6 +71,11 @@ class FreeSpace:
         cell = self.cell_of(point_m)
         return cell is not None and bool(self.is_free[cell])
 
+    def clears(self, cell: tuple[int, int], radius_m: float) -> bool:
+        """True where another footprint, as high, stands anywhere in a cell."""
+        has_floor = bool(np.isfinite(self.floor_m[cell]))
+        return has_floor and self.clearance_m[cell] >= radius_m + MARGIN_CELLS * self.cell_m
+
     def point_in(self, cell: NDArray[np.intp], shares: tuple[float, float]) -> NDArray[np.float64]:
         """Point (3,) on the floor, at shares of a cell's sides."""
         row, column = cell
@@ -217,7 +222,9 @@ class _Grid:
         return found
 
 
-def heights_in(corners_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def heights_in(
+    corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Heights (...,) of a triangle (3, 3) above points (..., 2); NaN beside it."""
     a, b, c = corners_m
     matrix = np.column_stack((a[:2] - c[:2], b[:2] - c[:2]))

@@ -205,6 +205,11 @@ class RejectTable(Table):
     attempts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 50
     """Draws until the plan is given up."""
 
+    @property
+    def is_needed(self) -> bool:
+        """True where a picture can be rejected."""
+        return self.least_hits > 0.0 or (self.near_m > 0.0 and self.most_near < 1.0)
+
 
 class Plan(Table):
     """Data set: what is in its pictures, and how they are stored."""

@@ -1,0 +1,272 @@
+"""Plans with their files read: scenes with their free floor, rigs, objects, poses."""
+
+from __future__ import annotations
+
+import dataclasses
+import fnmatch
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.calibration import load_calibration
+from omnisim.calibration.rig import Rig
+from omnisim.datasets.free_space import FreeSpace, find_free_space
+from omnisim.datasets.plan import PlacedTable, Plan, PlanCameraTable, PlanSceneTable, read_plan
+from omnisim.errors import PlanError, did_you_mean
+from omnisim.optics.system_file import read_optics_file
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.labels import read_label_file
+from omnisim.sensors import OmniCamera
+from omnisim.sensors.degradations import preset
+from omnisim.simulation.fingerprint import fingerprint
+from omnisim.simulation.rig_vehicle import rig_vehicle
+from omnisim.trajectories import parse_trajectory
+from omnisim.version import __version__
+
+WHOLE_RIG = "all"
+
+
+@dataclass(frozen=True, eq=False)
+class PlanRig:
+    """Cameras that take each sample of theirs together.
+
+    Attributes:
+        title: name in the data set.
+        cameras: by name; a single camera's name is empty.
+    """
+
+    title: str
+    cameras: dict[str, OmniCamera]
+
+    @property
+    def first(self) -> OmniCamera:
+        """Camera whose viewpoint is placed."""
+        return next(iter(self.cameras.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class PlanObject:
+    """Object to place.
+
+    Attributes:
+        title: name of its instances.
+        scene: its shape.
+        low_m: (3,) lowest coordinates of its bounds.
+        radius_m: of its footprint about the middle of its bounds.
+        middle_m: (2,) middle of its bounds on the floor plan.
+        height_m: of its bounds.
+    """
+
+    title: str
+    scene: Scene
+    low_m: NDArray[np.float64]
+    radius_m: float
+    middle_m: NDArray[np.float64]
+    height_m: float
+
+
+class PreparedPlan:
+    """Plan with all that its files say, each read once and only when it is needed.
+
+    Args:
+        plan: as read.
+        path: of its file, which other files are relative to.
+    """
+
+    def __init__(self, plan: Plan, path: Path):
+        self.plan, self.path = plan, path
+        self._scenes: dict[int, Scene] = {}
+        self._free: dict[int, FreeSpace] = {}
+
+    @classmethod
+    def read(cls, path: Path) -> PreparedPlan:
+        """Read a plan.
+
+        Raises:
+            PlanError: one line for each fault.
+        """
+        return cls(read_plan(path), path)
+
+    def check(self) -> None:
+        """Read all files, and look for all places.
+
+        Raises:
+            OmnisimError: the first fault.
+        """
+        _ = self.rigs, self.objects, self.poses
+        for number in range(len(self.plan.scenes)):
+            self.scene(number)
+            if self.plan.stand.where == "free" or self.objects:
+                self.free_space(number)
+            if self.plan.stand.where == "path":
+                self.paths(number)
+            if self.plan.stand.where == "around":
+                self.middles(number)
+            for table in self.plan.vary.recolor:
+                self.instances(number, table.nodes, "vary.recolor.nodes")
+
+    def scene(self, number: int) -> Scene:
+        """A scene of the plan, with its labels."""
+        if number not in self._scenes:
+            table = self.plan.scenes[number]
+            source = self._scene_file(table)
+            scene = load_scene(source, table.up_axis, table.meters_per_unit)
+            if table.labels is not None:
+                rules = read_label_file(self.path.parent / table.labels)
+                scene = dataclasses.replace(scene, labels=rules)
+            self._scenes[number] = scene
+        return self._scenes[number]
+
+    def _scene_file(self, table: PlanSceneTable | PlacedTable) -> str | Path:
+        """Path beside the plan, or else what it says: a built-in name, or an absolute path."""
+        beside = self.path.parent / table.file
+        return beside if beside.exists() else table.file
+
+    def free_space(self, number: int) -> FreeSpace:
+        """Free floor of a scene."""
+        if number not in self._free:
+            stand, scene = self.plan.stand, self.scene(number)
+            tallest = max((one.height_m for one in self.objects), default=0.0)
+            height_m = max(_top(stand.height_m.high), min(tallest, 2.0))
+            self._free[number] = find_free_space(
+                scene,
+                stand.radius_m,
+                height_m,
+                stand.step_m,
+                self.plan.scenes[number].floor_m,
+                stand.region == "start",
+            )
+        return self._free[number]
+
+    def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
+        """Waypoints (n, 2) of the paths to stand along in a scene."""
+        scene, wanted = self.scene(number), self.plan.stand.paths
+        known = {path.name: np.array(path.waypoints_m) for path in scene.paths}
+        for name in wanted:
+            if name not in known:
+                raise PlanError(
+                    f"{self.path}: stand.paths: {name!r} in {scene.name}: "
+                    f"{did_you_mean(name, known, 'its paths are')}"
+                )
+        found = tuple(known[name] for name in wanted or known)
+        if not found:
+            raise PlanError(f"{self.path}: stand.where: {scene.name} has no paths")
+        return found
+
+    def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
+        """Middles (3,) of the objects to stand around in a scene."""
+        scene = self.scene(number)
+        names = self.instances(number, self.plan.stand.nodes, "stand.nodes")
+        boxes = [scene.instance_boxes[name] for name in names if name in scene.instance_boxes]
+        return tuple(np.asarray(box.centre_m, dtype=np.float64) for box in boxes)
+
+    def instances(self, number: int, patterns: Sequence[str], key: str) -> tuple[str, ...]:
+        """Names of a scene's instances that match patterns.
+
+        Raises:
+            PlanError: none does.
+        """
+        scene = self.scene(number)
+        found = tuple(
+            name
+            for name in scene.instance_names
+            if any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
+        )
+        if not found:
+            raise PlanError(
+                f"{self.path}: {key} = {list(patterns)}: no such object in {scene.name}; "
+                "`omnisim scene` lists them"
+            )
+        return found
+
+    @cached_property
+    def rigs(self) -> tuple[PlanRig, ...]:
+        """Cameras and rigs of the plan."""
+        return tuple(
+            PlanRig(table.title, self._cameras(table, f"cameras.{index}"))
+            for index, table in enumerate(self.plan.cameras)
+        )
+
+    def _cameras(self, table: PlanCameraTable, key: str) -> dict[str, OmniCamera]:
+        cameras = self._read_cameras(table)
+        if table.size_px is not None:
+            cameras = {name: one.resized(table.size_px) for name, one in cameras.items()}
+        if table.quality is not None:
+            cameras = {name: one.with_quality(table.quality) for name, one in cameras.items()}
+        if table.preset is not None:
+            degradation = preset(table.preset, self.path.parent)
+            cameras = {name: one.with_degradation(degradation) for name, one in cameras.items()}
+        for camera in cameras.values():
+            shutter = camera.degradation.shutter
+            if shutter is not None and shutter.duration_s:
+                raise PlanError(
+                    f"{self.path}: {key}: expected a camera without shutter: single pictures have "
+                    "no motion"
+                )
+        return cameras
+
+    def _read_cameras(self, table: PlanCameraTable) -> dict[str, OmniCamera]:
+        folder = self.path.parent
+        if table.sensor is not None:
+            return {"": OmniCamera.from_file(folder / table.sensor)}
+        if table.optics is not None:
+            return {"": OmniCamera(read_optics_file(folder / table.optics))}
+        if table.calibration is None:
+            return {"": OmniCamera()}
+        calibration = load_calibration(folder / table.calibration, mirrored=table.mirrored)
+        if table.camera_name == WHOLE_RIG:
+            vehicle = rig_vehicle(table.title, Rig.of(calibration))
+            return {mounted.name: mounted.sensor for mounted in vehicle.cameras}
+        camera = calibration.camera(table.camera_name)
+        return {"": OmniCamera(camera.camera, polygons=None)}
+
+    @cached_property
+    def objects(self) -> tuple[PlanObject, ...]:
+        """Objects to place."""
+        return tuple(map(self._object, self.plan.objects))
+
+    def _object(self, table: PlacedTable) -> PlanObject:
+        scene = load_scene(self._scene_file(table), table.up_axis, table.meters_per_unit)
+        low, high = scene.bounds_m()
+        return PlanObject(
+            table.title,
+            scene,
+            low,
+            0.5 * float(np.hypot(*(high - low)[:2])),
+            0.5 * (low + high)[:2],
+            float(high[2] - low[2]),
+        )
+
+    @cached_property
+    def poses(self) -> NDArray[np.float64]:
+        """Poses (n, 4, 4) of the plan's file of poses; none without one."""
+        if self.plan.stand.file is None:
+            return np.zeros((0, 4, 4))
+        return parse_trajectory(self.path.parent / self.plan.stand.file).world_from_base
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hexadecimal digits of all that pictures depend on: the plan and its files' contents."""
+        digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
+        scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
+        objects = [fingerprint(one.scene) for one in self.objects]
+        cameras = [
+            json.dumps(camera.model.parameters(), sort_keys=True) + fingerprint(camera.degradation)
+            for rig in self.rigs
+            for camera in rig.cameras.values()
+        ]
+        parts: list[Any] = [__version__, *scenes, *objects, *cameras, fingerprint(self.poses)]
+        for part in parts:
+            digest.update(f"\n{part}".encode())
+        return digest.hexdigest()[:16]
+
+
+def _top(height_m: float) -> float:
+    return height_m if np.isfinite(height_m) else 2.0

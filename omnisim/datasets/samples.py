@@ -1,0 +1,112 @@
+"""Samples of a data set by number, for `torch.utils.data` and whoever wants arrays."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import json
+import tarfile
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.datasets.manifest import Manifest, read_manifest
+from omnisim.errors import PlanError
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.image_files import read_image
+
+PICTURES = (".png", ".jpg")
+
+
+class Shards:
+    """Samples of a data set, in order: `len(shards)`, `shards[0]["rgb"]`.
+
+    A map-style data set of `torch.utils.data.DataLoader`, without torch; it may be pickled.
+
+    Args:
+        folder: of the data set.
+        manifest: of it; None: as it is there.
+
+    Raises:
+        PlanError: no data set, or an unfinished or damaged one.
+    """
+
+    def __init__(self, folder: str | Path, manifest: Manifest | None = None):
+        self._folder = Path(folder)
+        self.manifest = read_manifest(self._folder) if manifest is None else manifest
+        counts = (shard.statistics.samples for shard in self.manifest.shards)
+        self._ends = list(itertools.accumulate(counts))
+        self._members: dict[int, dict[str, list[tarfile.TarInfo]]] = {}
+
+    def __len__(self) -> int:
+        return self._ends[-1]
+
+    def __getitem__(self, row: int) -> dict[str, Any]:
+        """Sample: `rgb` (height, width, 3) uint8, channels by name, and `metadata`.
+
+        Of a rig these are tables by camera: `sample["left"]["rgb"]`.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+            folder = self._extract(row, Path(name))
+            content = json.loads(next(folder.glob("?????????.json")).read_text(encoding="utf-8"))
+            parts = {}
+            for path in self._pictures(folder):
+                camera = path.stem.partition(".")[2] or "camera"
+                pixels, metadata = read_image(path)
+                stored = StoredChannels(path, metadata or {})
+                parts[camera] = {"rgb": pixels[..., :3], **stored.read(self.manifest.channels)}
+        if set(parts) == {"camera"}:
+            return {**parts["camera"], "metadata": content}
+        return {**parts, "metadata": content}
+
+    def picture(self, row: int) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of a sample's first camera."""
+        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+            folder = self._extract(row, Path(name))
+            pixels: NDArray[np.uint8] = read_image(self._pictures(folder)[0])[0]
+            return pixels
+
+    def _pictures(self, folder: Path) -> list[Path]:
+        """Pictures of a sample's cameras; others of these formats are channels."""
+        metadata = json.loads(next(folder.glob("?????????.json")).read_text(encoding="utf-8"))
+        key = f"{metadata['number']:09d}"
+        cameras = list(metadata["pictures"])
+        stems = [key if name == "camera" else f"{key}.{name}" for name in cameras]
+        found = [folder / f"{stem}{suffix}" for stem in stems for suffix in PICTURES]
+        return [path for path in found if path.is_file()]
+
+    def _extract(self, row: int, folder: Path) -> Path:
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"sample {row}: expected one of {len(self)}")
+        row %= len(self)
+        shard = bisect.bisect_right(self._ends, row)
+        path = self._folder / self.manifest.shards[shard].name
+        try:
+            with tarfile.open(path) as tar:
+                if shard not in self._members:
+                    self._members[shard] = _by_key(tar)
+                keys = list(self._members[shard])
+                first = self._ends[shard] - len(keys)
+                for member in self._members[shard][keys[row - first]]:
+                    content = tar.extractfile(member)
+                    assert content is not None
+                    (folder / Path(member.name).name).write_bytes(content.read())
+        except (OSError, tarfile.TarError, IndexError) as reason:
+            raise PlanError(f"{path}: cannot be read: {reason}") from None
+        return folder
+
+
+def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:
+    """Members of a tar by the number that their names begin with."""
+    found: dict[str, list[tarfile.TarInfo]] = {}
+    for member in tar.getmembers():
+        if member.isfile():
+            found.setdefault(member.name.partition(".")[0], []).append(member)
+    return found

@@ -1,0 +1,92 @@
+"""Statistics of a shard's pictures: what a data set's card counts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from omnisim.frame import Frame
+
+BRIGHTNESS_BINS = 16
+# Edges of the histogram of ranges, metres: ten to a decade, 0.1 m to 1 km.
+RANGE_EDGES_M = np.logspace(-1.0, 3.0, 41)
+
+
+@dataclass
+class Statistics:
+    """Counts over samples and pixels.
+
+    Attributes:
+        samples: number.
+        redrawn: attempts that were rejected.
+        scenes, cameras: samples by name.
+        classes: pixels by class, where the channel semantic is there.
+        brightness: pixels by brightness of sRGB, 16 steps from black to white.
+        ranges: pixels by range between `RANGE_EDGES_M`, where the channel range is there.
+    """
+
+    samples: int = 0
+    redrawn: int = 0
+    scenes: Counter[str] = field(default_factory=Counter)
+    cameras: Counter[str] = field(default_factory=Counter)
+    classes: Counter[str] = field(default_factory=Counter)
+    brightness: Counter[int] = field(default_factory=Counter)
+    ranges: Counter[int] = field(default_factory=Counter)
+
+    def add_frame(self, frame: Frame) -> None:
+        """Count the pixels of a picture."""
+        levels = frame.rgb[frame.valid].mean(axis=1).astype(np.intp) * BRIGHTNESS_BINS // 256
+        self.brightness.update(_counts(levels, BRIGHTNESS_BINS))
+        if "range" in frame.channels:
+            ranges = np.asarray(frame.channels["range"])
+            hit = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+            bins = np.clip(np.digitize(hit, RANGE_EDGES_M) - 1, 0, len(RANGE_EDGES_M) - 2)
+            self.ranges.update(_counts(bins, len(RANGE_EDGES_M) - 1))
+        if "semantic" in frame.channels and frame.labels is not None:
+            ids = np.asarray(frame.channels["semantic"])
+            counts = np.bincount(ids.ravel().astype(np.intp))
+            for label in frame.labels.classes:
+                if label.id < len(counts) and counts[label.id]:
+                    self.classes[label.name] += int(counts[label.id])
+
+    def update(self, other: Statistics) -> None:
+        """Add the counts of others."""
+        self.samples += other.samples
+        self.redrawn += other.redrawn
+        for name in ("scenes", "cameras", "classes", "brightness", "ranges"):
+            getattr(self, name).update(getattr(other, name))
+
+    def to_json(self) -> dict[str, Any]:
+        """Counts, as JSON can hold them."""
+        return {
+            "samples": self.samples,
+            "redrawn": self.redrawn,
+            **{name: dict(sorted(getattr(self, name).items())) for name in _NAMED},
+            "brightness": [self.brightness[k] for k in range(BRIGHTNESS_BINS)],
+            "range_edges_m": [round(edge, 6) for edge in RANGE_EDGES_M.tolist()],
+            "ranges": [self.ranges[k] for k in range(len(RANGE_EDGES_M) - 1)],
+        }
+
+    @classmethod
+    def from_json(cls, content: Any) -> Statistics:
+        """Counts of `to_json`.
+
+        Raises:
+            KeyError, TypeError, ValueError, AttributeError: they are none.
+        """
+        found = cls(int(content["samples"]), int(content["redrawn"]))
+        for name in _NAMED:
+            getattr(found, name).update({str(k): int(v) for k, v in content[name].items()})
+        found.brightness.update(dict(enumerate(map(int, content["brightness"]))))
+        found.ranges.update(dict(enumerate(map(int, content["ranges"]))))
+        return found
+
+
+_NAMED = ("scenes", "cameras", "classes")
+
+
+def _counts(values: Any, size: int) -> dict[int, int]:
+    return dict(enumerate(np.bincount(values, minlength=size).tolist()))

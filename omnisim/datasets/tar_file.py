@@ -1,0 +1,36 @@
+"""Tar files that are functions of their members: no times, no owners, in the order of names."""
+
+from __future__ import annotations
+
+import hashlib
+import tarfile
+from pathlib import Path
+
+from omnisim.atomic_file import atomic_write
+
+BLOCK_BYTES = 1 << 20
+
+
+def write_tar(path: Path, folder: Path) -> tuple[str, int]:
+    """Write all files of a folder into a tar, whole or not at all.
+
+    Returns:
+        SHA-256 of the tar, hexadecimal, and its size in bytes.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with atomic_write(path) as partial:
+        with tarfile.open(partial, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for file in sorted(folder.iterdir()):
+                member = tarfile.TarInfo(file.name)
+                member.size, member.mode = file.stat().st_size, 0o644
+                with file.open("rb") as content:
+                    tar.addfile(member, content)
+        return file_sha256(partial), partial.stat().st_size
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
