@@ -30,6 +30,7 @@ EXTRAS = {
     "live": {"websockets": "websockets"},
     "mujoco": {"mujoco-core": "mujoco"},
     "usd": {"usd-core": "pxr"},
+    "ray": {"ray": "ray"},
     "ros": {"rosbags": "rosbags"},
     "oracles": {
         "embreex": "embreex",

@@ -17,7 +17,7 @@ LAYERS = (
     {"validation", "experiments"},
     {"reports"},
     {"plots"},
-    {"exporting"},
+    {"exporting", "datasets"},
     {"simulation"},
     {"localization", "mujoco"},
     {"sensors", "perception", "robot"},

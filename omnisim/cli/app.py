@@ -15,6 +15,12 @@ from omnisim.cli import INTERRUPTED
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.command import Command, DefaultGroup, Group, command
 from omnisim.cli.console import err, out
+from omnisim.cli.dataset_requests import (
+    DatasetCheckRequest,
+    DatasetInfoRequest,
+    DatasetViewRequest,
+    GenerateRequest,
+)
 from omnisim.cli.live_requests import LiveRequest
 from omnisim.cli.optics_requests import (
     OpticsCalibrateRequest,
@@ -86,6 +92,14 @@ optics_app = typer.Typer(
     name="optics",
     cls=Group,
     help="Optical systems without one viewpoint: check, plot, design.",
+    no_args_is_help=True,
+)
+
+
+dataset_app = typer.Typer(
+    name="dataset",
+    cls=Group,
+    help="Data sets: show, check the hashes, look at samples.",
     no_args_is_help=True,
 )
 
@@ -339,7 +353,39 @@ def calibrate_optics(request: OpticsCalibrateRequest) -> None:
     calibrate(request)
 
 
-for group in (scene_app, robot_app, landmarks_app, calibration_app, optics_app):
+@command(app, GenerateRequest)
+def generate(request: GenerateRequest) -> None:
+    """Generate a data set from a plan: shards of samples, each a function of its number."""
+    from omnisim.cli.generate import run
+
+    run(request)
+
+
+@command(dataset_app, DatasetInfoRequest, "info")
+def dataset_info(request: DatasetInfoRequest) -> None:
+    """Show what is in a data set: samples, scenes, cameras, channels, size."""
+    from omnisim.cli.dataset import info
+
+    info(request)
+
+
+@command(dataset_app, DatasetCheckRequest, "check")
+def dataset_check(request: DatasetCheckRequest) -> None:
+    """Compare the hash of each shard with the manifest's."""
+    from omnisim.cli.dataset import check
+
+    check(request)
+
+
+@command(dataset_app, DatasetViewRequest, "view")
+def dataset_view(request: DatasetViewRequest) -> None:
+    """Write a sheet of samples with their channels."""
+    from omnisim.cli.dataset import view
+
+    view(request)
+
+
+for group in (scene_app, robot_app, landmarks_app, calibration_app, optics_app, dataset_app):
     app.add_typer(group)
 
 

@@ -27,6 +27,7 @@ EXPORT_FORMATS = (
     "colmap-binary", "tartanair",
 )  # fmt: skip
 CAMERA = "omnicamera"  # type of a sensor in a run's manifest
+ENGINES = ("local", "ray")
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",

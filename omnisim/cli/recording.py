@@ -30,11 +30,16 @@ from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
 
-class _RateColumn(ProgressColumn):
-    """Steps per second."""
+class RateColumn(ProgressColumn):
+    """Column of a progress bar: things per second."""
+
+    def __init__(self, things: str):
+        super().__init__()
+        self._things = things
 
     def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:.1f} steps/s" if task.speed else "", style="cyan")
+        """Rate of a task."""
+        return Text(f"{task.speed:.1f} {self._things}/s" if task.speed else "", style="cyan")
 
 
 def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Route) -> Drive:
@@ -77,7 +82,7 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=32),
         MofNCompleteColumn(),
-        _RateColumn(),
+        RateColumn("steps"),
         TimeRemainingColumn(),
     )
     title = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}"

@@ -8,8 +8,8 @@
 | `{ log_uniform = [0.1, 10.0] }` | evenly in the logarithm |
 | `{ choice = [0.0, 90.0, 180.0] }` | one of them |
 
-Only uniform numbers are taken from the generator, and all else is computed from them: a stream stays
-the same whatever NumPy does to its own distributions.
+Only uniform numbers are taken from the generator, and all else is computed from them: a stream
+stays the same whatever NumPy does to its own distributions.
 """
 
 from __future__ import annotations

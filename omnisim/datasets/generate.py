@@ -55,6 +55,8 @@ class Generation:
 
     Attributes:
         prepared: plan with its files read.
+        job: what its workers are told.
+        shards: numbers to make.
         missing: numbers of the shards that are not there yet.
 
     Raises:
@@ -71,7 +73,7 @@ class Generation:
         device: int | None = None,
     ):
         self.prepared = PreparedPlan.read(path)
-        self._job, self._workers = Job(path, folder, device), workers
+        self.job, self._workers = Job(path, folder, device), workers
         count = self.prepared.plan.shards
         self.shards = range(count) if shards is None else shards
         if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:
@@ -92,9 +94,9 @@ class Generation:
             return
         if self._workers > 1:
             with threads_shared(self._workers):
-                yield from make_shards(self._job, self.missing, self._workers)
+                yield from make_shards(self.job, self.missing, self._workers)
             return
-        maker = ShardMaker(self.prepared, self._job.folder, self._job.device)
+        maker = ShardMaker(self.prepared, self.job.folder, self.job.device)
         try:
             for number in self.missing:
                 for _ in maker.steps(number):
@@ -114,26 +116,26 @@ class Generation:
         if len(summaries) < len(found):
             return None
         manifest = Manifest(
-            self.prepared.plan.title or self._job.plan.stem,
+            self.prepared.plan.title or self.job.plan.stem,
             self.prepared.plan.licence,
             self.prepared.fingerprint,
             self.prepared.plan.channels,
             summaries,
         )
         content = json.dumps(manifest.to_json(), indent=1) + "\n"
-        target = self._job.folder / MANIFEST
+        target = self.job.folder / MANIFEST
         if not target.is_file() or target.read_text(encoding="utf-8") != content:
-            write_card(self._job.folder, manifest)
+            write_card(self.job.folder, manifest)
             write_text(target, content)
         return manifest
 
     def _found(self, number: int) -> Any:
-        found = find_shard(self._job.folder, number)
+        found = find_shard(self.job.folder, number)
         return found if found is not None and found.plan == self.prepared.fingerprint else None
 
     def _own_folder(self) -> None:
         """Make the folder this plan's, or refuse it."""
-        folder = self._job.folder
+        folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
         text = json.dumps(content, indent=1) + "\n"
         try:

@@ -1,0 +1,119 @@
+"""Parameters of the commands that make and read data sets."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omnisim.cli.arguments import DeviceOption
+from omnisim.cli.completion import ENGINES, one_of
+
+BEFORE = "Before it is made"  # panel of a help page
+
+DatasetArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of a data set that is whole.")
+]
+
+
+@dataclass(frozen=True)
+class GenerateRequest:
+    """Parameters of `omnisim generate`."""
+
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan of the data set: a .toml.")]
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder of the data set; shards that are there stay. With --preview: its picture.",
+        ),
+    ] = None
+    shards: Annotated[
+        str | None,
+        typer.Option(
+            "--shards",
+            metavar="FROM:TO",
+            help="Numbers of the shards to make, the last excluded; or a single number.",
+            show_default="all of the plan",
+        ),
+    ] = None
+    workers: Annotated[
+        int,
+        typer.Option("--workers", metavar="N", min=1, max=1024, help="Processes that render."),
+    ] = 1
+    device: DeviceOption = None
+    engine: Annotated[
+        str,
+        typer.Option(
+            "--engine",
+            metavar="NAME",
+            autocompletion=one_of(*ENGINES),
+            help="Engine that spreads the shards: local, or ray.",
+        ),
+    ] = "local"
+    address: Annotated[
+        str | None,
+        typer.Option(
+            "--address",
+            metavar="ADDRESS",
+            help="Address of the Ray cluster.",
+            show_default="a cluster on this machine",
+        ),
+    ] = None
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Only check the plan and its files.", rich_help_panel=BEFORE),
+    ] = False
+    preview: Annotated[
+        int | None,
+        typer.Option(
+            "--preview",
+            metavar="N",
+            min=1,
+            max=400,
+            help="Only render the first samples, onto one sheet.",
+            rich_help_panel=BEFORE,
+        ),
+    ] = None
+    estimate: Annotated[
+        bool,
+        typer.Option(
+            "--estimate",
+            help="Only render some samples, and say how long all take and how large they are.",
+            rich_help_panel=BEFORE,
+        ),
+    ] = False
+
+
+@dataclass(frozen=True)
+class DatasetInfoRequest:
+    """Parameters of `omnisim dataset info`."""
+
+    folder: DatasetArgument
+    json: Annotated[bool, typer.Option("--json", help="Print the manifest as JSON.")] = False
+
+
+@dataclass(frozen=True)
+class DatasetCheckRequest:
+    """Parameters of `omnisim dataset check`."""
+
+    folder: DatasetArgument
+
+
+@dataclass(frozen=True)
+class DatasetViewRequest:
+    """Parameters of `omnisim dataset view`."""
+
+    folder: DatasetArgument
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="FILE", help="Sheet to write: .png or .jpg."),
+    ]
+    first: Annotated[
+        int, typer.Option("--first", metavar="N", min=0, help="Number of the first sample.")
+    ] = 0
+    count: Annotated[
+        int, typer.Option("--count", metavar="N", min=1, max=400, help="Number of samples.")
+    ] = 16

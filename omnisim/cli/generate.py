@@ -1,0 +1,230 @@
+"""`omnisim generate`."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from omnisim.atomic_file import check_target
+from omnisim.cli.completion import ENGINES
+from omnisim.cli.console import err, out, pluralize, print_note
+from omnisim.cli.dataset_requests import GenerateRequest
+from omnisim.cli.recording import RateColumn
+from omnisim.datasets.generate import Generation, estimate
+from omnisim.datasets.prepared_plan import PreparedPlan
+from omnisim.datasets.sample_renderer import SampleRenderer
+from omnisim.datasets.workers import Made
+from omnisim.errors import OutputError, PlanError, did_you_mean
+from omnisim.extras import require_extra
+from omnisim.ground_truth.previews import preview
+from omnisim.image_files import write_image
+
+SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
+GAP_PX = 4
+
+
+def run(request: GenerateRequest) -> None:
+    """Make a data set, or what comes before."""
+    if request.engine not in ENGINES:
+        raise PlanError(f"--engine {request.engine!r}: {did_you_mean(request.engine, ENGINES)}")
+    if request.address is not None and request.engine != "ray":
+        raise PlanError("--address: requires --engine ray")
+    only = {"--check": request.check, "--preview": request.preview, "--estimate": request.estimate}
+    asked = [option for option, value in only.items() if value]
+    if len(asked) > 1:
+        raise PlanError(f"{', '.join(asked)}: expected one of them")
+    if request.check:
+        _check(request)
+    elif request.preview is not None:
+        _preview(request, request.preview)
+    elif request.estimate:
+        _estimate(request)
+    else:
+        _generate(request)
+
+
+def parse_shards(text: str | None) -> range | None:
+    """Parse --shards: `3` or `0:100`, the last excluded; None: all.
+
+    Raises:
+        PlanError: another text.
+    """
+    if text is None:
+        return None
+    match = SHARDS.fullmatch(text)
+    if match is None:
+        raise PlanError(f"--shards: expected FROM:TO or a number, got {text!r}")
+    first = int(match[1])
+    found = range(first, first + 1 if match[2] is None else int(match[2]))
+    if not found:
+        raise PlanError(f"--shards: expected FROM less than TO, got {text!r}")
+    return found
+
+
+def _check(request: GenerateRequest) -> None:
+    prepared = PreparedPlan.read(request.plan)
+    prepared.check()
+    plan = prepared.plan
+    for number in range(len(plan.scenes)):
+        scene = prepared.scene(number)
+        for notice in scene.notices:
+            print_note(notice)
+        if plan.stand.where == "free":
+            free = prepared.free_space(number)
+            out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor", markup=False)
+    out.print(
+        f"{request.plan}: {pluralize(plan.pictures, 'sample')} in "
+        f"{pluralize(plan.shards, 'shard')}; plan {prepared.fingerprint}",
+        markup=False,
+    )
+
+
+def _preview(request: GenerateRequest, count: int) -> None:
+    if request.output is None or request.output.suffix.lower() not in (".png", ".jpg"):
+        raise OutputError("-o: expected a .png or .jpg for the preview's sheet")
+    check_target(request.output)
+    prepared = PreparedPlan.read(request.plan)
+    count = min(count, prepared.plan.pictures)
+    renderer = SampleRenderer(prepared, request.device)
+    columns = math.ceil(math.sqrt(count))
+    rows: dict[int, list[NDArray[np.uint8]]] = {}
+    try:
+        for number in _tracked(renderer.order(range(count)), "preview", count):
+            _, frames = renderer.render(number)
+            frame = next(iter(frames.values()))
+            channels = [
+                preview(name, frame.channels[name], frame.labels) for name in frame.channels
+            ]
+            rows[number] = [frame.rgb, *channels]
+    finally:
+        renderer.close()
+    write_image(request.output, sheet([rows[number] for number in sorted(rows)], columns))
+    out.print(f"{request.output}: {pluralize(count, 'sample')}", markup=False)
+
+
+def sheet(samples: list[list[NDArray[np.uint8]]], columns: int) -> NDArray[np.uint8]:
+    """Sheet (height, width, 3) of samples, each a stack of its picture and its channels."""
+    stacks = [
+        np.concatenate([_framed(picture[..., :3]) for picture in _widened(sample)])
+        for sample in samples
+    ]
+    height, width = (max(stack.shape[axis] for stack in stacks) for axis in (0, 1))
+    rows = math.ceil(len(stacks) / columns)
+    found = np.full((rows * height, columns * width, 3), 255, dtype=np.uint8)
+    for index, stack in enumerate(stacks):
+        row, column = divmod(index, columns)
+        top, left = row * height, column * width
+        found[top : top + stack.shape[0], left : left + stack.shape[1]] = stack
+    return found
+
+
+def _framed(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.pad(picture, ((0, GAP_PX), (0, GAP_PX), (0, 0)), constant_values=255)
+
+
+def _widened(pictures: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    width = max(one.shape[1] for one in pictures)
+    return [
+        np.pad(one, ((0, 0), (0, width - one.shape[1]), (0, 0)), constant_values=255)
+        for one in pictures
+    ]
+
+
+def _estimate(request: GenerateRequest) -> None:
+    found = estimate(request.plan, request.workers, request.device)
+    hours = found.seconds / 3600.0
+    time = f"{hours:.1f} hours" if hours >= 1.0 else f"{found.seconds / 60.0:.1f} minutes"
+    if found.seconds < 60.0:
+        time = f"{found.seconds:.0f} seconds"
+    out.print(
+        f"{request.plan}: {pluralize(found.samples, 'sample')}, "
+        f"{found.samples * found.sample_bytes / 1e9:.3g} GB, {time} by "
+        f"{pluralize(request.workers, 'worker')}: {found.samples_per_s:.1f} samples/s after "
+        f"{found.start_s:.1f} s",
+        markup=False,
+    )
+
+
+def _generate(request: GenerateRequest) -> None:
+    if request.output is None:
+        raise OutputError("-o: expected the folder of the data set")
+    shards = parse_shards(request.shards)
+    generation = Generation(request.plan, request.output, shards, request.workers, request.device)
+    if generation.prepared.plan.stand.where == "free":
+        for number in range(len(generation.prepared.plan.scenes)):
+            for notice in generation.prepared.scene(number).notices:
+                print_note(notice)
+    _run(request, generation)
+    manifest = generation.finish()
+    made, there = len(generation.missing), len(generation.shards) - len(generation.missing)
+    before = f", {there} of them there before" if there else ""
+    total = generation.prepared.plan.shards
+    rest = "" if manifest else f"; all {total} of the plan are not there yet"
+    size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
+    redrawn = manifest.statistics.redrawn if manifest else 0
+    again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
+    out.print(
+        f"{request.output}: {pluralize(made + there, 'shard')}{before}{size}{again}{rest}",
+        markup=False,
+    )
+
+
+def _run(request: GenerateRequest, generation: Generation) -> None:
+    if request.engine == "ray":
+        require_extra("ray", "omnisim generate --engine ray")
+        from omnisim.datasets.ray_engine import make_shards_on_ray
+
+        steps = make_shards_on_ray(generation.job, generation.missing, request.address)
+    else:
+        steps = generation.run()
+    each = generation.prepared.plan.pictures_per_shard
+    total = each * len(generation.missing)
+    done: dict[int, int] = {}
+    try:
+        for _ in _counted(steps, done, each, total, request.plan):
+            pass
+    except KeyboardInterrupt:
+        whole = sum(count == each for count in done.values())
+        err.print(
+            f"{request.output}: {whole} of {pluralize(len(generation.missing), 'shard')} made: the "
+            "same command goes on",
+            markup=False,
+        )
+        raise
+
+
+def _counted(
+    steps: Iterator[Made], done: dict[int, int], each: int, total: int, plan: Path
+) -> Iterator[Made]:
+    """Steps below a progress bar, which only a terminal shows."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=32),
+        MofNCompleteColumn(),
+        RateColumn("samples"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        task = progress.add_task(plan.stem, total=total)
+        for made in steps:
+            done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)
+            progress.update(task, completed=sum(done.values()))
+            yield made
+
+
+def _tracked(numbers: list[int], title: str, total: int) -> Iterator[int]:
+    from omnisim.cli.console import track
+
+    return track(numbers, title, total)
