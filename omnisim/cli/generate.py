@@ -19,7 +19,7 @@ from rich.progress import (
 
 from omnisim.atomic_file import check_target
 from omnisim.cli.completion import ENGINES
-from omnisim.cli.console import err, out, pluralize, print_note
+from omnisim.cli.console import err, out, pluralize, print_note, track
 from omnisim.cli.dataset_requests import GenerateRequest
 from omnisim.cli.recording import RateColumn
 from omnisim.datasets.generate import Generation, estimate
@@ -101,7 +101,7 @@ def _preview(request: GenerateRequest, count: int) -> None:
     columns = math.ceil(math.sqrt(count))
     rows: dict[int, list[NDArray[np.uint8]]] = {}
     try:
-        for number in _tracked(renderer.order(range(count)), "preview", count):
+        for number in track(renderer.order(range(count)), "preview", count):
             _, frames = renderer.render(number)
             frame = next(iter(frames.values()))
             channels = [
@@ -222,9 +222,3 @@ def _counted(
             done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)
             progress.update(task, completed=sum(done.values()))
             yield made
-
-
-def _tracked(numbers: list[int], title: str, total: int) -> Iterator[int]:
-    from omnisim.cli.console import track
-
-    return track(numbers, title, total)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import ray
 
@@ -47,16 +49,23 @@ def make_shards_on_ray(
         return
     job = job._replace(plan=Path(job.plan).resolve(), folder=Path(job.folder).resolve())
     try:
-        ray.init(address=address, include_dashboard=False, log_to_driver=False)
+        ray.init(
+            address=address,
+            include_dashboard=False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+        )
     except (ConnectionError, ValueError, RuntimeError) as reason:
         raise PlanError(f"--address {address}: {str(reason).partition(chr(10))[0]}") from None
     try:
-        count = min(len(shards), max(1, int(ray.cluster_resources().get("CPU", 1))))
+        resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+        count = min(len(shards), max(1, int(resources.get("CPU", 1))))
         environment = {"env_vars": {"LP_NUM_THREADS": "1"}}
         actor = ray.remote(num_cpus=1, max_restarts=RESTARTS, max_task_retries=RESTARTS)(_Maker)
         makers = [actor.options(runtime_env=environment).remote(job) for _ in range(count)]
         pool = ray.util.ActorPool(makers)
-        for found in pool.map_unordered(lambda maker, number: maker.make.remote(number), shards):
+        steps: Iterator[int | str] = pool.map_unordered(_begin, list(shards))
+        for found in steps:
             if isinstance(found, str):
                 raise PlanError(found)
             yield Made(found, True)
@@ -64,3 +73,7 @@ def make_shards_on_ray(
         raise PlanError(f"ray: {str(reason).partition(chr(10))[0]}") from None
     finally:
         ray.shutdown()
+
+
+def _begin(maker: Any, number: int) -> Any:
+    return maker.make.remote(number)
