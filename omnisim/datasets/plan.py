@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from omnisim.datasets.distributions import LARGEST_SEED, Distributed, Distribution
-from omnisim.errors import PlanError
+from omnisim.errors import OmnisimError, PlanError
 from omnisim.ground_truth import check_channels
 from omnisim.parameters import Fraction, NotNegative, Positive, Table
 from omnisim.toml_file import read_toml
@@ -24,7 +24,10 @@ def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
     needs_others = [name for name in names if "flow" in name or "occluded" in name]
     if needs_others:
         raise ValueError(f"{needs_others[0]}: expected channels of single pictures")
-    return check_channels(names)
+    try:
+        return check_channels(names)
+    except OmnisimError as reason:
+        raise ValueError(str(reason)) from None
 
 
 def _fixed(value: float) -> Distribution:
@@ -69,7 +72,7 @@ class PlanCameraTable(Table):
     quality: Literal["fast", "default", "fine"] | None = None
     """Quality of the capture."""
     preset: Name | None = None
-    """Degradations by the name of a preset, or the path of its file."""
+    """Degradations by the name of a preset, or the path of its file; the world is at rest."""
     weight: Weight = 1.0
     """Share of the pictures, relative to the other cameras'."""
 

@@ -189,12 +189,9 @@ class PreparedPlan:
     @cached_property
     def rigs(self) -> tuple[PlanRig, ...]:
         """Cameras and rigs of the plan."""
-        return tuple(
-            PlanRig(table.title, self._cameras(table, f"cameras.{index}"))
-            for index, table in enumerate(self.plan.cameras)
-        )
+        return tuple(PlanRig(table.title, self._cameras(table)) for table in self.plan.cameras)
 
-    def _cameras(self, table: PlanCameraTable, key: str) -> dict[str, OmniCamera]:
+    def _cameras(self, table: PlanCameraTable) -> dict[str, OmniCamera]:
         cameras = self._read_cameras(table)
         if table.size_px is not None:
             cameras = {name: one.resized(table.size_px) for name, one in cameras.items()}
@@ -203,13 +200,6 @@ class PreparedPlan:
         if table.preset is not None:
             degradation = preset(table.preset, self.path.parent)
             cameras = {name: one.with_degradation(degradation) for name, one in cameras.items()}
-        for camera in cameras.values():
-            shutter = camera.degradation.shutter
-            if shutter is not None and shutter.duration_s:
-                raise PlanError(
-                    f"{self.path}: {key}: expected a camera without shutter: single pictures have "
-                    "no motion"
-                )
         return cameras
 
     def _read_cameras(self, table: PlanCameraTable) -> dict[str, OmniCamera]:

@@ -1,0 +1,95 @@
+"""Free floors, against distances that trimesh measures."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from omnisim.datasets.distributions import Stream
+from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_points
+from omnisim.errors import PlanError
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.triangles import triangles_within
+
+RADIUS_M, HEIGHT_M, STEP_M = 0.25, 0.8, 0.05
+
+
+def _room(*boxes):
+    """Floor of 4 m × 4 m with boxes: extents and centres."""
+    floor = trimesh.creation.box((4.0, 4.0, 0.1))
+    floor.apply_translation((0.0, 0.0, -0.05))
+    parts = trimesh.Scene({"floor": floor})
+    for index, (size, middle) in enumerate(boxes):
+        box = trimesh.creation.box(size)
+        box.apply_translation(middle)
+        parts.add_geometry(box, node_name=f"box{index}")
+    return Scene.from_trimesh(parts)
+
+
+def _distances(scene, points, low_z, high_z):
+    """Distance on the floor plan of points (n, 2) from the surfaces between two heights."""
+    corners = triangles_within(scene, points.min(axis=0) - 1.0, points.max(axis=0) + 1.0).corners_m
+    z = corners[..., 2]
+    corners = corners[(z.max(axis=1) > low_z) & (z.min(axis=1) < high_z)]
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    samples = trimesh.sample.sample_surface(mesh, 1_000_000, seed=1)[0]
+    samples = samples[(samples[:, 2] > low_z) & (samples[:, 2] < high_z)]
+    return cKDTree(samples[:, :2]).query(points)[0]
+
+
+def _drawn(free, count=300):
+    stream, places = Stream(1), free.places()
+    cells = [places[stream.whole(len(places))] for _ in range(count)]
+    return np.array([free.point_in(cell, (stream.share(), stream.share())) for cell in cells])
+
+
+@pytest.mark.parametrize("name", ["courtyard", "soccer"])
+def test_no_surface_is_within_the_radius(name):
+    scene = load_scene(name)
+    free = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M)
+    points = _drawn(free)
+    floor_m = float(np.nanmedian(free.floor_m[free.is_free]))
+    np.testing.assert_allclose(points[:, 2], floor_m, atol=STEP_M + 0.1)
+    distances = _distances(scene, points[:, :2], points[:, 2].max() + STEP_M, floor_m + HEIGHT_M)
+    assert distances.min() >= RADIUS_M
+
+
+def test_a_box_takes_its_place_and_the_margin():
+    scene = _room(((1.0, 1.0, 0.5), (0.0, 0.0, 0.25)))
+    free = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M, floor_m=0.0, from_start=False)
+    assert not free.is_free_at(np.array((0.7, 0.0)))
+    clear_m = 0.5 + RADIUS_M + (MARGIN_CELLS + 1.5) * free.cell_m
+    assert free.is_free_at(np.array((clear_m, 0.0)))
+    assert free.is_free_at(np.array((0.0, -clear_m)))
+
+
+def test_low_things_and_high_things_do_not_count():
+    scene = _room(((1.0, 1.0, 0.04), (0.0, 0.0, 0.02)), ((1.0, 1.0, 0.1), (0.0, 0.0, 1.5)))
+    free = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M, floor_m=0.0)
+    assert free.is_free_at(np.zeros(2))
+    under = find_free_space(scene, RADIUS_M, 2.0, STEP_M, floor_m=0.0)
+    assert not under.is_free_at(np.zeros(2))
+
+
+def test_what_a_wall_parts_from_the_start_is_left_out():
+    scene = _room(((0.1, 4.0, 2.0), (0.5, 0.0, 1.0)))
+    start = np.array(scene.start.position_m[:2])
+    free = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M, floor_m=0.0)
+    both = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M, floor_m=0.0, from_start=False)
+    sides = np.array([[-1.0, 0.0], [1.3, 0.0]])
+    assert [both.is_free_at(side) for side in sides] == [True, True]
+    assert [free.is_free_at(side) for side in sides] == [bool(start[0] < 0.5), bool(start[0] > 0.5)]
+
+
+def test_no_floor_is_one_line():
+    with pytest.raises(PlanError, match=r"no free floor at 7 m for a radius of 0\.25 m") as caught:
+        find_free_space(_room(), RADIUS_M, HEIGHT_M, STEP_M, floor_m=7.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_points_are_dense_on_triangles():
+    corners = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 3, 3))
+    found = np.concatenate(list(surface_points(corners, 0.1)))
+    weights = np.random.default_rng(3).dirichlet((0.5, 0.5, 0.5), (20, 200))
+    inside = np.einsum("nks,nsc->nkc", weights, corners).reshape(-1, 3)
+    assert cKDTree(found).query(inside)[0].max() <= 0.1 * 2.0 / 3.0 + 1e-9
