@@ -31,15 +31,15 @@ from omnisim.simulation.vehicle import Vehicle
 
 
 class RateColumn(ProgressColumn):
-    """Column of a progress bar: things per second."""
+    """Column of a progress bar: unit per second."""
 
-    def __init__(self, things: str):
+    def __init__(self, unit: str):
         super().__init__()
-        self._things = things
+        self._unit = unit
 
     def render(self, task: Task) -> Text:
         """Rate of a task."""
-        return Text(f"{task.speed:.1f} {self._things}/s" if task.speed else "", style="cyan")
+        return Text(f"{task.speed:.1f} {self._unit}/s" if task.speed else "", style="cyan")
 
 
 def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Route) -> Drive:
