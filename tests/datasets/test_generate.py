@@ -303,7 +303,7 @@ def test_a_network_learns_depth_better_than_the_mean(tmp_path):
         torch.nn.Conv2d(24, 1, 5, padding=2),
     )  # fmt: skip
     optimizer = torch.optim.Adam(layers.parameters(), 3e-3)
-    for _ in range(60):
+    for _ in range(150):
         rows = torch.randint(0, 150, (16,))
         found = layers(inputs[rows])[:, 0] + mean
         loss = ((found - logs[rows]).abs() * hit[rows]).sum() / hit[rows].sum()
