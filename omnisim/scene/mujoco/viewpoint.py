@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from omnisim.scene.parts import StartPose
 
 _WORLD = 0
-# In front of what mostly faces +x, as far as the model is large, and above its middle.
-_OFFSET_PER_EXTENT = np.array([1.0, 0.0, 0.4])
+# In front of what mostly faces +x, and above its middle.
+_OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
 
 
 def find_viewpoint(

@@ -75,10 +75,11 @@ class _Reader:
         notices = [*self._omissions.notices, *self._files.notices]
         if self._missing:
             names = ", ".join(sorted(self._missing))
-            notices.append(
-                f"{counted(self._missing.total(), 'file')} not found, and not drawn: {names}: pass "
-                "the folder of the packages as --resources"
-            )
+            hint = f"{names}: pass the folder of the packages as --resources"
+            count = counted(self._missing.total(), "file")
+            if not self._instances:
+                raise SceneError(f"has nothing to draw: {count} not found: {hint}")
+            notices.append(f"{count} not found, and not drawn: {hint}")
         return ImportedScene(
             tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices
         )

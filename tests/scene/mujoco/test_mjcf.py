@@ -144,7 +144,7 @@ def test_pictures_start_at_a_camera_of_the_world_or_in_front_of_the_middle(shape
         "<camera pos='0 0 0'/></body></worldbody>",
     )
     start = load_scene(path).start
-    assert start.position_m == pytest.approx((3.0, 2.0, 3.8))
+    assert start.position_m == pytest.approx((2.2, 2.0, 3.6))
     assert abs(start.yaw_deg) == pytest.approx(180.0)
 
 

@@ -136,6 +136,18 @@ def test_textures_are_those_of_the_material(tmp_path):
     assert _material(scene, "l/box").texture is not None
 
 
+def test_a_robot_without_any_mesh_that_is_found_is_an_error(tmp_path):
+    path = tmp_path / "a.urdf"
+    mesh = "<mesh filename='package://p/a.stl'/>"
+    path.write_text(f"<robot name='a'>{LINK.format(mesh)}</robot>")
+    with pytest.raises(SceneError) as error:
+        load_scene(path)
+    assert str(error.value) == (
+        f"{path}: has nothing to draw: 1 file not found: package://p/a.stl: pass the folder of the "
+        "packages as --resources"
+    )
+
+
 LINK = "<link name='a'><visual><geometry>{}</geometry></visual></link>"
 JOINT = "<joint name='j' type='fixed'><parent link='{}'/><child link='{}'/></joint>"
 
