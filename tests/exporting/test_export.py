@@ -145,7 +145,7 @@ def test_sensors_and_channels_that_a_format_has_no_place_for_are_named(run, tmp_
     if format in EXTRAS and missing_packages(EXTRAS[format]):
         pytest.skip(f"the extra {EXTRAS[format]} is not installed")
     notes = []
-    list(export_run(run, format, tmp_path / "out", None, "fisheye", notes.append))
+    list(export_run(run, format, tmp_path / "out", None, "front", notes.append))
     form = format_named(format)
     sensors = [note for note in notes if "has no place for" in note and "channels" not in note]
     channels = [note for note in notes if "has no place for the channels" in note]

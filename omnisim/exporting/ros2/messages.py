@@ -45,9 +45,9 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
 
 from omnisim.calibration.formats.camera_info import IDENTITY, CameraInfoLens, camera_info
+from omnisim.exporting.export_format import NANOSECONDS
 from omnisim.poses import quaternion_from_rotation
 
-NANOSECONDS = 1_000_000_000
 # sensor_msgs/PointField's numbers of the types.
 _POINT_TYPES = {"u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
 _ENCODINGS = {
