@@ -21,15 +21,17 @@ from omnisim.simulation.physics.facets import (
     connected_parts,
     convex_facets,
 )
+from omnisim.simulation.physics.hulls import convex_hull
 from omnisim.simulation.physics.shapes import Shape
 
 WELDED_M = 1e-5  # vertices this close are one
 SMALL_M = 0.4  # parts that fit into a cube of it collide as their hulls
 ON_HULL_M = 0.01  # deepest dent of a part that is taken for convex
 COVERED = 0.98  # share of the hull that a closed surface covers
+THINNEST_M = 1e-4  # volume of a solid for its surface
 SLAB_M = 0.02  # thickness behind a facet
 LEVEL_COSINE = 0.7  # of a floor's normal from the vertical
-SMALLEST_M2 = 1e-8  # area of a triangle that is a surface
+NARROWEST_M = 1e-4  # height of a triangle that is no sliver
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +110,14 @@ def hull_of(scene: Scene) -> Shape | None:
 def _welded(
     positions_m: NDArray[np.float64], triangles: Triangles
 ) -> tuple[NDArray[np.float64], Triangles]:
-    """Vertices, each place once, and the triangles between them that have an area."""
+    """Vertices, each place once, and the triangles between them that are no slivers."""
     cells = np.round(positions_m / WELDED_M).astype(np.int64)
     _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     vertices, triangles = positions_m[first], number.reshape(-1)[triangles]
-    areas = np.linalg.norm(area_vectors(vertices[triangles]), axis=1)
-    return vertices, triangles[areas > SMALLEST_M2]
+    corners = vertices[triangles]
+    areas = np.linalg.norm(area_vectors(corners), axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    return vertices, triangles[2.0 * areas > NARROWEST_M * longest]
 
 
 def _pieces_of(
@@ -127,11 +131,8 @@ def _pieces_of(
     if not region.meets(points[None])[0]:
         return []
     size = np.ptp(points, axis=0)
-    try:
-        hull = scipy.spatial.ConvexHull(points)
-    except scipy.spatial.QhullError:  # it is flat
-        hull = None
-    if hull is not None and hull.volume > SLAB_M * SMALLEST_M2:
+    hull = convex_hull(points)
+    if hull is not None and hull.volume > THINNEST_M * hull.area:
         is_small = bool(np.all(size <= SMALL_M))
         is_solid = is_small or _is_solid(hull, vertices_m[part], two_sided)
         if is_solid and not np.any(_inside(hull, region.free_points_m)):

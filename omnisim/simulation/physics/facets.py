@@ -6,6 +6,8 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
+from omnisim.simulation.physics.hulls import convex_hull
+
 FLAT_SINE = 0.01  # between normals of one facet: half a degree
 AREA_SLACK = 1e-3  # relative, of a polygon that is its own hull
 
@@ -71,11 +73,8 @@ def _is_convex(vertices_m: NDArray[np.float64], region: Triangles) -> bool:
     area = float(np.linalg.norm(normal))
     points = vertices_m[np.unique(region)]
     axes = np.linalg.svd(normal[None])[2][1:]  # two across the normal
-    try:
-        hull = scipy.spatial.ConvexHull(points @ axes.T)
-    except scipy.spatial.QhullError:  # a sliver
-        return True
-    return bool(hull.volume <= area * (1.0 + AREA_SLACK))
+    hull = convex_hull(points @ axes.T)
+    return hull is None or bool(hull.volume <= area * (1.0 + AREA_SLACK))
 
 
 def _neighbours(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -10,6 +10,8 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
+from omnisim.simulation.physics.hulls import convex_hull
+
 ROUND = 0.02  # of a ball's radius, by which its vertices may differ
 FULL_BALL = 0.9 * 4.0 / 3.0 * math.pi  # volume of its hull, of a radius of 1
 RIGHT_ANGLE = 1e-3  # largest cosine
@@ -37,9 +39,8 @@ class Shape:
     @classmethod
     def of(cls, vertices_m: NDArray[np.float64]) -> Shape | None:
         """Shape of the hull of vertices (n, 3); None: they are in one plane."""
-        try:
-            hull = scipy.spatial.ConvexHull(vertices_m)
-        except scipy.spatial.QhullError:
+        hull = convex_hull(vertices_m)
+        if hull is None:
             return None
         corners = vertices_m[hull.vertices]
         return _ball(corners, hull) or _box(corners, hull) or _hull(corners)

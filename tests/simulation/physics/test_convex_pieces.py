@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 from omnisim.scene import Scene, load_scene
 from omnisim.simulation.physics.convex_pieces import SLAB_M, Region, convex_pieces, hull_of
 from omnisim.simulation.physics.facets import area_vectors, convex_facets
-from tests.simulation.physics.worlds import solid
+from tests.simulation.physics.worlds import rover, solid
 
 
 def _pieces(scene, *free_points_m):
@@ -114,6 +114,25 @@ def test_flat_things_have_no_hull():
 def test_parts_out_of_the_region_are_left_out():
     region = Region(np.array([5.0, 5.0, 5.0]), np.full(3, 9.0), np.zeros((0, 3)))
     assert convex_pieces(solid(trimesh.creation.box((1.0, 1.0, 1.0))), region) == []
+
+
+@pytest.mark.parametrize("flatness", [1.0, 1e-2, 1e-5])
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two_sided, capfd):
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
+    from omnisim.simulation.physics.world_model import WorldModel
+
+    random = np.random.default_rng(7)
+    sizes = 10.0 ** random.uniform(-4.0, 2.0, (200, 1, 1))
+    corners = random.uniform(-20.0, 20.0, (200, 1, 3)) + sizes * random.normal(size=(200, 3, 3))
+    corners[:, 2] = corners[:, :2].mean(axis=1) + flatness * random.normal(size=(200, 3))
+    soup = Scene.from_arrays(
+        "soup", corners.reshape(-1, 3), np.arange(600).reshape(-1, 3), double_sided=two_sided
+    )
+    pieces = convex_pieces(soup, Region.everywhere())
+    model = WorldModel.of(pieces, {}, rover(), np.eye(4)).spec.compile()
+    mujoco.mj_step(model, mujoco.MjData(model))
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.slow

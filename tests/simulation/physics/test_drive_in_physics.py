@@ -15,6 +15,7 @@ from omnisim.scene.model import ScenePath
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.trajectories import Trajectory, write_trajectory
 from tests.simulation.physics.worlds import ball, hall, robot, solid
 
 
@@ -167,3 +168,34 @@ def test_the_imu_feels_gravity_and_the_motion_of_the_simulation(tmp_path, needs_
     assert np.median(readings[-180:-20, 4]) == pytest.approx(-0.5, abs=0.02)
     speed = np.cumsum(readings[:, 4]) / 200.0
     assert speed[-1] == pytest.approx(0.0, abs=0.02)
+
+
+def test_wheels_climb_a_ramp():
+    slope = np.radians(12.0)
+    ramp = trimesh.creation.box((3.0, 3.0, 0.2))
+    ramp.apply_transform(trimesh.transformations.rotation_matrix(-slope, (0.0, 1.0, 0.0)))
+    top_m = 0.1 / np.cos(slope)  # of its upper side, above its middle
+    scene = hall(("ramp", solid(ramp), (2.0, 0.0, 1.0 * np.tan(slope) - top_m)))
+    plan = _drive(scene, ((0.0, 0.0), (2.5, 0.0))).plan()
+    end = plan.truth.world_from_base[-1]
+    assert end[2, 3] == pytest.approx((end[0, 3] - 1.0) * np.tan(slope), abs=0.01)
+    assert end[2, 0] == pytest.approx(np.sin(slope), abs=0.005)  # its nose is up
+
+
+def test_a_scene_of_too_many_pieces_is_refused(monkeypatch):
+    monkeypatch.setattr("omnisim.simulation.physics.surroundings.MOST_PIECES", 0)
+    with pytest.raises(TrajectoryError, match="floor: expected at most 0 convex pieces about the"):
+        _drive(hall(), SQUARE[:2]).plan()
+
+
+def test_poses_of_a_file_are_followed_backwards_too(tmp_path):
+    times_s = 0.2 * np.arange(41)
+    x = 0.5 - 0.5 * np.cos(2.0 * np.pi * times_s / 8.0)
+    poses = np.repeat(np.eye(4)[None], len(x), axis=0)
+    poses[:, 0, 3] = x
+    write_trajectory(tmp_path / "way.tum", Trajectory(times_s, poses))
+    wanted = _drive(hall(), SQUARE[:2])
+    route = dataclasses.replace(wanted.route, path=str(tmp_path / "way.tum"))
+    plan = dataclasses.replace(wanted, route=route).plan()
+    np.testing.assert_allclose(plan.truth.positions_m[:, 0], x, atol=0.01)
+    assert plan.odometry.distances_m[-5:].max() < 0.0
