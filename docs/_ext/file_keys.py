@@ -88,6 +88,7 @@ def _name(annotation: Any) -> str:
 
 def key_pages() -> dict[str, str]:
     """Markdown of the keys of each kind of file, by the name of its page."""
+    from omnisim.datasets.plan import Plan
     from omnisim.localization.parameters import FilterParameters
     from omnisim.optics.system_file import OpticsFile
     from omnisim.robot.robot_file import RobotFile
@@ -100,6 +101,7 @@ def key_pages() -> dict[str, str]:
         "label-file-keys": tables(LabelFile),
         "robot-file-keys": (*tables(RobotFile), *_mounts()),
         "filter-file-keys": tables(FilterParameters),
+        "plan-file-keys": tables(Plan),
         "degradation-keys": _effects(),
         "optics-file-keys": (*tables(OpticsFile), *_shapes()),
     }

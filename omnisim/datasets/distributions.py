@@ -47,6 +47,12 @@ class Distribution:
     kind: Kind
     numbers: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        numbers = f"[{', '.join(map(str, self.numbers))}]"
+        if self.kind == "constant":
+            return str(self.numbers[0])
+        return numbers if self.kind == "uniform" else f"{{ {self.kind} = {numbers} }}"
+
     def draw(self, stream: Stream) -> float:
         """Draw a number; takes one step of the stream, whatever the distribution."""
         share = stream.share()
