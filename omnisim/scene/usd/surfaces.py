@@ -134,10 +134,10 @@ class _PreviewSurface:
 
     def _with_normals(self, material: Material) -> Material:
         source = self._inputs.get("normal").texture
-        texture = None if source is None else self._texture(source)
-        if texture is None:
+        texture = None if source is None else self._files.normals(source, self._name)
+        if source is None or texture is None:
             return material
-        return replace(material, normal_map=replace(texture, is_linear=True))
+        return replace(material, normal_map=self._fitted(texture, source))
 
     def _with_occlusion(self, material: Material) -> Material:
         found = self._inputs.get("occlusion")

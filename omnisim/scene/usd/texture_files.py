@@ -40,6 +40,28 @@ class TextureFiles:
         mirrored = (source.wraps[0] == "mirror", source.wraps[1] == "mirror")
         return self._textures.texture(image, material, (s, t), mirrored)
 
+    def normals(self, source: TextureSource, material: str) -> Texture | None:
+        """Texture of normals as glTF has them, 0 to 255 for −1 to 1; None where it is not read.
+
+        Sources without a scale and a bias are taken to be such already.
+        """
+        key = ("normals", source)
+        if key not in self._packed:
+            texture = self.texture(source, material)
+            levels = [
+                _levels(0.5 * scale, 0.5 * bias + 0.5)
+                for scale, bias in zip(source.scale[:3], source.bias[:3], strict=True)
+            ]
+            plain = np.arange(256)
+            is_plain = not any(source.bias) or all(np.array_equal(one, plain) for one in levels)
+            if texture is not None and not is_plain:
+                pixels = texture.pixels.copy()
+                for channel, table in enumerate(levels):
+                    pixels[..., channel] = table[pixels[..., channel]]
+                texture = replace(texture, pixels=pixels)
+            self._packed[key] = None if texture is None else replace(texture, is_linear=True)
+        return self._packed[key]
+
     def packed(
         self,
         planes: dict[int, tuple[TextureSource, str]],
@@ -127,9 +149,13 @@ def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> ND
     scale, bias = source.scale[index], source.bias[index]
     if (scale, bias) == (1.0, 0.0):
         return pixels[..., index]
-    levels = np.arange(256) * scale + 255.0 * bias
-    plane: NDArray[np.uint8] = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[pixels[..., index]]
+    plane: NDArray[np.uint8] = _levels(scale, bias)[pixels[..., index]]
     return plane
+
+
+def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
+    """Levels (256,) after a scale and a bias."""
+    return np.clip(np.rint(np.arange(256) * scale + 255.0 * bias), 0, 255).astype(np.uint8)
 
 
 def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:

@@ -135,6 +135,26 @@ def test_channels_of_textures_are_packed_as_gltf_has_them(tmp_path):
     assert (material.metallic, material.roughness) == (1.0, 1.0)
 
 
+def test_normals_have_their_scale_and_bias(tmp_path):
+    """A map whose green is turned over, with the scale that turns it back."""
+    pixels = np.random.default_rng(0).integers(0, 256, (4, 4, 3), dtype=np.uint8)
+    (tmp_path / "a.png").write_bytes(png(pixels))
+    (tmp_path / "b.png").write_bytes(png(pixels * [1, 0, 1] + [0, 255, 0] - pixels * [0, 1, 0]))
+    maps = []
+    usual = {"scale": (2.0, 2.0, 2.0, 1.0), "bias": (-1.0, -1.0, -1.0, 0.0)}
+    turned = {"scale": (2.0, -2.0, 2.0, 1.0), "bias": (-1.0, 1.0, -1.0, 0.0)}
+    for name, values in (("a.png", usual), ("b.png", turned), ("a.png", {})):
+        (tmp_path / "a.usda").unlink(missing_ok=True)
+        stage = new_stage(tmp_path / "a.usda")
+        _material(stage, _quad(stage), normal=(_texture(stage, "/World/t", name, **values), "rgb"))
+        stage.Save()
+        del stage
+        maps.append(_load_only_material(tmp_path / "a.usda")[2].normal_map)
+    for one in maps:
+        np.testing.assert_array_equal(one.pixels[..., :3], pixels)
+        assert one.is_linear
+
+
 @pytest.mark.parametrize(("threshold", "mode"), [(0.0, AlphaMode.BLEND), (0.4, AlphaMode.MASK)])
 def test_opacity_of_another_texture_is_the_alpha(tmp_path, threshold, mode):
     (tmp_path / "color.png").write_bytes(png(np.full((4, 4, 3), 90, dtype=np.uint8)))
