@@ -63,6 +63,13 @@ CHECKS = (
         "second_rasteriser.check",
         oracles=("pyrender",),
     ),
+    Check(
+        "materials",
+        "Metal and gloss, traced by another renderer",
+        "materials.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
     Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
     Check("quality", "Quality of the picture, and shimmer", "picture_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),

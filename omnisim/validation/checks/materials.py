@@ -1,0 +1,120 @@
+"""A path tracer's materials: spheres of roughness by metalness, by Mitsuba and by omnisim."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera
+from omnisim.plots.style import gallery
+from omnisim.poses import pose
+from omnisim.reports.measure import Measure
+from omnisim.reports.report import CaptionedFigure, ResultTable, Section
+from omnisim.scene.environment import Environment, map_directions
+from omnisim.scene.model import Light, Lighting, LightKind
+from omnisim.sensors import Renderer
+from omnisim.srgb import srgb8_from_linear
+from omnisim.validation import material_chart
+from omnisim.validation.color_difference import ciede2000, lab_from_linear
+from omnisim.validation.fixture import Fixture
+
+BOUND = 2.0  # the mean of CIEDE2000; one is just seen, side by side
+WIDTH_PX = 165
+_SAMPLES, _QUICK_SAMPLES = 1024, 64
+_SHOWN_FACTOR = 25  # levels of grey a unit of CIEDE2000
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Render the chart by both, under each light, and compare colours."""
+    pictures: dict[str, NDArray[np.uint8]] = {}
+    measures, rows = [], []
+    samples = _QUICK_SAMPLES if fixture.is_quick else _SAMPLES
+    for name, lighting in lightings().items():
+        ours, traced, spheres = both(lighting, samples, fixture.device)
+        difference = ciede2000(lab_from_linear(ours), lab_from_linear(traced))
+        shown = spheres >= 0
+        measures.append(
+            Measure(f"{name}: mean CIEDE2000", float(difference[shown].mean()), "", BOUND)
+        )
+        for row, roughness in enumerate(material_chart.ROUGHNESS):
+            columns = len(material_chart.METALLIC)
+            means = [difference[spheres == columns * row + i].mean() for i in range(columns)]
+            rows.append((name, f"{roughness:g}", *(f"{mean:.2f}" for mean in means)))
+        grey = np.clip(_SHOWN_FACTOR * difference * shown, 0, 255).astype(np.uint8)
+        pictures |= {
+            f"{name}, omnisim": srgb8_from_linear(np.clip(ours * shown[..., None], 0.0, 1.0)),
+            f"{name}, Mitsuba": srgb8_from_linear(np.clip(traced, 0.0, 1.0)),
+            f"{name}, difference": np.repeat(grey[..., None], 3, axis=2),
+        }
+    return Section(
+        title,
+        "Spheres of glTF's materials against Mitsuba's principled BSDF: roughness from top to "
+        "bottom, metalness from left to right. Mitsuba's facets are shadowed each way on its own, "
+        "its dielectrics reflect by Fresnel's exact equations and lose nothing of the light below "
+        "their surface, which is Disney's and not Lambert's.",
+        tuple(measures),
+        tables=(
+            ResultTable(
+                "Mean CIEDE2000 of each sphere, by metalness",
+                ("light", "roughness", *(f"{one:g}" for one in material_chart.METALLIC)),
+                tuple(rows),
+            ),
+        ),
+        figures=(
+            CaptionedFigure(
+                "materials",
+                gallery(pictures, 3),
+                f"Charts by both; {_SHOWN_FACTOR} levels of grey are a difference of 1.",
+            ),
+        ),
+    )
+
+
+def lightings() -> dict[str, Lighting]:
+    """Lights of the charts: one lamp, the same light from everywhere, and a map with a bright
+    disc."""  # fmt: skip
+    towards = np.array([0.6, -0.5, -0.62]) / np.linalg.norm([0.6, -0.5, -0.62])
+    lamp = Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 0.8, direction=towards)
+    dark = (0.0, 0.0, 0.0)
+    return {
+        "a lamp": Lighting(dark, (lamp,)),
+        "even light": Lighting((0.8, 0.8, 0.8), ()),
+        "an environment map": Lighting(dark, (), environment=_environment()),
+    }
+
+
+def _environment() -> Environment:
+    directions, _ = map_directions(128, 256)
+    colors = 0.5 + 0.3 * directions + 0.15 * np.sin(6.0 * directions[..., [1, 2, 0]])
+    disc = np.array([-0.5, -0.6, 0.7]) / np.linalg.norm([-0.5, -0.6, 0.7])
+    colors[directions @ disc > 0.95] = 8.0
+    return Environment(colors.astype(np.float32))
+
+
+def both(
+    lighting: Lighting, samples: int, device: int | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+    """Charts (height, width, 3) by omnisim and by Mitsuba, linear, and the spheres' numbers."""
+    from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # may be missing
+
+    camera = material_chart.camera().resized(WIDTH_PX)
+    model = camera.model
+    assert isinstance(model, PerspectiveCamera)
+    scene = material_chart.chart(lighting.with_shadows(False))
+    with Renderer(scene, camera, device=device) as renderer:
+        linear = renderer.render(pose((0.0, 0.0, 0.0)), linear=True).linear
+    assert linear is not None
+    ours = linear[..., :3]
+    traced = np.zeros_like(ours)
+    spheres = material_chart.sphere_of_pixels(model)
+    for number, centre_m in enumerate(material_chart.centres_m()):
+        rows, columns = np.nonzero(spheres == number)
+        top, left = int(rows.min()), int(columns.min())
+        height, width = int(rows.max()) - top + 1, int(columns.max()) - left + 1
+        part = trace_sphere(
+            scene.materials[number], centre_m, material_chart.RADIUS_M, scene.lighting, model,
+            (left, top, width, height), samples,
+        )  # fmt: skip
+        traced[top : top + height, left : left + width] = part
+    traced[spheres < 0] = 0.0
+    return ours, traced, spheres
