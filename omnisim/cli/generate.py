@@ -171,7 +171,7 @@ def _generate(request: GenerateRequest) -> None:
     made, there = len(generation.missing), len(generation.shards) - len(generation.missing)
     before = f", {there} of them there before" if there else ""
     total = generation.prepared.plan.shards
-    rest = "" if manifest else f"; all {total} of the plan are not there yet"
+    rest = "" if manifest else f"; others of the plan's {total} are missing"
     size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
     redrawn = manifest.statistics.redrawn if manifest else 0
     again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
