@@ -152,3 +152,26 @@ def test_lenses_of_the_model_have_their_sizes():
     assert (lens_of(model, "b").width_px, lens_of(model, "b").height_px) == (80, 60)
     with pytest.raises(SceneError, match="expected a perspective camera, got an orthographic"):
         lens_of(model, "c")
+
+
+def test_skins_and_cloths_are_bent_in_each_frame():
+    cloth = (
+        "<flexcomp name='cloth' type='grid' count='4 4 1' spacing='.3 .3 .1' pos='2 0 1' dim='2'"
+        " euler='0 90 0' radius='.01'/>"
+    )
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody><geom type='plane' size='9 9 .1'/>{cloth}</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with Camera(model, data, FISHEYE, pose=pose((0.0, 0.0, 1.0))) as camera:
+        rows = []
+        for _ in range(3):
+            frame = camera.render(also=("instance",))
+            (cloth_id,) = (one.id for one in frame.labels.instances if one.name == "cloth")
+            is_cloth = frame.channels["instance"] == cloth_id
+            assert (camera.geom_ids(frame)[is_cloth] == NO_GEOM).all()
+            rows.append(is_cloth.nonzero()[0].mean())
+            mujoco.mj_step(model, data, 60)
+    assert rows[0] + 1.0 < rows[1]  # it falls
+    assert rows[1] + 1.0 < rows[2]

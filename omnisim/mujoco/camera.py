@@ -32,7 +32,8 @@ class Camera(Closing):
     """Any camera of omnisim in a simulation of MuJoCo.
 
     The model's geometry, materials and lights are taken once; each frame has the poses that the
-    data has by then. Skins and flexible bodies keep their first shape, lamps their first place.
+    data has by then. Skins and flexible bodies are bent in each frame, without a flow of their own;
+    lamps keep their first place.
 
     Mount it on a body, a site or a camera of the model, of which it has the front and the top: x is
     forward and z up; a camera of the model looks along its −z. Without a mount it stands in the
@@ -86,7 +87,8 @@ class Camera(Closing):
         from omnisim.mujoco.mount import find_mount
         from omnisim.scene.mujoco.moving_model import split_model
 
-        self._data, self._mount = data, find_mount(model, body=body, site=site, camera=camera)
+        self._model, self._data, self._groups = model, data, tuple(groups)
+        self._mount = find_mount(model, body=body, site=site, camera=camera)
         if sensor is None and camera is not None:
             sensor = lens_of(model, camera)
         self.sensor = OmniCamera.of(sensor)
@@ -143,8 +145,11 @@ class Camera(Closing):
         Raises:
             OmnisimError: as `omnisim.Renderer.render`.
         """
+        if state is None:
+            state = self.state()
+            self._bend()
         return self._renderer.render(
-            self.state() if state is None else state,
+            state,
             linear,
             also=also,
             next_state=next_state,
@@ -171,6 +176,13 @@ class Camera(Closing):
             self._labels, self._geoms = frame.labels, np.array([NO_GEOM, *ids], dtype=np.int32)
         geoms: NDArray[np.int32] = self._geoms[frame.channels["instance"]]
         return geoms
+
+    def _bend(self) -> None:
+        """Update the shapes of skins and flexible bodies."""
+        if self._model.nskin or self._model.nflex:
+            from omnisim.scene.mujoco.moving_model import bent
+
+            self._stage.scene = bent(self._stage.scene, self._model, self._data, self._groups)
 
     def close(self) -> None:
         """Free the GPU memory; a second time does nothing."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import mujoco
@@ -33,7 +33,15 @@ class Deformable(NamedTuple):
     group: int
 
 
-def skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
+def visible_deformables(
+    model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]
+) -> list[Deformable]:
+    """Skins and flexible bodies of some groups that have a surface."""
+    every = (*_skins(model, data), *_flexes(model, data))
+    return [one for one in every if one.group in groups and len(one.mapped.surface.triangles)]
+
+
+def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
     """Skins, as their bones bend them."""
     for skin in range(model.nskin):
         material = int(model.skin_matid[skin])
@@ -56,7 +64,7 @@ def skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         )
 
 
-def flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
+def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
     """Flexible bodies: cloths, and the shells of solids; ropes have no surface."""
     for flex in range(model.nflex):
         dimension = int(model.flex_dim[flex])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError, did_you_mean, printable
 from omnisim.poses import inverse, pose_from_rotation
-from omnisim.scene.imported import ImportedScene
+from omnisim.scene.imported import ImportedScene, make_mesh, translate
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Scene
+from omnisim.scene.mujoco.deformables import visible_deformables
 from omnisim.scene.mujoco.names import body_name
 from omnisim.scene.mujoco.reader import ModelReader
 from omnisim.scene.parts import Instance, StartPose
@@ -41,6 +43,28 @@ class MovingModel(NamedTuple):
         """Poses (n, 4, 4) world_from_object of the bodies."""
         rotations = data.xmat[self.bodies].reshape(-1, 3, 3)
         return pose_from_rotation(rotations, data.xpos[self.bodies])
+
+
+def bent(
+    static: Scene, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]
+) -> Scene:
+    """Static geometry of a model with its skins and flexible bodies as they are by now.
+
+    They are its last instances, as `split_model` made them, and stay so.
+    """
+    soft = visible_deformables(model, data, groups)
+    if not soft:
+        return static
+    meshes, instances = list(static.meshes), list(static.instances)
+    for index, one in enumerate(soft, len(instances) - len(soft)):
+        number, (positions, triangles, normals) = instances[index].mesh, one.mapped.surface
+        mesh, center = make_mesh(
+            one.name, positions, triangles, meshes[number].material, normals,
+            one.mapped.texture_coordinates,
+        )  # fmt: skip
+        meshes[number] = mesh
+        instances[index] = Instance(one.name, number, translate(np.eye(4), center), np.eye(4))
+    return replace(static, meshes=tuple(meshes), instances=tuple(instances))
 
 
 def split_model(

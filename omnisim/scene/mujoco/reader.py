@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.poses import pose_from_rotation
 from omnisim.scene.imported import ImportedScene, translate
-from omnisim.scene.mujoco.deformables import flexes, skins
+from omnisim.scene.mujoco.deformables import visible_deformables
 from omnisim.scene.mujoco.geometry import Geom
 from omnisim.scene.mujoco.lights import read_background, read_lighting, turned
 from omnisim.scene.mujoco.meshes import Meshes, Parts
@@ -121,10 +121,9 @@ class ModelReader:
     def deformables(self) -> list[Instance]:
         """Instances of the skins and flexible bodies in the world."""
         instances = []
-        for one in (*skins(self._model, self._data), *flexes(self._model, self._data)):
-            if one.group in self._groups and len(one.mapped.surface.triangles):
-                parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
-                instances += _place(one.name, parts, np.eye(4))
+        for one in visible_deformables(self._model, self._data, self._groups):
+            parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
+            instances += _place(one.name, parts, np.eye(4))
         return instances
 
     def _notices(self) -> list[str]:
