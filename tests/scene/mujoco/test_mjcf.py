@@ -214,7 +214,10 @@ def _mujoco_ranges_m(model, data, eye_m, rays):
 # next one, so that it needs the larger picture for the same share.
 @pytest.mark.parametrize(
     ("backend", "width_px"),
-    [pytest.param("rays", 400, id="rays"), pytest.param("cube", 800, id="cube")],
+    [
+        pytest.param("rays", 200, id="rays"),
+        pytest.param("cube", 800, id="cube", marks=pytest.mark.slow),
+    ],
 )
 def test_ranges_and_geoms_are_those_of_mujoco(shapes, backend, width_px):
     if backend == "rays":

@@ -44,6 +44,7 @@ def test_each_pixel_has_the_geom_that_mujoco_draws(pictures):
     assert (theirs == ours).mean() > 0.999  # others are on silhouettes
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize(
     "lens",
