@@ -4,10 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from omnisim.exporting.export import export_run
 from omnisim.exporting.export_format import ExportSettings
 from omnisim.image_files import read_image
+from omnisim.poses import inverse
+from omnisim.robot import read_odometry
+from omnisim.trajectories import read_trajectory, write_trajectory
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 START_NS = 1_769_860_800_123_456_789
@@ -75,21 +79,33 @@ def test_a_mirror_has_flipped_pictures_no_depths_and_says_so(run, tmp_path):
     assert calibration["cameras"][0]["camera"]["model"] == "unified"
 
 
-def test_errors_against_the_odometry_are_what_evo_finds(run, tmp_path):
-    """ATE without alignment and RPE of evo, against ours over the same poses."""
-    evo = pytest.importorskip("evo.core.metrics")
+def test_errors_of_the_odometry_are_what_evo_finds(run, tmp_path):
+    """ATE without alignment, and RPE from step to step, of evo and by numpy over the same poses."""
+    metrics = pytest.importorskip("evo.core.metrics")
     file_interface = pytest.importorskip("evo.tools.file_interface")
-    from omnisim.robot import read_odometry
-    from omnisim.trajectories import read_trajectory, write_trajectory
-
     reckoned = read_odometry(run / "odometry.csv").dead_reckoned()
     write_trajectory(tmp_path / "odometry.tum", reckoned)
     files = run / "ground_truth.tum", tmp_path / "odometry.tum"
     data = tuple(file_interface.read_tum_trajectory_file(file) for file in files)
-    ape = evo.APE(evo.PoseRelation.translation_part)
-    ape.process_data(data)
-    truth = read_trajectory(files[0])
-    errors_m = np.linalg.norm(reckoned.positions_m - truth.positions_m, axis=-1)
-    rms_m = np.sqrt(np.mean(errors_m**2))
-    assert ape.get_statistic(evo.StatisticsType.rmse) == pytest.approx(rms_m, abs=1e-9)
-    assert rms_m > 0.0
+    true, found = (read_trajectory(file).world_from_base for file in files)
+
+    def evo_rms(metric):
+        metric.process_data(data)
+        return metric.get_statistic(metrics.StatisticsType.rmse)
+
+    def rms(errors):
+        return np.sqrt(np.mean(np.square(errors)))
+
+    translation, angle = (
+        metrics.PoseRelation.translation_part,
+        metrics.PoseRelation.rotation_angle_deg,
+    )
+    offsets_m = np.linalg.norm(found[:, :3, 3] - true[:, :3, 3], axis=-1)
+    assert rms(offsets_m) > 0.0
+    assert evo_rms(metrics.APE(translation)) == pytest.approx(rms(offsets_m), abs=1e-9)
+    steps = [inverse(poses[:-1]) @ poses[1:] for poses in (true, found)]
+    errors = inverse(steps[0]) @ steps[1]
+    lengths_m = np.linalg.norm(errors[:, :3, 3], axis=-1)
+    angles_deg = np.degrees(Rotation.from_matrix(errors[:, :3, :3]).magnitude())
+    assert evo_rms(metrics.RPE(translation)) == pytest.approx(rms(lengths_m), abs=1e-9)
+    assert evo_rms(metrics.RPE(angle)) == pytest.approx(rms(angles_deg), abs=1e-6)

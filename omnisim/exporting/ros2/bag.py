@@ -18,7 +18,7 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-# The oldest that rosbag2's releases in use read; a later one is refused by Humble's.
+# Version 9 writes the quality of service in another form, which older releases do not know.
 VERSION: Literal[8] = 8
 STORAGE = {"mcap": StoragePlugin.MCAP, "sqlite": StoragePlugin.SQLITE3}
 _UNLIMITED = QosTime(0, 0)
