@@ -157,7 +157,7 @@ def test_lenses_of_the_model_have_their_sizes():
 def test_skins_and_cloths_are_bent_in_each_frame():
     cloth = (
         "<flexcomp name='cloth' type='grid' count='4 4 1' spacing='.3 .3 .1' pos='2 0 1' dim='2'"
-        " euler='0 90 0' radius='.01'/>"
+        " euler='0 90 0' radius='.01'><edge equality='true'/></flexcomp>"
     )
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody><geom type='plane' size='9 9 .1'/>{cloth}</worldbody></mujoco>"
