@@ -97,6 +97,11 @@ class Inputs:
         )
         return Connected()
 
+    def pair(self, name: str, default: float) -> tuple[float, float]:
+        """Value of two numbers."""
+        first, second = numbers(self.get(name).value, (default, default))
+        return first, second
+
     def _texture(self, node: UsdShade.Shader) -> TextureSource:
         file = self._value(node, "file")
         path, resolved = "", ""

@@ -1,4 +1,4 @@
-"""Materials: UsdPreviewSurface and its textures, as far as the scene's materials go."""
+"""Materials: UsdPreviewSurface, else OmniPBR, as far as the scene's materials go."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
 from omnisim.scene.parts import AlphaMode, Material, Texture
+from omnisim.scene.usd import omni_pbr
 from omnisim.scene.usd.notices import Notices
 from omnisim.scene.usd.shading import Affine, Connected, Inputs, TextureSource
 from omnisim.scene.usd.texture_files import CHANNELS, TextureFiles
@@ -54,6 +55,10 @@ class Surfaces:
             if shader and shader.GetShaderId() in _PREVIEW:
                 inputs = Inputs(shader, self._time, self._notices)
                 return _PreviewSurface(name, inputs, self._files, self._notices).read()
+        shader = material.ComputeSurfaceSource("mdl")[0]
+        if shader and shader.GetSourceAssetSubIdentifier("mdl") in omni_pbr.NAMES:
+            inputs = Inputs(shader, self._time, self._notices)
+            return Appearance(*omni_pbr.read_omni_pbr(name, inputs, self._files, self._notices))
         self._notices.add(
             f"material {name!r} has no UsdPreviewSurface: its meshes have their display colour"
         )

@@ -155,7 +155,9 @@ def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> ND
 
 def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
     """Levels (256,) after a scale and a bias."""
-    return np.clip(np.rint(np.arange(256) * scale + 255.0 * bias), 0, 255).astype(np.uint8)
+    values = np.rint(np.arange(256) * scale + 255.0 * bias)
+    levels: NDArray[np.uint8] = np.clip(values, 0, 255).astype(np.uint8)
+    return levels
 
 
 def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:

@@ -255,6 +255,32 @@ def test_a_material_of_another_kind_is_noted(tmp_path):
     assert "material 'look' has no UsdPreviewSurface" in scene.notices[0]
 
 
+def test_the_material_of_omniverse(tmp_path):
+    pixels = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+    (tmp_path / "a.png").write_bytes(png(pixels))
+    stage = new_stage(tmp_path / "a.usda")
+    quad = _quad(stage)
+    material = UsdShade.Material.Define(stage, "/World/look")
+    shader = UsdShade.Shader.Define(stage, "/World/look/shader")
+    shader.SetSourceAsset("OmniPBR.mdl", "mdl")
+    shader.SetSourceAssetSubIdentifier("OmniPBR", "mdl")
+    types = Sdf.ValueTypeNames
+    shader.CreateInput("diffuse_tint", types.Color3f).Set(Gf.Vec3f(0.5, 1.0, 0.25))
+    shader.CreateInput("diffuse_texture", types.Asset).Set("a.png")
+    shader.CreateInput("texture_scale", types.Float2).Set(Gf.Vec2f(2.0, 3.0))
+    shader.CreateInput("metallic_constant", types.Float).Set(0.5)
+    shader.CreateInput("ORM_texture", types.Asset).Set("a.png")
+    material.CreateSurfaceOutput("mdl").ConnectToSource(shader.ConnectableAPI(), "out")
+    UsdShade.MaterialBindingAPI.Apply(quad.GetPrim()).Bind(material)
+    stage.Save()
+    scene, mesh, drawn = _load_only_material(tmp_path / "a.usda")
+    assert drawn.base_color == pytest.approx((0.5, 1.0, 0.25, 1.0))
+    assert (drawn.metallic, drawn.roughness) == pytest.approx((0.5, 0.5))
+    np.testing.assert_array_equal(drawn.texture.pixels[..., :3], pixels)
+    np.testing.assert_allclose(np.ptp(mesh.texture_coordinates, axis=0), (2.0, 3.0))
+    assert scene.notices == ("a.usda: ORM_texture of OmniPBR is not drawn (1 material)",)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_the_picture_is_that_of_the_same_scene_as_glb(tmp_path):
