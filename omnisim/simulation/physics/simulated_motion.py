@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,18 @@ class Slip:
     Attributes:
         distance: metres that the wheels report more for a metre driven.
         turn: radians that they report more for a radian turned.
+        end_m: distance between the ends of the motion and of dead reckoning.
     """
 
     distance: float
     turn: float
+    end_m: float
 
     def __str__(self) -> str:
-        return f"slip of {100.0 * self.distance:.2g} % ahead and {100.0 * self.turn:.2g} % in turns"
+        return (
+            f"slip of {100.0 * self.distance:.2g} % ahead and {100.0 * self.turn:.2g} % in turns; "
+            f"dead reckoning by the wheels ends {self.end_m:.2f} m off"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,17 +101,17 @@ class SimulatedMotion:
         return Slip(
             reported_m / driven_m - 1.0 if driven_m > 0.0 else 0.0,
             reported_rad / turned - 1.0 if turned > 0.0 else 0.0,
+            math.dist(readings.planar_poses[-1, :2], self.base.positions_m[-1, :2]),
         )
 
     def manifest(self) -> dict[str, Any]:
         """Engine, slip and fingerprint of the motion, for a run's manifest."""
-        slip = self.slip
         objects = {name: one.world_from_base for name, one in self.objects.items()}
         return {
             "engine": self.engine,
             "step_s": self.step_s,
             "motion": fingerprint(self.base.world_from_base, objects),
-            "slip": {"distance": round(slip.distance, 6), "turn": round(slip.turn, 6)},
+            "slip": {key: round(value, 6) for key, value in asdict(self.slip).items()},
         }
 
     def scene_with_motions(self, scene: Scene) -> Scene:

@@ -1,0 +1,53 @@
+"""Processor time of physics within a drive: `python -m benchmarks.physics_cost [SCENE ROBOT PATH]`,
+the Pioneer's lap of the soccer field by default.
+
+Processor time, as other programs do not change it much; of one drive, with its pictures.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+from unittest.mock import patch
+
+from omnisim import load_scene
+from omnisim.robot import load_robot
+from omnisim.simulation.drive import Drive
+from omnisim.simulation.physics.simulated_world import SimulatedWorld
+from omnisim.simulation.physics.world_model import STEP_S
+from omnisim.simulation.route import Route
+from omnisim.simulation.vehicle import Vehicle
+
+
+def main(scene: str, robot: str, path: str) -> None:
+    """Print the times of the steps, of the plan with them, and of the drive."""
+    advance, spent_s = SimulatedWorld.advance, 0.0
+
+    def timed(world: SimulatedWorld, time_s: float, rates_radps: tuple[float, float]) -> None:
+        nonlocal spent_s
+        begun_s = time.process_time()
+        advance(world, time_s, rates_radps)
+        spent_s += time.process_time() - begun_s
+
+    found = load_robot(robot)
+    drive = Drive(load_scene(scene), Vehicle.from_robot(found), Route(path), physics=found.chassis)
+    start_s = time.process_time()
+    with patch.object(SimulatedWorld, "advance", timed):
+        plan = drive.plan()
+    planned_s = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        steps = len(list(plan.record(Path(folder) / "run"))) - 1
+    total_s = time.process_time() - start_s
+    count = plan.truth.duration_s / STEP_S
+    print(
+        f"{count:.0f} steps of {1e3 * STEP_S:g} ms: {spent_s:.2f} s, "
+        f"{1e6 * spent_s / count:.0f} µs each, {spent_s / total_s:.1%} of the drive; "
+        f"planning {planned_s - start_s:.2f} s; "
+        f"{steps} pictures and scans, {total_s:.2f} s in all"
+    )
+
+
+if __name__ == "__main__":
+    main(*(sys.argv[1:] or ("soccer", "p2at", "lap")))
