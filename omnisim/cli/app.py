@@ -17,6 +17,7 @@ from omnisim.cli.command import Command, DefaultGroup, Group, command
 from omnisim.cli.console import err, out
 from omnisim.cli.dataset_requests import (
     DatasetCheckRequest,
+    DatasetConvertRequest,
     DatasetInfoRequest,
     DatasetViewRequest,
     GenerateRequest,
@@ -99,7 +100,7 @@ optics_app = typer.Typer(
 dataset_app = typer.Typer(
     name="dataset",
     cls=Group,
-    help="Data sets: show, check the hashes, look at samples.",
+    help="Data sets: show, check the hashes, look at samples, convert.",
     no_args_is_help=True,
 )
 
@@ -375,6 +376,14 @@ def dataset_check(request: DatasetCheckRequest) -> None:
     from omnisim.cli.dataset import check
 
     check(request)
+
+
+@command(dataset_app, DatasetConvertRequest, "convert")
+def dataset_convert(request: DatasetConvertRequest) -> None:
+    """Write the pictures and labels of a data set in another layout: COCO's."""
+    from omnisim.cli.dataset import convert
+
+    convert(request)
 
 
 @command(dataset_app, DatasetViewRequest, "view")

@@ -6,16 +6,19 @@ import json
 import math
 
 from omnisim.atomic_file import check_distinct, check_target
+from omnisim.cli.completion import LAYOUTS
 from omnisim.cli.console import out, pluralize, track
 from omnisim.cli.dataset_requests import (
     DatasetCheckRequest,
+    DatasetConvertRequest,
     DatasetInfoRequest,
     DatasetViewRequest,
 )
 from omnisim.cli.generate import sheet
+from omnisim.datasets.coco_folder import write_coco
 from omnisim.datasets.manifest import MANIFEST, check_hashes, read_manifest
 from omnisim.datasets.samples import Shards
-from omnisim.errors import OutputError
+from omnisim.errors import OutputError, did_you_mean
 from omnisim.ground_truth.previews import preview
 from omnisim.image_files import write_image
 
@@ -50,6 +53,18 @@ def check(request: DatasetCheckRequest) -> None:
     for _ in track(range(count), "check", count):
         next(found)
     out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}", markup=False)
+
+
+def convert(request: DatasetConvertRequest) -> None:
+    """Write a data set in another layout."""
+    if request.to not in LAYOUTS:
+        raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
+    shards = Shards(request.folder)
+    steps = write_coco(shards, request.output)
+    for _ in track(range(len(shards)), "convert", len(shards)):
+        next(steps)
+    next(steps, None)  # what comes after the last
+    out.print(f"{request.output}: {pluralize(len(shards), 'sample')}", markup=False)
 
 
 def view(request: DatasetViewRequest) -> None:

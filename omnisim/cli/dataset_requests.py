@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from omnisim.cli.arguments import DeviceOption
-from omnisim.cli.completion import ENGINES, one_of
+from omnisim.cli.completion import ENGINES, LAYOUTS, one_of
 
 BEFORE = "Before it is made"  # panel of a help page
 
@@ -100,6 +100,22 @@ class DatasetCheckRequest:
     """Parameters of `omnisim dataset check`."""
 
     folder: DatasetArgument
+
+
+@dataclass(frozen=True)
+class DatasetConvertRequest:
+    """Parameters of `omnisim dataset convert`."""
+
+    folder: DatasetArgument
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="New folder to write.")
+    ]
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to", metavar="FORMAT", autocompletion=one_of(*LAYOUTS), help="Layout: coco."
+        ),
+    ] = "coco"
 
 
 @dataclass(frozen=True)

@@ -77,10 +77,10 @@ def _check(request: GenerateRequest) -> None:
     prepared = PreparedPlan.read(request.plan)
     prepared.check()
     plan = prepared.plan
+    for notice in prepared.notices():
+        print_note(notice)
     for number in range(len(plan.scenes)):
         scene = prepared.scene(number)
-        for notice in scene.notices:
-            print_note(notice)
         if plan.stand.where == "free":
             free = prepared.free_space(number)
             out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor", markup=False)
@@ -162,10 +162,8 @@ def _generate(request: GenerateRequest) -> None:
         raise OutputError("-o: expected the folder of the data set")
     shards = parse_shards(request.shards)
     generation = Generation(request.plan, request.output, shards, request.workers, request.device)
-    if generation.prepared.plan.stand.where == "free":
-        for number in range(len(generation.prepared.plan.scenes)):
-            for notice in generation.prepared.scene(number).notices:
-                print_note(notice)
+    for notice in generation.prepared.notices():
+        print_note(notice)
     _run(request, generation)
     manifest = generation.finish()
     made, there = len(generation.missing), len(generation.shards) - len(generation.missing)

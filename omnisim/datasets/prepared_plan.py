@@ -22,7 +22,7 @@ from omnisim.datasets.plan import PlacedTable, Plan, PlanCameraTable, PlanSceneT
 from omnisim.errors import PlanError, did_you_mean
 from omnisim.optics.system_file import read_optics_file
 from omnisim.scene import Scene, load_scene
-from omnisim.scene.labels import read_label_file
+from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import preset
 from omnisim.simulation.fingerprint import fingerprint
@@ -111,6 +111,24 @@ class PreparedPlan:
                 self.middles(number)
             for table in self.plan.vary.recolor:
                 self.instances(number, table.nodes, "vary.recolor.nodes")
+
+    def notices(self) -> list[str]:
+        """One line for what the plan's scenes do not show, and for classes without one number."""
+        found = []
+        numbers: dict[str, int] = {}
+        for index in range(len(self.plan.scenes)):
+            scene = self.scene(index)
+            found += [f"{scene.name}: {notice}" for notice in scene.notices]
+            if "semantic" in self.plan.channels:
+                for label in find_labels(scene).classes:
+                    if numbers.setdefault(label.name, label.id) != label.id:
+                        found.append(
+                            f"{scene.name}: class {label.name!r} is {label.id} here and "
+                            f"{numbers[label.name]} in another scene: give all scenes the same "
+                            "labels = FILE for one number"
+                        )
+                        break
+        return found
 
     def scene(self, number: int) -> Scene:
         """A scene of the plan, with its labels."""

@@ -7,6 +7,8 @@ import itertools
 import json
 import tarfile
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +55,10 @@ class Shards:
             IndexError: beyond the last.
             PlanError: a shard with a fault.
         """
-        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
-            folder = self._extract(row, Path(name))
-            content = json.loads(next(folder.glob("?????????.json")).read_text(encoding="utf-8"))
+        with self.files(row) as folder:
+            content = _metadata(folder)
             parts = {}
-            for path in self._pictures(folder):
+            for path in self.pictures(folder):
                 camera = path.stem.partition(".")[2] or "camera"
                 pixels, metadata = read_image(path)
                 stored = StoredChannels(path, metadata or {})
@@ -68,14 +69,24 @@ class Shards:
 
     def picture(self, row: int) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of a sample's first camera."""
-        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
-            folder = self._extract(row, Path(name))
-            pixels: NDArray[np.uint8] = read_image(self._pictures(folder)[0])[0]
+        with self.files(row) as folder:
+            pixels: NDArray[np.uint8] = read_image(self.pictures(folder)[0])[0]
             return pixels
 
-    def _pictures(self, folder: Path) -> list[Path]:
-        """Pictures of a sample's cameras; others of these formats are channels."""
-        metadata = json.loads(next(folder.glob("?????????.json")).read_text(encoding="utf-8"))
+    @contextmanager
+    def files(self, row: int) -> Iterator[Path]:
+        """Folder of a sample's files, for a `with` block.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+            yield self._extract(row, Path(name))
+
+    def pictures(self, folder: Path) -> list[Path]:
+        """Pictures of the cameras among a sample's files; others of these formats are channels."""
+        metadata = _metadata(folder)
         key = f"{metadata['number']:09d}"
         cameras = list(metadata["pictures"])
         stems = [key if name == "camera" else f"{key}.{name}" for name in cameras]
@@ -101,6 +112,13 @@ class Shards:
         except (OSError, tarfile.TarError, IndexError) as reason:
             raise PlanError(f"{path}: cannot be read: {reason}") from None
         return folder
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
+    """Camera, pose and draw of the sample whose files are in a folder."""
+    (path,) = folder.glob("?????????.json")
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
 
 
 def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:

@@ -275,6 +275,26 @@ def test_pycocotools_takes_the_boxes(made, tmp_path, capsys):
     assert mask.any()
 
 
+def test_one_annotation_file_has_all_boxes(made, tmp_path, capsys):
+    coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    _, out = made
+    done = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
+    assert done.exit_code == 0, done.output
+    boxes = coco.COCO(str(tmp_path / "coco" / "annotations.json"))
+    capsys.readouterr()
+    images = boxes.loadImgs(boxes.getImgIds())
+    assert [one["file_name"] for one in images] == [f"{n:09d}.png" for n in range(6)]
+    shards = Shards(out)
+    for row, image in enumerate(images):
+        pixels = read_image(tmp_path / "coco" / "images" / image["file_name"])[0]
+        np.testing.assert_array_equal(pixels, shards[row]["rgb"])
+        instances = shards[row]["instance"]
+        found = boxes.loadAnns(boxes.getAnnIds(imgIds=[image["id"]]))
+        assert sorted(one["instance_id"] for one in found) == sorted(set(instances[instances > 0]))
+    again = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
+    assert "is there already" in str(again.exception)
+
+
 @pytest.mark.slow
 def test_a_network_learns_depth_better_than_the_mean(tmp_path):
     torch = pytest.importorskip("torch", reason="torch is not installed")

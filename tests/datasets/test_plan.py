@@ -72,6 +72,21 @@ def test_faults_of_its_files(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
+def test_classes_of_several_numbers_are_noted(tmp_path):
+    text = '[[scenes]]\nfile = "courtyard"'
+    plan = write_plan(tmp_path, text, scene="soccer", channels=["semantic"])
+    (notice,) = PreparedPlan.read(plan).notices()
+    assert "in another scene: give all scenes the same labels = FILE" in notice
+    both = (
+        plan.read_text()
+        .replace('y"', 'y"\nlabels = "l.toml"')
+        .replace('soccer"', 'soccer"\nlabels = "l.toml"')
+    )
+    plan.write_text(both)
+    (tmp_path / "l.toml").write_text('[[labels]]\nname = "all"\nnodes = ["*"]\n')
+    assert PreparedPlan.read(plan).notices() == []
+
+
 def test_the_fingerprint_is_of_what_pictures_depend_on(tmp_path):
     def fingerprint(text="", **keys):
         return PreparedPlan.read(write_plan(tmp_path, text, **keys)).fingerprint
