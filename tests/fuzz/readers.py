@@ -567,7 +567,9 @@ GAZEBO_WORLD = """<sdf version="1.9"><world name="w">
 wood.png</diffuse><size>2</size></texture><texture><diffuse>wood.png</diffuse><size>1</size>
 </texture><blend><min_height>0.2</min_height><fade_dist>0.1</fade_dist></blend></heightmap>
 </geometry></visual>
-</link><pose relative_to="one::f">1 2 3 0.1 0.2 0.3</pose></model></world></sdf>
+</link><pose relative_to="one::f">1 2 3 0.1 0.2 0.3</pose></model>
+<state world_name="w"><model name="m"><pose>0 0 1 0 0 0</pose><link name="l">
+<pose>0 1 0 0 0 0</pose></link></model><light name="sun"><pose>0 0 9 0 0 0</pose></light></state></world></sdf>
 """
 URDF = """<robot name="r"><material name="m"><color rgba="1 0 0 0.5"/></material>
 <link name="a"><visual><geometry><box size="1 2 3"/></geometry><material name="m"/></visual>

@@ -67,6 +67,10 @@ class Scope:
         """Make a frame of a merged model known by its own name."""
         self._aliases.setdefault(name, frame)
 
+    def place(self, name: str, scope_from_frame: NDArray[np.float64]) -> None:
+        """Put a link or model elsewhere than its file does."""
+        self._poses[name] = scope_from_frame
+
     def pose_of(self, element: SdfElement, default: str = "") -> NDArray[np.float64]:
         """Pose (4, 4) scope_from_element.
 

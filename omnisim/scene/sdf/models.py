@@ -125,7 +125,7 @@ class ModelLibrary:
             return
         if found.element.tag != "model":
             posed = include if include.find("pose") is not None else found
-            model.others.append(_with_pose_of(found, posed))
+            model.others.append(with_pose_of(found, posed))
             return
         is_merged = include.attribute("merge").lower() in ("true", "1")
         name = unique_name(include.text("name") or found.name or "model", taken)
@@ -199,7 +199,7 @@ def _names(counts: Counter[str]) -> str:
         for uri, count in counts.most_common(_SHOWN)
     ]
     more = len(counts) - len(shown)
-    return ", ".join([*shown, *([f"and {more} others"] if more else [])])
+    return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
 
 
 def _round_shapes(link: SdfElement) -> int:
@@ -228,7 +228,7 @@ def unique_name(name: str, taken: set[str]) -> str:
     return unique
 
 
-def _with_pose_of(entity: SdfElement, posed: SdfElement) -> SdfElement:
+def with_pose_of(entity: SdfElement, posed: SdfElement) -> SdfElement:
     """Entity with the pose of the `<include>`."""
     pose = posed.element.find("pose")
     if posed is entity or pose is None:

@@ -27,8 +27,10 @@ from omnisim.scene.sdf.models import (
     read_root,
 )
 from omnisim.scene.sdf.shapes import Shape
+from omnisim.scene.sdf.states import apply_state
 from omnisim.scene.textures import TextureStore
 
+_FARTHEST_M = 1e9
 # What a world has beside models, lights and physics.
 _LEFT_OUT = {
     "road": "roads are not drawn",
@@ -81,6 +83,7 @@ class _Reader:
         if not worlds and not any(True for _ in root.children(*ENTITIES)):
             raise SceneError("expected a <world>, <model> or <light>, got none")
         world = self._library.tree(outer, "")
+        apply_state(world, self._omissions)
         scene = outer.find("scene")
         background = None if scene is None else self._read_scene(scene)
         for placed in placed_models(world):
@@ -228,4 +231,7 @@ class _Reader:
                 self._made[key] = len(self._meshes), np.zeros(3)
                 self._meshes.append(replace(mesh, material=material))
             pose = file_from_visual @ visual_from_file @ one.world_from_mesh
+            if not np.abs(pose).max() < _FARTHEST_M:  # also false for NaN
+                self._omissions.add(f"{path.name}: a part is too far away to be drawn", "part")
+                continue
             self._instances.append(Instance(name, self._made[key][0], pose, file_from_visual))

@@ -124,6 +124,22 @@ def test_a_merged_model_has_the_names_of_its_outer_one(tmp_path):
     assert node_pose(scene, "robot/top/visual") == pytest.approx(expected)
 
 
+def test_a_saved_state_is_where_everything_is(tmp_path):
+    nested = f'<model name="n">{model_link()}</model>'
+    state = (
+        f'<state world_name="default"><model name="m">{text(A)}<scale>1 1 1</scale>'
+        f'<link name="link">{text(B)}</link><model name="n">{text(C)}</model></model>'
+        '<model name="gone"><pose>1 2 3 0 0 0</pose></model>'
+        f'<light name="lamp">{text(A)}</light></state>'
+    )
+    lamp = '<light name="lamp" type="point"/>'
+    inner = f'<model name="m">{text(C)}{model_link()}{nested}</model>'
+    scene = load(tmp_path, world(inner + lamp + state, "1.6"))
+    assert node_pose(scene, "m/link/visual") == pytest.approx(matrix(B))
+    assert node_pose(scene, "m/n/link/visual") == pytest.approx(matrix(C))
+    assert scene.lighting.lights[0].position_m == pytest.approx(A[:3])
+
+
 @pytest.mark.parametrize(
     ("inner", "message"),
     [
