@@ -569,7 +569,8 @@ wood.png</diffuse><size>2</size></texture><texture><diffuse>wood.png</diffuse><s
 </geometry></visual>
 </link><pose relative_to="one::f">1 2 3 0.1 0.2 0.3</pose></model>
 <state world_name="w"><model name="m"><pose>0 0 1 0 0 0</pose><link name="l">
-<pose>0 1 0 0 0 0</pose></link></model><light name="sun"><pose>0 0 9 0 0 0</pose></light></state></world></sdf>
+<pose>0 1 0 0 0 0</pose></link></model><light name="sun">
+<pose>0 0 9 0 0 0</pose></light></state></world></sdf>
 """
 URDF = """<robot name="r"><material name="m"><color rgba="1 0 0 0.5"/></material>
 <link name="a"><visual><geometry><box size="1 2 3"/></geometry><material name="m"/></visual>
