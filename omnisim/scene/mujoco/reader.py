@@ -41,7 +41,10 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
         update_poses(model, data)
-    read = ModelReader(model, data, VISIBLE_GROUPS).read()
+    try:
+        read = ModelReader(model, data, VISIBLE_GROUPS).read()
+    except UnicodeDecodeError as reason:
+        raise SceneError(f"expected names in UTF-8, got {bytes(reason.object)!r:.40}") from None
     notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
     lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
     start = find_viewpoint(model, data, world_from_file)

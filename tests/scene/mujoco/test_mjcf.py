@@ -199,6 +199,13 @@ def test_faults_are_one_line_with_the_file(tmp_path, body, message):
     assert "\n" not in str(error.value)
 
 
+def test_names_that_are_no_text_are_an_error(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_bytes(b"<mujoco><worldbody><geom name='\xff' size='1'/></worldbody></mujoco>")
+    with pytest.raises(SceneError, match="expected names in UTF-8, got b'\\\\xff'"):
+        load_scene(path)
+
+
 def _mujoco_ranges_m(model, data, eye_m, rays):
     ranges = np.empty(len(rays))
     geoms = np.empty(len(rays), np.int32)
