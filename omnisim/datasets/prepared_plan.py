@@ -120,7 +120,7 @@ class PreparedPlan:
             scene = self.scene(index)
             found += [f"{scene.name}: {notice}" for notice in scene.notices]
             if "semantic" in self.plan.channels:
-                for label in find_labels(scene, vehicles=()).classes:
+                for label in find_labels(scene).classes:
                     if numbers.setdefault(label.name, label.id) != label.id:
                         found.append(
                             f"{scene.name}: class {label.name!r} is {label.id} here and "
