@@ -77,12 +77,10 @@ def test_classes_of_several_numbers_are_noted(tmp_path):
     plan = write_plan(tmp_path, text, scene="soccer", channels=["semantic"])
     (notice,) = PreparedPlan.read(plan).notices()
     assert "in another scene: give all scenes the same labels = FILE" in notice
-    both = (
-        plan.read_text()
-        .replace('y"', 'y"\nlabels = "l.toml"')
-        .replace('soccer"', 'soccer"\nlabels = "l.toml"')
-    )
-    plan.write_text(both)
+    text = plan.read_text()
+    for scene in ("soccer", "courtyard"):
+        text = text.replace(f'"{scene}"', f'"{scene}"\nlabels = "l.toml"')
+    plan.write_text(text)
     (tmp_path / "l.toml").write_text('[[labels]]\nname = "all"\nnodes = ["*"]\n')
     assert PreparedPlan.read(plan).notices() == []
 
