@@ -8,6 +8,7 @@ from sphinx.application import Sphinx
 
 from command_line import command_line_page
 from error_table import errors_page
+from export_formats import export_formats
 from figures import write_figures
 from file_keys import key_pages
 from scene_formats import scene_format_pages
@@ -20,6 +21,7 @@ def write_pages(app: Sphinx) -> None:
     pages = {
         "command-line": command_line_page(),
         "errors": errors_page(),
+        "export-formats": export_formats(),
         **key_pages(),
         **scene_format_pages(),
     }

@@ -10,7 +10,7 @@ from omnisim.atomic_file import atomic_folder, check_new_folder
 from omnisim.errors import OutputError
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.exporting.recording import Recording
-from omnisim.exporting.registry import EXTRAS, check_format, format_named
+from omnisim.exporting.registry import FORMATS, check_format, format_named
 from omnisim.extras import require_extra
 
 
@@ -38,7 +38,7 @@ def export_run(
         OmnisimError: an unknown format, a run that is not finished, an extra that is missing, a
             camera that the format has no model for, or a folder that cannot be written.
     """
-    extra = EXTRAS.get(check_format(format))
+    extra = FORMATS[check_format(format)].extra
     if extra is not None:
         require_extra(extra, f"--to {format}")
     recording = Recording.read(run, camera_name)

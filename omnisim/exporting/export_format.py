@@ -56,8 +56,6 @@ class ExportFormat(ABC):
 
     Attributes:
         name: on the command line.
-        title: contents and readers, for lists.
-        extra: that it needs, or None.
         one_camera: it holds the pictures of one camera.
         sensors: classes of the sensors that it holds beside cameras.
         channels: of ground truth that it holds.
@@ -66,8 +64,6 @@ class ExportFormat(ABC):
     """
 
     name: ClassVar[str]
-    title: ClassVar[str]
-    extra: ClassVar[str | None] = None
     one_camera: ClassVar[bool] = False
     sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
     channels: ClassVar[tuple[str, ...]] = ()

@@ -10,29 +10,50 @@ from omnisim.exporting.export_format import ExportFormat
 
 
 class FormatEntry(NamedTuple):
-    """Place of a format's class.
+    """Place of a format's class, and what is said of it before it is imported.
 
     Attributes:
+        title: contents and readers, for lists.
         module: below `omnisim.exporting`.
         class_name: in it.
+        extra: that it needs, or None.
     """
 
+    title: str
     module: str
     class_name: str
+    extra: str | None = None
 
 
 FORMATS = {
-    "ros2-mcap": FormatEntry("ros2.bag_format", "Ros2Mcap"),
-    "ros2-sqlite": FormatEntry("ros2.bag_format", "Ros2Sqlite"),
-    "kitti360": FormatEntry("formats.kitti360", "Kitti360"),
-    "tum": FormatEntry("formats.tum", "Tum"),
-    "euroc": FormatEntry("formats.euroc", "Euroc"),
-    "nerfstudio": FormatEntry("formats.nerfstudio", "Nerfstudio"),
-    "colmap": FormatEntry("formats.colmap", "Colmap"),
-    "colmap-binary": FormatEntry("formats.colmap", "ColmapBinary"),
-    "tartanair": FormatEntry("formats.tartanair", "Tartanair"),
+    "ros2-mcap": FormatEntry(
+        "ROS 2 bag in an MCAP file: ROS 2, Foxglove, Rerun", "ros2.bag_format", "Ros2Mcap", "ros"
+    ),
+    "ros2-sqlite": FormatEntry(
+        "ROS 2 bag in an SQLite file: ROS 2 before Iron", "ros2.bag_format", "Ros2Sqlite", "ros"
+    ),
+    "kitti360": FormatEntry(
+        "KITTI-360: fisheyes, pinholes, lidar, poses", "formats.kitti360", "Kitti360"
+    ),
+    "tum": FormatEntry("TUM RGB-D: pictures, depths of a pinhole, poses", "formats.tum", "Tum"),
+    "euroc": FormatEntry(
+        "EuRoC MAV and TUM VI: cameras, IMU, true states", "formats.euroc", "Euroc"
+    ),
+    "nerfstudio": FormatEntry(
+        "nerfstudio: transforms.json, pictures, points", "formats.nerfstudio", "Nerfstudio"
+    ),
+    "colmap": FormatEntry(
+        "COLMAP: reconstruction as text, pictures, points", "formats.colmap", "Colmap"
+    ),
+    "colmap-binary": FormatEntry(
+        "COLMAP: reconstruction in binary files, pictures, points",
+        "formats.colmap",
+        "ColmapBinary",
+    ),
+    "tartanair": FormatEntry(
+        "TartanAir V2: pictures, depths, classes, poses", "formats.tartanair", "Tartanair"
+    ),
 }
-EXTRAS = {"ros2-mcap": "ros", "ros2-sqlite": "ros"}
 
 
 def check_format(name: str) -> str:

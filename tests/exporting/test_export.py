@@ -15,7 +15,7 @@ from omnisim.exporting.export import export_run
 from omnisim.exporting.export_format import ExportSettings
 from omnisim.exporting.recorded_camera import RecordedCamera
 from omnisim.exporting.recording import Recording
-from omnisim.exporting.registry import EXTRAS, FORMATS, format_named
+from omnisim.exporting.registry import FORMATS, format_named
 from omnisim.extras import missing_packages
 from omnisim.optics import read_optics_file
 from omnisim.poses import pose
@@ -33,11 +33,9 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 def test_completion_and_registry_know_the_same_formats():
     assert tuple(FORMATS) == EXPORT_FORMATS
-    for name in FORMATS:
-        if name not in EXTRAS or not missing_packages(EXTRAS[name]):
-            form = format_named(name)
-            assert form.name == name
-            assert form.extra == EXTRAS.get(name)
+    for name, entry in FORMATS.items():
+        if entry.extra is None or not missing_packages(entry.extra):
+            assert format_named(name).name == name
 
 
 def _fill(folder):
@@ -142,8 +140,9 @@ class TestRefusals:
 @pytest.mark.parametrize("format", FORMATS)
 def test_sensors_and_channels_that_a_format_has_no_place_for_are_named(run, tmp_path, format):
     """The run's sensors beside cameras, and its channels, are taken or named in a note."""
-    if format in EXTRAS and missing_packages(EXTRAS[format]):
-        pytest.skip(f"the extra {EXTRAS[format]} is not installed")
+    extra = FORMATS[format].extra
+    if extra is not None and missing_packages(extra):
+        pytest.skip(f"the extra {extra} is not installed")
     notes = []
     list(export_run(run, format, tmp_path / "out", None, "front", notes.append))
     form = format_named(format)

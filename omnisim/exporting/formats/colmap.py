@@ -94,7 +94,6 @@ class Colmap(_Colmap):
     """Reconstruction of COLMAP as text."""
 
     name = "colmap"
-    title = "COLMAP: reconstruction as text, pictures, points"
     suffix = ".txt"
 
 
@@ -102,7 +101,6 @@ class ColmapBinary(_Colmap):
     """Reconstruction of COLMAP in binary files."""
 
     name = "colmap-binary"
-    title = "COLMAP: reconstruction in binary files, pictures, points"
     suffix = ".bin"
 
 

@@ -56,7 +56,6 @@ class Euroc(ExportFormat):
     """Data set of EuRoC MAV."""
 
     name = "euroc"
-    title = "EuRoC MAV and TUM VI: cameras, IMU, true states"
     sensors = (MountedImu,)
 
     def write(

@@ -42,7 +42,6 @@ class Kitti360(ExportFormat):
     """Data set of KITTI-360."""
 
     name = "kitti360"
-    title = "KITTI-360: fisheyes, pinholes, lidar, poses"
     sensors = (MountedLidar,)
 
     def write(

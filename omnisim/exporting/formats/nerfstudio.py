@@ -44,7 +44,6 @@ class Nerfstudio(ExportFormat):
     """Data set of nerfstudio."""
 
     name = "nerfstudio"
-    title = "nerfstudio: transforms.json, pictures, points"
     dates_stamps = False
     channels = ("range",)
 

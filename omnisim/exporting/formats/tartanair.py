@@ -43,7 +43,6 @@ class Tartanair(ExportFormat):
     """Trajectory of TartanAir V2."""
 
     name = "tartanair"
-    title = "TartanAir V2: pictures, depths, classes, poses"
     one_camera = True
     channels = ("range", "semantic")
     dates_stamps = False

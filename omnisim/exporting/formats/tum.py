@@ -30,7 +30,6 @@ class Tum(ExportFormat):
     """Data set of the TUM RGB-D benchmark."""
 
     name = "tum"
-    title = "TUM RGB-D: pictures, depths of a pinhole, poses"
     one_camera = True
     channels = ("range",)
 

@@ -70,7 +70,6 @@ STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
 class Ros2Bag(ExportFormat):
     """Base of the bags, which differ in their storage."""
 
-    extra = "ros"
     has_messages = True
     channels = ("range", *LABELLED)
     sensors = tuple(kind for kind, _ in STREAMS)
@@ -107,7 +106,6 @@ class Ros2Mcap(Ros2Bag):
     """Bag in an MCAP file."""
 
     name = "ros2-mcap"
-    title = "ROS 2 bag in an MCAP file: ROS 2, Foxglove, Rerun"
     storage = "mcap"
 
 
@@ -115,7 +113,6 @@ class Ros2Sqlite(Ros2Bag):
     """Bag in an SQLite file."""
 
     name = "ros2-sqlite"
-    title = "ROS 2 bag in an SQLite file: ROS 2 before Iron"
     storage = "sqlite"
 
 
