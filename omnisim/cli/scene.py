@@ -17,7 +17,13 @@ from omnisim.extras import require_extra
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.model import LightKind
-from omnisim.scene.summary import floors, instance_summaries, memory_bytes, start_places
+from omnisim.scene.summary import (
+    floors,
+    instance_summaries,
+    memory_bytes,
+    scene_textures,
+    start_places,
+)
 
 SHOWN = 20  # instances of a table
 
@@ -60,6 +66,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "triangles": scene.triangle_count,
         "meshes": len(scene.meshes),
         "materials": len(scene.materials),
+        "textures": len(scene_textures(scene)),
         "mesh_bytes": mesh_bytes,
         "texture_bytes": texture_bytes,
         "floors": [dataclasses.asdict(one) for one in floors(scene)],
@@ -138,7 +145,8 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
         (
             "memory",
             f"meshes {_megabytes(document['mesh_bytes'])}, "
-            f"textures {_megabytes(document['texture_bytes'])}",
+            f"{pluralize(document['textures'], 'texture')} "
+            f"{_megabytes(document['texture_bytes'])}",
         ),
         ("bounds", f"{_point(low)} to {_point(high)} m"),
         ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),

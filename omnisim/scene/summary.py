@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.scene.floor import floor_height_m
 from omnisim.scene.labels import find_labels
-from omnisim.scene.model import Mesh, Scene, bounds_m
+from omnisim.scene.model import Material, Mesh, Scene, Texture, bounds_m
 from omnisim.scene.triangles import triangles_within
 
 # Surfaces this flat, whose heights are within a step, are one floor.
@@ -86,7 +86,7 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
         own = tuple(scene.instances[number] for number in numbers)
         meshes = [scene.meshes[one.mesh] for one in own]
         materials = _distinct([scene.materials[mesh.material] for mesh in meshes])
-        textures = _distinct([one.texture for one in materials if one.texture is not None])
+        textures = _distinct([texture for one in materials for texture in textures_of(one)])
         low, high = bounds_m(scene.meshes, own)
         summaries.append(
             InstanceSummary(
@@ -137,21 +137,32 @@ def start_places(scene: Scene) -> tuple[Place, ...]:
 
 
 def memory_bytes(scene: Scene) -> tuple[int, int]:
-    """Bytes of the arrays of all meshes, and of all textures without mip levels."""
+    """Bytes of the arrays of all meshes, and of all textures without mip levels.
+
+    Textures that differ in their placement alone have their pixels in common.
+    """
     arrays: dict[int, NDArray[np.generic]] = {}
     for mesh in scene.meshes:
         for array in _arrays(mesh):
             arrays[id(array)] = array
-    pixels = {
-        id(one.texture): one.texture.pixels.nbytes
-        for one in scene.materials
-        if one.texture is not None
-    }
+    pixels = {id(texture.pixels): texture.pixels.nbytes for texture in scene_textures(scene)}
     return sum(array.nbytes for array in arrays.values()), sum(pixels.values())
 
 
+def scene_textures(scene: Scene) -> list[Texture]:
+    """Textures of all materials, each once."""
+    return _distinct([texture for one in scene.materials for texture in textures_of(one)])
+
+
+def textures_of(material: Material) -> list[Texture]:
+    """Textures of a material: of its base colour, and its maps."""
+    return [one for one in (material.texture, *material.maps) if one is not None]
+
+
 def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
-    optional = (mesh.normals, mesh.texture_coordinates, mesh.colors)
+    optional = (
+        mesh.normals, mesh.texture_coordinates, mesh.second_texture_coordinates, mesh.colors
+    )  # fmt: skip
     return [mesh.positions, mesh.triangles, *(one for one in optional if one is not None)]
 
 

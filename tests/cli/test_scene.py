@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
+from PIL import Image
 
 from omnisim.scene import builtin_scenes, load_scene
 
@@ -73,3 +75,18 @@ def test_faults_are_one_line(omnisim, tmp_path):
         assert (status, out) == (1, "")
         assert words in error
         assert error.count("\n") == 1
+
+
+def test_textures_are_counted_once_with_all_maps(omnisim, tmp_path):
+    rng = np.random.default_rng(0)
+    images = [Image.fromarray(rng.integers(0, 256, (8, 8, 3), np.uint8)) for _ in range(2)]
+    material = trimesh.visual.material.PBRMaterial(
+        "look", baseColorTexture=images[0], metallicRoughnessTexture=images[1]
+    )
+    box = trimesh.creation.box()
+    box.visual = trimesh.visual.TextureVisuals(np.zeros((8, 2)), material)
+    (tmp_path / "a.glb").write_bytes(trimesh.Scene([box]).export(file_type="glb"))
+    document = json.loads(omnisim("scene", tmp_path / "a.glb", "--json")[1])
+    assert (document["textures"], document["texture_bytes"]) == (2, 2 * 8 * 8 * 4)
+    assert document["instances"][0]["textures_px"] == [[8, 8], [8, 8]]
+    assert "2 textures 0.0 MB" in omnisim("scene", tmp_path / "a.glb")[1]

@@ -77,6 +77,7 @@ def test_a_rectangle_shines_ahead_as_its_surface_does(tmp_path):
     assert scene.notices == ("a.usda: RectLight shines from its middle, without its size (1 prim)",)
 
 
+@pytest.mark.slow
 def test_normalized_lights_do_not_depend_on_their_size(tmp_path):
     for kind in (UsdLux.SphereLight, UsdLux.DiskLight):
         lux = []
