@@ -6,6 +6,7 @@ BUILTIN_MODELS = {
     "sun": """
         <light name="sun" type="directional">
           <pose>0 0 10 0 0 0</pose>
+          <cast_shadows>true</cast_shadows>
           <diffuse>0.8 0.8 0.8 1</diffuse>
           <direction>-0.5 0.1 -0.9</direction>
         </light>""",

@@ -35,8 +35,9 @@ def read_light(
     direction = np.array(element.vector("direction", (0.0, 0.0, -1.0)))
     length = float(np.linalg.norm(direction))
     axis = world_from_light[:3, :3] @ (direction / length if length > 1e-9 else (0.0, 0.0, -1.0))
+    casts_shadow = element.flag("cast_shadows")
     if kind is LightKind.DIRECTIONAL:
-        return Light(kind, color, intensity, direction=axis)
+        return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
     range_m = element.positive("attenuation/range", 10.0)
     return Light(
         kind,
@@ -45,6 +46,7 @@ def read_light(
         position_m=world_from_light[:3, 3].copy(),
         direction=axis,
         range_m=range_m,
+        casts_shadow=casts_shadow,
         cone_cosines=_cone_cosines(element) if kind is LightKind.SPOT else (1.0, 0.0),
     )
 

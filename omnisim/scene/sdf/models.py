@@ -82,7 +82,9 @@ class ModelLibrary:
                 f"{counted(self._remote.total(), 'object')} not fetched from the net, and not "
                 f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` gets them"
             )
-        notices += [f"{uri} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)]
+        notices += [
+            f"{_short(uri)} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)
+        ]
         return notices
 
     def miss(self, uri: str) -> None:
@@ -159,7 +161,7 @@ class ModelLibrary:
 
     def _substitute(self, uri: str) -> SdfElement | None:
         """Model of omnisim's own, for those that every world of Gazebo Classic includes."""
-        name = uri.removeprefix("model://")
+        name = unquote(uri.strip("/").rpartition("/")[2]).lower().replace(" ", "_")
         if name not in BUILTIN_MODELS:
             self.miss(uri)
             return None

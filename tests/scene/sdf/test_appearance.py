@@ -241,6 +241,13 @@ def test_lights_are_in_the_world(tmp_path):
     assert scene.notices == ()
 
 
+def test_lights_cast_shadows_where_the_file_says_so(tmp_path):
+    for text, casts in (("", False), ("<cast_shadows>1</cast_shadows>", True)):
+        sun = SUN.replace("</light>", f"{text}</light>")
+        (light,) = load(tmp_path, world(sun + model("m", visual(BOX)))).lighting.lights
+        assert light.casts_shadow is casts
+
+
 def test_a_light_that_is_off_does_not_shine(tmp_path):
     off = SUN.replace("</light>", "<light_on>false</light_on></light>")
     lit = load(tmp_path, world(off + model("m", visual(BOX)))).lighting

@@ -94,9 +94,15 @@ def test_missing_models_are_counted_in_one_notice(tmp_path):
     )
 
 
-def test_ground_and_sun_are_drawn_where_gazebo_is_not_installed(tmp_path):
-    scene = load(tmp_path, world("".join(map(INCLUDE.format, ("model://sun", "ground_plane")))
-                                 .replace("ground_plane", "model://ground_plane")))  # fmt: skip
+@pytest.mark.parametrize(
+    "uris",
+    [
+        ("model://sun", "model://ground_plane"),
+        (FUEL.replace("My Chair", "Sun"), FUEL.replace("My Chair", "Ground Plane")),
+    ],
+)
+def test_ground_and_sun_are_drawn_where_gazebo_is_not_installed(tmp_path, uris):
+    scene = load(tmp_path, world("".join(map(INCLUDE.format, uris))))
     assert scene.instance_names == ("ground_plane/link/visual",)
     assert len(scene.lighting.lights) == 1
     assert len(scene.notices) == 2
