@@ -35,7 +35,8 @@ def read_light(
     direction = np.array(element.vector("direction", (0.0, 0.0, -1.0)))
     length = float(np.linalg.norm(direction))
     axis = world_from_light[:3, :3] @ (direction / length if length > 1e-9 else (0.0, 0.0, -1.0))
-    casts_shadow = element.flag("cast_shadows")
+    # Gazebo's point lights never do, and are inside of their lamps
+    casts_shadow = element.flag("cast_shadows") and kind is not LightKind.POINT
     if kind is LightKind.DIRECTIONAL:
         return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
     range_m = element.positive("attenuation/range", 10.0)

@@ -242,9 +242,15 @@ def test_lights_are_in_the_world(tmp_path):
 
 
 def test_lights_cast_shadows_where_the_file_says_so(tmp_path):
-    for text, casts in (("", False), ("<cast_shadows>1</cast_shadows>", True)):
-        sun = SUN.replace("</light>", f"{text}</light>")
-        (light,) = load(tmp_path, world(sun + model("m", visual(BOX)))).lighting.lights
+    stated = "<cast_shadows>1</cast_shadows>"
+    for kind, text, casts in (
+        ("directional", "", False),
+        ("directional", stated, True),
+        ("spot", stated, True),
+        ("point", stated, False),  # as in Gazebo
+    ):
+        lamp = f'<light name="a" type="{kind}">{text}</light>'
+        (light,) = load(tmp_path, world(lamp + model("m", visual(BOX)))).lighting.lights
         assert light.casts_shadow is casts
 
 
