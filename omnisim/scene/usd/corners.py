@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+_LARGEST = 2**62
+
 
 class Corners(NamedTuple):
     """Corners (c,) of triangles, by the elements that values are stored for.
@@ -121,11 +123,11 @@ def make_vertices(corners: Corners, primvars: list[Values | None]) -> Vertices:
 
 
 def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Ranks (n,) of pairs of two numbers."""
-    ranks = np.unique(first, return_inverse=True)[1]
-    pairs = ranks * (int(second.max(initial=0)) + 1) + second
-    paired: NDArray[np.int64] = np.unique(pairs, return_inverse=True)[1]
-    return paired
+    """Numbers (n,) that are equal where pairs of two numbers are."""
+    size = int(second.max(initial=0)) + 1
+    if int(first.max(initial=0)) >= _LARGEST // size:
+        first = np.unique(first, return_inverse=True)[1]
+    return first * size + second
 
 
 def _ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
