@@ -24,7 +24,8 @@ from omnisim.simulation.physics.world_model import (
 
 STEPS_AT_ONCE = 5
 PERIOD_S = STEPS_AT_ONCE * STEP_S
-# Less than gravity over friction, at which contacts lift off (by their impedance).
+# More than friction brakes by. At less than (1 - d) / d of gravity over friction, with contacts'
+# impedance d, sliding does not lift what weighs on them.
 SLIDING_MPS2 = 10.0
 SIDE_COSINE = 0.7  # of a contact's normal from the vertical: a tyre there meets more than ground
 DIVERGED = (
@@ -113,7 +114,8 @@ class SimulatedWorld:
         MuJoCo's friction cone is convex: what slides is also pushed off the ground, the faster the
         more, and wheels that skid would hop. Friction itself stays Coulomb's.
 
-        Source: the dual cone of MuJoCo's documentation, "Computation: Constraint model".
+        Source: the dual cone in MuJoCo's documentation, "Computation: Constraint model". Turns on
+        the spot then have the effective track that the balance of torques gives, at any speed.
         """
         wanted, contact = self._data.efc_aref, self._data.contact
         if len(wanted) == 3 * len(contact):  # each of the contacts has three rows, as mostly

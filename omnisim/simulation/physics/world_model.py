@@ -20,7 +20,7 @@ from omnisim.world import Pose
 STEP_S = 1e-3
 ROBOT, PART, WHEEL, CASTOR = "robot", "robot part", "robot wheel", "robot castor"  # names
 LARGEST_HULL = 64  # vertices that are kept
-# Contacts yield by 0.2 mm under a robot's weight, without bouncing.
+# Contacts yield by less than 0.2 mm under a robot's weight, without bouncing.
 CONTACT_S, IMPEDANCE = 0.005, 0.3
 FRICTION_IMPEDANCE = 100.0  # of friction to that of contacts: tyres creep by 0.1 mm/s
 SERVO_RADPS = 100.0  # natural frequency of the wheels' servos, which are critically damped

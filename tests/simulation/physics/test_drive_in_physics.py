@@ -11,7 +11,8 @@ pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
 
 from omnisim.errors import OmnisimError, RunError, TrajectoryError
 from omnisim.poses import rotation_angles
-from omnisim.scene.model import ScenePath
+from omnisim.scene.model import DynamicObject, ScenePath
+from omnisim.scene.object_motion import Rest, Shuttle
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
@@ -199,3 +200,27 @@ def test_poses_of_a_file_are_followed_backwards_too(tmp_path):
     plan = dataclasses.replace(wanted, route=route).plan()
     np.testing.assert_allclose(plan.truth.positions_m[:, 0], x, atol=0.01)
     assert plan.odometry.distances_m[-5:].max() < 0.0
+
+
+def test_objects_that_move_push_those_that_are_free():
+    cart = solid(trimesh.creation.box((0.4, 0.4, 0.4)), "cart")
+    shuttle = Shuttle((-3.0, 2.0, 0.25), (0.0, 2.0, 0.25), 8.0)
+    moving = DynamicObject("cart", cart, shuttle)
+    scene = dataclasses.replace(hall(), objects=(moving, ball((-1.0, 2.0, 0.1))))
+    plan = _drive(scene, ((0.0, 0.0), (2.0, 0.0), (0.0, 0.0))).plan()
+    assert plan.truth.duration_s > 5.0
+    rolled = plan.motion.objects["ball"].positions_m
+    assert np.abs(rolled[:50] - (-1.0, 2.0, 0.1)).max() < 2e-3
+    assert rolled[-1, 0] > -0.3  # ahead of the cart's end
+    np.testing.assert_allclose(rolled[:, 1], 2.0, atol=0.05)
+    assert "cart" not in plan.motion.objects
+    assert plan.contacts == ()
+
+
+def test_a_robot_hits_an_object_that_rests_without_a_mass():
+    post = DynamicObject(
+        "post", solid(trimesh.creation.box((0.1, 0.1, 1.0))), Rest((1.0, 0.0, 0.5))
+    )
+    scene = dataclasses.replace(hall(), objects=(post,))
+    with pytest.raises(TrajectoryError, match="cannot follow against post"):
+        _drive(scene, SQUARE[:2]).plan()
