@@ -139,9 +139,9 @@ class SkyTable(Table):
     brightness: Positive = 0.8
     """Brightness of a level white surface under the sky and the sun; 1 is white. With [sun] and
     light.exposure that exposure counts instead."""
-    turbidity: Annotated[Number, Field(ge=1.7, le=10.0)] = 3.0
+    turbidity: Annotated[Number, Field(ge=2.0, le=10.0)] = 3.0
     """Haze of the clear sky: 2 very clear, 6 hazy."""
-    sun_elevation_deg: Annotated[Number, Field(ge=-90.0, le=90.0)] = 45.0
+    sun_elevation_deg: Annotated[Number, Field(gt=0.0, le=90.0)] = 45.0
     """Height of the clear sky's sun above the horizon, degrees; without [sun]."""
     sun_azimuth_deg: Number = 135.0
     """Direction of the clear sky's sun, degrees counter-clockwise from the world's x; without

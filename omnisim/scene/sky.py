@@ -71,8 +71,6 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, casts_shadow: bool) -> Li
     """Lighting by a clear sky and its sun, both as bright as the table asks."""
     towards_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
     radiance = clear_sky(towards_sun, table.turbidity)
-    if towards_sun[2] <= 0.0:
-        return _with_map(lighting, radiance, table.brightness)
     light = sun_illuminance(towards_sun, table.turbidity)
     level = float(_LUMINANCE @ light) * towards_sun[2] / math.pi
     lit = _with_map(lighting, radiance, table.brightness, level)

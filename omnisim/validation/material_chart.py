@@ -105,7 +105,7 @@ def chart(lighting: Lighting) -> Scene:
     for number, centre_m in enumerate(centres_m()):
         pose = np.eye(4)
         pose[:3, 3] = centre_m
-        instances.append(Instance(f"sphere {number}", number, pose))
+        instances.append(Instance(f"sphere {number}", number, pose, pose))
     return Scene(
         name="material chart",
         meshes=meshes,

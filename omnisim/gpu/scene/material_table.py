@@ -73,16 +73,23 @@ def vertex_details(
         context: where.
         meshes: each with the record of its material.
     """
-    count = sum(len(mesh.positions) for mesh, _ in meshes)
+    bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
+    placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
+    return placed_details(context, placed)
+
+
+def placed_details(
+    context: moderngl.Context, meshes: Sequence[tuple[Mesh, int, int]]
+) -> moderngl.Texture:
+    """Details as of `vertex_details`, each mesh also with its first vertex."""
+    count = max(base + len(mesh.positions) for mesh, _, base in meshes)
     rows = max(1, -(-count // _ROW_VERTICES))
     values = np.zeros((rows * _ROW_VERTICES, 4), dtype=np.float32)
-    first = 0
-    for mesh, record in meshes:
-        part = values[first : first + len(mesh.positions)]
+    for mesh, record, base in meshes:
+        part = values[base : base + len(mesh.positions)]
         if mesh.second_texture_coordinates is not None:
             part[:, :2] = mesh.second_texture_coordinates
         part[:, 2] = record
-        first += len(part)
     return _table(context, (_ROW_VERTICES, rows), values, "details of vertices")
 
 

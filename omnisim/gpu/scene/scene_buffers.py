@@ -17,7 +17,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
-from omnisim.gpu.scene.material_table import MaterialTable
+from omnisim.gpu.scene.material_table import MaterialTable, placed_details
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene
@@ -89,6 +89,7 @@ class SceneBuffers:
         rank = {id(material): rank for rank, material in enumerate(materials)}
         items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
         self._set_items(items)
+        self._item_details: tuple[int, moderngl.Texture | None] | None = None
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
         for name in ("triangles", "clustered_geometry"):
             self.__dict__.pop(name, None)
@@ -109,6 +110,20 @@ class SceneBuffers:
     def materials(self) -> MaterialTable:
         """Numbers of the materials that are not matte."""
         return self._textures.table
+
+    @property
+    def item_details(self) -> moderngl.Texture | None:
+        """Details of the vertices, see `placed_details`; None: no item has second coordinates."""
+        ranges = self._store.ranges
+        if self._item_details is None or self._item_details[0] != len(ranges):
+            placed = [
+                (one.mesh, 0, one.base)
+                for one in ranges
+                if one.mesh.second_texture_coordinates is not None
+            ]
+            found = placed_details(self.context, placed) if placed else None
+            self._item_details = len(ranges), found
+        return self._item_details[1]
 
     @property
     def vertices(self) -> moderngl.Buffer:

@@ -198,6 +198,7 @@ class SurfaceProgram:
             units = 0 if arrays == 1 else tuple(range(arrays))
             program["u_textures" if variant.clustered else "u_texture"] = units
         self._record = find_uniform(program, "u_record")
+        self.needs_item_details = variant.second_coordinates and not variant.clustered
         if variant.maps is not None:
             for name, unit in (*MAP_UNITS.items(), *_TABLE_UNITS.items()):
                 set_sampler(program, name, unit)
@@ -297,6 +298,10 @@ class SurfacePrograms:
         details = None if clusters is None else clusters.details
         self._environment_table.use(_TABLE_UNITS["u_environment_table"])
         buffers.materials.texture.use(_TABLE_UNITS["u_materials"])
+        if any(one.needs_item_details for one in self._programs.values()):
+            items = buffers.item_details
+            if items is not None:
+                items.use(_ITEM_DETAILS_UNIT)
         if details is not None:
             details.use(_TABLE_UNITS["u_vertex_details"])
         if self._filtered_sky is not None:
