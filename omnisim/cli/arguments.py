@@ -159,6 +159,9 @@ QualityOption = Annotated[
 UnlitOption = Annotated[
     bool, typer.Option("--unlit", help="Show plain base colours, without lights.")
 ]
+NoShadowsOption = Annotated[
+    bool, typer.Option("--no-shadows", help="Let the light of lamps pass through surfaces.")
+]
 UpOption = Annotated[
     str | None,
     typer.Option(

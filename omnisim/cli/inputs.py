@@ -171,6 +171,8 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
     if request.labels is not None and not is_labelled:
         raise OutputError("--labels: requires --also semantic")
     scene = load_requested_scene(request)
+    if request.no_shadows:
+        scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     if request.labels is not None:
         scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
     for notice in find_labels(scene).notices() if is_labelled else ():

@@ -21,6 +21,7 @@ from omnisim.cli.arguments import (
     ForceOption,
     LabelsOption,
     MirroredOption,
+    NoShadowsOption,
     PictureOption,
     PitchOption,
     PolygonsOption,
@@ -101,6 +102,7 @@ class RenderRequest:
     size_px: SizeOption = None
     quality: QualityOption = None
     unlit: UnlitOption = False
+    no_shadows: NoShadowsOption = False
     faces: Annotated[
         Path | None,
         typer.Option(

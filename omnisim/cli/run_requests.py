@@ -16,6 +16,7 @@ from omnisim.cli.arguments import (
     DeviceOption,
     ForceOption,
     LabelsOption,
+    NoShadowsOption,
     PolygonsOption,
     PresetOption,
     QualityOption,
@@ -141,6 +142,7 @@ class DriveRequest:
     size_px: SizeOption = None
     quality: QualityOption = None
     unlit: UnlitOption = False
+    no_shadows: NoShadowsOption = False
     also: AlsoOption = None
     channel_format: ChannelFormatOption = None
     boxes_3d: Boxes3dOption = False

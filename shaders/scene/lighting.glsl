@@ -6,8 +6,9 @@
 // direction, as a surface of this roughness reflects it.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/lighting.py.
-// DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights; known when
-// compiled, so that the loops unroll and nothing branches. A point light is a spot light whose
+// DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
+// EACH_DIRECTIONAL, EACH_PUNCTUAL: a macro for each of their numbers. A loop of large bodies may not be
+// unrolled, and then nothing of a light is known when it is compiled. A point light is a spot light whose
 // cone has every direction in it.
 // Source: glTF extension KHR_lights_punctual (falloff and cone).
 
@@ -90,12 +91,12 @@ vec3 illuminance(Lamp lamp, vec3 normal) {
 vec3 light_on_surface(vec3 position, vec3 normal) {
     vec3 total = ambient_light(normal);
 #if DIRECTIONAL_LIGHTS > 0
-    for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
-        total += illuminance(directional_lamp(i, position, normal), normal);
+#define ADD_DIRECTIONAL(i) total += illuminance(directional_lamp(i, position, normal), normal);
+    EACH_DIRECTIONAL(ADD_DIRECTIONAL)
 #endif
 #if PUNCTUAL_LIGHTS > 0
-    for (int i = 0; i < PUNCTUAL_LIGHTS; ++i)
-        total += illuminance(punctual_lamp(i, position, normal), normal);
+#define ADD_PUNCTUAL(i) total += illuminance(punctual_lamp(i, position, normal), normal);
+    EACH_PUNCTUAL(ADD_PUNCTUAL)
 #endif
     return total;
 }

@@ -14,7 +14,7 @@ struct DirectionalMaps {
     vec4 cascades[2 * SHADOW_CASCADES];  // middle, inverse of half the width, metres in a texel; region
 };
 struct PunctualMaps {
-    vec4 rows[3];  // x, y and forward of a spot light
+    vec4 rows[3];  // x, y and forward of the first map
     vec4 region;   // of the first map
     vec4 scales;   // inverse of the tangent of half the field of view; tangents in a texel
 };
@@ -35,7 +35,7 @@ float offset_texels(vec3 normal) {
 }
 
 float visibility_at(vec2 local, vec4 region, float depth) {
-    return texture(u_shadow_maps, vec3(region.xy + local * region.zw, depth));
+    return textureLod(u_shadow_maps, vec3(region.xy + local * region.zw, depth), 0.0);
 }
 
 #if DIRECTIONAL_LIGHTS > 0
@@ -68,26 +68,21 @@ float directional_visibility(int i, vec3 position, vec3 normal) {
 float punctual_visibility(int i, vec3 away, vec3 normal) {
     if ((PUNCTUAL_CASTERS >> i & 1u) == 0u) return 1.0;
     vec4 region = u_punctual_maps[i].region, scales = u_punctual_maps[i].scales;
-    if ((CUBE_CASTERS >> i & 1u) != 0u) {
-        vec3 size = abs(away);
-        bool is_z = size.z >= max(size.x, size.y), is_x = !is_z && size.x >= size.y;
-        // x, y and forward of the face, see lamp_views.py
-        vec3 at = is_z ? away : is_x ? away.yzx : away.zxy;
-        vec3 toward = is_z ? normal : is_x ? normal.yzx : normal.zxy;
-        vec2 tile = vec2(is_z ? 0.0 : is_x ? 1.0 : 2.0, at.z > 0.0 ? 0.0 : 1.0);
-        region.xy += 2.0 * tile * region.zw;
-        at += toward * (scales.y * abs(at.z) * offset_texels(toward));
-        float depth = max(abs(at.z), 1e-6);
-        vec2 local = clamp(at.xy / depth * scales.x, -0.999, 0.999);
-        return visibility_at(local, region, LAMP_NEAR_M / depth);
-    }
     mat3 axes = transpose(mat3(u_punctual_maps[i].rows[0].xyz, u_punctual_maps[i].rows[1].xyz,
                                u_punctual_maps[i].rows[2].xyz));
-    vec3 at = axes * away, toward = axes * normal;
-    at += toward * (scales.y * max(at.z, 0.0) * offset_texels(toward));
-    float depth = max(at.z, 1e-6);
-    // beyond the map is no light
+    bool is_cube = (CUBE_CASTERS >> i & 1u) != 0u;  // known when compiled, as the light is
+    vec3 at = is_cube ? away : axes * away, toward = is_cube ? normal : axes * normal;
+    vec3 size = abs(at);
+    bool is_z = !is_cube || size.z >= max(size.x, size.y), is_x = size.x >= size.y;
+    // x, y and forward of the face, see lamp_views.py
+    at = is_z ? at : is_x ? at.yzx : at.zxy;
+    toward = is_z ? toward : is_x ? toward.yzx : toward.zxy;
+    vec2 tile = vec2(is_z ? 0.0 : is_x ? 1.0 : 2.0, at.z > 0.0 || !is_cube ? 0.0 : 1.0);
+    at += toward * (scales.y * abs(at.z) * offset_texels(toward));
+    float depth = max(is_cube ? abs(at.z) : at.z, 1e-6);
+    // beyond a spot's map is no light
     vec2 local = clamp(at.xy / depth * scales.x, -0.999, 0.999);
+    region.xy += 2.0 * tile * region.zw;
     return visibility_at(local, region, LAMP_NEAR_M / depth);
 }
 #endif

@@ -76,6 +76,8 @@ class SurfaceVariant(NamedTuple):
                 "LIT",
                 f"DIRECTIONAL_LIGHTS {len(directional)}",
                 f"PUNCTUAL_LIGHTS {len(punctual)}",
+                f"EACH_DIRECTIONAL(f) {_calls(len(directional))}",
+                f"EACH_PUNCTUAL(f) {_calls(len(punctual))}",
             ]
             agree = self.shading is Shading.NORMALS_AGREE
             if agree:
@@ -338,6 +340,11 @@ class SurfacePrograms:
                 self._context, variant, self._lighting, self.shadows
             )
         return self._programs[key]
+
+
+def _calls(count: int) -> str:
+    """Uses of a macro f for the numbers of lights."""
+    return " ".join(f"f({number})" for number in range(count))
 
 
 def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:

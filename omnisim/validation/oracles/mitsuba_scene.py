@@ -22,7 +22,7 @@ from omnisim.validation.oracles.surfaces import Surface
 # Needs no LLVM: Dr.Jit 1.5 on Debian 12's LLVM 15 aborts the whole process.
 VARIANT = "scalar_rgb"
 RINGS, SECTORS = 256, 1024  # of a mirror's mesh
-_VERTEX_COLOR = "vertex_color"
+VERTEX_COLOR = "vertex_color"
 
 
 def film(width_px: int, height_px: int) -> dict[str, Any]:
@@ -66,11 +66,11 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
                 f"material {material.name!r}: Mitsuba wraps u and v of a texture alike"
             )
         coordinates = surface.texture_coordinates.reshape(-1, 2)
-        radiance = _bitmap(texture, material.base_color[:3])
+        radiance = bitmap(texture, material.base_color)
     elif surface.colors is not None:
         factor = np.array(material.base_color[:3], dtype=np.float32)
-        colors = surface.colors.reshape(-1, 3) * factor
-        radiance = {"type": "mesh_attribute", "name": _VERTEX_COLOR}
+        colors = surface.colors.reshape(-1, 3) * factor[:3]
+        radiance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
     else:
         radiance = rgb(material.base_color[:3])
     corners = surface.triangles_m.reshape(-1, 3) * units_per_m
@@ -87,8 +87,9 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
     )
 
 
-def _bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
-    pixels = linear_from_srgb(texture.pixels[..., :3] / 255.0) * factor
+def bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
+    """Texture times a linear colour, of which RGB count."""
+    pixels = linear_from_srgb(texture.pixels[..., :3] / 255.0) * factor[:3]
     return {
         "type": "bitmap",
         "data": mi.TensorXf(pixels.astype(np.float32)),
@@ -130,7 +131,7 @@ def mesh_of(
         "mesh", len(vertices), len(triangles), held, normals is not None, coordinates is not None
     )
     if colors is not None:
-        mesh.add_attribute(_VERTEX_COLOR, 3, colors.ravel().tolist())
+        mesh.add_attribute(VERTEX_COLOR, 3, colors.ravel().tolist())
     buffers = mi.traverse(mesh)
     buffers["vertex_positions"] = vertices.astype(np.float32).ravel()
     buffers["faces"] = triangles.astype(np.uint32).ravel()

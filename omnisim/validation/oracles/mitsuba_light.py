@@ -1,0 +1,134 @@
+"""Direct light with shadows in a mirror, traced by Mitsuba 3.
+
+Surfaces are diffuse on both sides; the lamps are Mitsuba's own. Light that bounces is left out, but
+for the one reflection of the mirror: paths have three parts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras import HyperbolicCamera
+from omnisim.errors import SceneError
+from omnisim.poses import check_pose
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance, Light, LightKind
+from omnisim.validation.oracles.mitsuba_scene import (
+    VERTEX_COLOR,
+    bitmap,
+    mesh_of,
+    rgb,
+    scalar_variant,
+)
+from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, pinhole
+from omnisim.validation.oracles.surfaces import opaque_only
+
+_LAMP_MIRROR_SURFACE = 3  # parts of a path
+
+
+def matte_on_both_sides(scene: Scene) -> Scene:
+    """Opaque surfaces of a scene, seen and lit on both sides, as both renderers show them alike.
+
+    Vertex colours beside a texture, which Mitsuba cannot show, are left out.
+    """
+    scene = opaque_only(scene)
+    materials = [
+        dataclasses.replace(one, double_sided=True, unlit=False) for one in scene.materials
+    ]
+    meshes = [
+        dataclasses.replace(mesh, colors=None)
+        if scene.materials[mesh.material].texture is not None
+        else mesh
+        for mesh in scene.meshes
+    ]
+    lighting = dataclasses.replace(scene.lighting, is_matte=True)
+    return dataclasses.replace(
+        scene, materials=tuple(materials), meshes=tuple(meshes), lighting=lighting
+    )
+
+
+def trace_lit_mirror(
+    scene: Scene,
+    camera: HyperbolicCamera,
+    world_from_optical: ArrayLike,
+    samples: int,
+    seed: int = 0,
+) -> NDArray[np.float32]:
+    """Trace the picture (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
+
+    Args:
+        scene: of `matte_on_both_sides`, without ambient light, on black.
+        camera, world_from_optical, samples, seed: see `trace_mirror`.
+
+    Raises:
+        OmnisimError: a matrix that is not a pose.
+        SceneError: a spot light, whose edge falls off in another way.
+    """
+    pose = check_pose(world_from_optical)
+    units_per_m = RIM_UNITS / camera.mirror.rim_radius_m
+    content: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": _LAMP_MIRROR_SURFACE},
+    }
+    with scalar_variant():
+        content["sensor"] = pinhole(camera, pose[:3, :3], units_per_m, samples)
+        content["mirror"] = mirror_of_metal(camera.mirror, pose[:3, :3], units_per_m)
+        for number, light in enumerate(scene.lighting.lights):
+            level = scene.lighting.exposure
+            content[f"lamp {number}"] = _lamp(light, level, pose[:3, 3], units_per_m)
+        for number, instance in enumerate(scene.instances):
+            content[f"surface {number}"] = _diffuse(scene, instance, pose[:3, 3], units_per_m)
+        picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
+        return np.array(picture, dtype=np.float32)[..., :3]
+
+
+def _lamp(
+    light: Light, exposure: float, viewpoint_m: NDArray[np.float64], units_per_m: float
+) -> dict[str, Any]:
+    """Emitter of a lamp: a white surface in one lux has a radiance of 1/π."""
+    level = math.pi * light.intensity * exposure
+    if light.kind is LightKind.DIRECTIONAL:
+        color = rgb(tuple(level * share for share in light.color))
+        return {"type": "directional", "direction": light.direction.tolist(), "irradiance": color}
+    if light.kind is LightKind.SPOT:
+        raise SceneError("spot light: Mitsuba's edge falls off in another way: expected none")
+    color = rgb(tuple(level * units_per_m**2 * share for share in light.color))
+    position = ((light.position_m - viewpoint_m) * units_per_m).tolist()
+    return {"type": "point", "position": position, "intensity": color}
+
+
+def _diffuse(
+    scene: Scene, instance: Instance, viewpoint_m: NDArray[np.float64], units_per_m: float
+) -> mi.Mesh:
+    mesh = scene.meshes[instance.mesh]
+    material = scene.materials[mesh.material]
+    linear = instance.world_from_mesh[:3, :3]
+    positions_m = mesh.positions @ linear.T + (instance.world_from_mesh[:3, 3] - viewpoint_m)
+    triangles, normals = mesh.triangles.astype(np.int64), None
+    coordinates = colors = None
+    texture = material.texture
+    if texture is not None and mesh.texture_coordinates is not None:
+        coordinates, reflectance = mesh.texture_coordinates, bitmap(texture, material.base_color)
+    elif mesh.colors is not None:
+        colors = mesh.colors[:, :3] * np.array(material.base_color[:3], dtype=np.float32)
+        reflectance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
+    else:
+        reflectance = rgb(material.base_color[:3])
+    if mesh.normals is not None:
+        normals = mesh.normals @ np.linalg.inv(linear)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    bsdf = {"type": "twosided", "nested": {"type": "diffuse", "reflectance": reflectance}}
+    return mesh_of(
+        positions_m * units_per_m,
+        triangles,
+        {"mesh_bsdf": mi.load_dict(bsdf), "face_normals": normals is None},
+        normals=normals,
+        coordinates=coordinates,
+        colors=colors,
+    )
