@@ -31,8 +31,8 @@ ENGINES = ("local", "ray")
 LAYOUTS = ("coco",)  # of data sets
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
-    "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "rays", "quality",
-    "markers", "omnidir", "boards", "orientation", "unwarping", "optics",
+    "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "materials",
+    "shadows", "rays", "quality", "markers", "omnidir", "boards", "orientation", "unwarping", "optics",
     "optics-path-tracer", "optics-triangles", "optics-calibration",
 )  # fmt: skip
 Completion = Callable[[str], list[str]]

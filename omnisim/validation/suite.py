@@ -70,6 +70,13 @@ CHECKS = (
         oracles=("mitsuba",),
         is_quick=False,
     ),
+    Check(
+        "shadows",
+        "Lamps and shadows, traced by another renderer",
+        "shadows.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
     Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
     Check("quality", "Quality of the picture, and shimmer", "picture_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),
