@@ -47,8 +47,8 @@ SceneArgument = Annotated[
     typer.Argument(
         metavar="SCENE",
         autocompletion=complete_scene,
-        help="Scene file (.glb .gltf .obj .ply .stl .dae .sdf .world .urdf, MuJoCo's .xml, or a "
-        "scene's .toml), or name of a built-in scene.",
+        help="Scene file (.glb .gltf .obj .ply .stl .dae .usd .sdf .world .urdf, MuJoCo's .xml, or "
+        "a scene's .toml), or name of a built-in scene.",
     ),
 ]
 PictureOption = Annotated[
