@@ -20,7 +20,7 @@ from omnisim.validation.fixture import Fixture
 
 BOUND = 2.0  # the mean of CIEDE2000; one is just seen, side by side
 WIDTH_PX = 165
-_SAMPLES, _QUICK_SAMPLES = 1024, 64
+_SAMPLES, _QUICK_SAMPLES = 100, 36
 _SHOWN_FACTOR = 25  # levels of grey a unit of CIEDE2000
 
 
