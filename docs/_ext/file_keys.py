@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from datetime import datetime
 from typing import Any, get_args, get_origin
 
 import pydantic
@@ -82,7 +83,13 @@ def _name(annotation: Any) -> str:
     if origin is dict:
         value = get_args(annotation)[1]
         return "table" if value is Any else f"table of {_name(value)}"
-    words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    words = {
+        float: "number",
+        int: "whole number",
+        str: "text",
+        bool: "true or false",
+        datetime: "time",
+    }
     return words.get(annotation, getattr(annotation, "__name__", str(annotation)))
 
 

@@ -15,7 +15,7 @@ from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera
+from omnisim.sensors import OmniCamera, Renderer
 from omnisim.srgb import srgb_from_linear
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides, trace_lit_mirror
@@ -42,7 +42,8 @@ def check(fixture: Fixture, title: str) -> Section:
         pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
         traced = _traced(scene, sensor, pose, samples)
         inside = _inside(mirror_camera(sensor))
-        ours = linear_picture(fixture.render(scene, sensor, pose))
+        with Renderer(scene, sensor, device=fixture.device) as renderer:
+            ours = linear_picture(renderer.render(pose, linear=True))
         found_db = psnr_db(traced, ours, inside)
         measures.append(
             Measure(f"{name}, default quality", found_db, "dB", BOUND_DB, at_least=True)
