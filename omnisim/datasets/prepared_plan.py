@@ -241,7 +241,9 @@ class PreparedPlan:
         return tuple(map(self._object, self.plan.objects))
 
     def _object(self, table: PlacedTable) -> PlanObject:
-        scene = load_scene(self._scene_file(table), table.up_axis, table.meters_per_unit)
+        scene = load_scene(
+            self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
+        )
         low, high = scene.bounds_m()
         return PlanObject(
             table.title,

@@ -109,6 +109,14 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
     return Content(tuple(meshes), tuple(materials), tuple(instances))
 
 
+def free_name(content: Content, name: str) -> str:
+    """The name, lengthened where an instance has it."""
+    taken = {one.name for one in content.instances}
+    while name in taken:
+        name += "_"
+    return name
+
+
 def remove(content: Content, name: str) -> Content:
     """Remove an instance.
 

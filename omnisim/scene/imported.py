@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import SceneError
+from omnisim.scene.object_motion import ObjectMotion
 from omnisim.scene.parts import (
     Instance,
     LabelRule,
@@ -27,6 +28,20 @@ PLAIN_GREY = float(linear_from_srgb(0.8))
 LARGEST_COORDINATE = 1e15
 
 
+class ImportedObject(NamedTuple):
+    """Instances of a file that move together.
+
+    Attributes:
+        name: distinct within the file.
+        motion: in the world frame.
+        instances: indices; they are where they are at 0 s.
+    """
+
+    name: str
+    motion: ObjectMotion
+    instances: tuple[int, ...]
+
+
 class ImportedScene(NamedTuple):
     """Contents of a mesh file.
 
@@ -41,6 +56,7 @@ class ImportedScene(NamedTuple):
         dome: linear RGB luminance of light from everywhere, in cd/m².
         start: of the file's camera.
         labels: classes that the file states.
+        objects: instances that move by the world's time.
     """
 
     meshes: tuple[Mesh, ...]
@@ -53,6 +69,7 @@ class ImportedScene(NamedTuple):
     dome: tuple[float, float, float] | None = None
     start: StartPose | None = None
     labels: tuple[LabelRule, ...] = ()
+    objects: tuple[ImportedObject, ...] = ()
 
 
 def texture_notices(read: ImportedScene) -> list[str]:

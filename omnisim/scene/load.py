@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError, printable
 from omnisim.scene.dynamic_objects import load_objects
-from omnisim.scene.extension import extend, with_objects
+from omnisim.scene.extension import apart, extend, with_objects
 from omnisim.scene.file_axes import FileAxes, overruled
+from omnisim.scene.gltf.animations import NO_ANIMATION
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
@@ -41,6 +43,7 @@ def load_scene(
     up_axis: str | None = None,
     meters_per_unit: float | None = None,
     resources: Sequence[str | Path] = (),
+    animation: str | None = None,
 ) -> Scene:
     """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
 
@@ -54,19 +57,33 @@ def load_scene(
             states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in metres.
         resources: folders of models and packages that the scene names by URI, before those of the
             environment.
+        animation: name of the animation of a glTF file that is played, "none" for none; by default
+            that of its TOML, or else the first. What it moves are dynamic objects.
 
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
-    return _load_source(source, FileAxes(up_axis, meters_per_unit), tuple(map(Path, resources)), ())
+    options = _Options(FileAxes(up_axis, meters_per_unit), tuple(map(Path, resources)), animation)
+    return _load_source(source, options, ())
+
+
+class _Options(NamedTuple):
+    """Choices that overrule the files: axes, folders of resources, and the animation.
+
+    Attributes:
+        is_shape: of an object, in which nobody stands and nothing moves.
+    """
+
+    axes: FileAxes
+    resources: tuple[Path, ...]
+    animation: str | None
+    is_shape: bool = False
 
 
 def _load_source(
     source: str | Path,
-    axes: FileAxes,
-    resources: tuple[Path, ...],
+    options: _Options,
     outer: tuple[Path, ...],
-    is_shape: bool = False,
 ) -> Scene:
     """Load a scene that those of the outer TOMLs extend, or have as the shape of an object."""
     try:
@@ -74,15 +91,15 @@ def _load_source(
     except OSError as reason:  # a name too long, a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if found.toml is None:
-        return _load_mesh_file(source, found, axes, resources, is_shape)
+        return _load_mesh_file(source, found, options)
     path = found.toml.resolve()
     if path in outer:
         raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
     outer = (*outer, path)
     if found.settings.extends is None:
-        scene = _load_mesh_file(source, found, axes, resources, is_shape)
+        scene = _load_mesh_file(source, found, options)
     else:
-        scene = _load_extended(str(source), found, axes, resources, outer)
+        scene = _load_extended(str(source), found, options, outer)
 
     scene = lit_scene(scene, found.settings)
     if found.settings.sky is not None:
@@ -91,7 +108,8 @@ def _load_source(
         scene = under_sky(scene, found.settings, found.toml)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
-        return _load_source(path, FileAxes(axis), resources, outer, is_shape=True)
+        still = _Options(FileAxes(axis), options.resources, NO_ANIMATION, is_shape=True)
+        return _load_source(path, still, outer)
 
     try:
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
@@ -103,8 +121,7 @@ def _load_source(
 def _load_extended(
     name: str,
     found: SceneSource,
-    axes: FileAxes,
-    resources: tuple[Path, ...],
+    options: _Options,
     outer: tuple[Path, ...],
 ) -> Scene:
     """Load the scene that a TOML extends, and add what the TOML has."""
@@ -113,7 +130,7 @@ def _load_extended(
     assert toml is not None
     beside = toml.parent / settings.extends
     try:
-        base = _load_source(beside if beside.exists() else settings.extends, axes, resources, outer)
+        base = _load_source(beside if beside.exists() else settings.extends, options, outer)
     except SceneError as reason:
         raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
     return extend(
@@ -136,9 +153,7 @@ def _load_extended(
 def _load_mesh_file(
     source: str | Path,
     found: SceneSource,
-    axes: FileAxes,
-    resources: tuple[Path, ...],
-    is_shape: bool,
+    options: _Options,
 ) -> Scene:
     path, settings = found.mesh_file, found.settings
     assert path is not None
@@ -147,8 +162,12 @@ def _load_mesh_file(
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: is an empty file")
         try:
-            read, matrix = read_file(path, overruled(settings, axes), resources)
-            return _scene(str(source), path, read, matrix, settings, is_shape)
+            axes, animation = overruled(settings, options.axes), settings.animation
+            if options.animation is not None:
+                animation = options.animation
+            read, matrix = read_file(path, axes, options.resources, animation)
+            scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
+            return apart(scene, read.objects)
         except SceneError as reason:
             raise SceneError(f"{path}: {reason}") from None
     except OSError as reason:  # no permission, a name too long

@@ -150,9 +150,13 @@ class Scene:
     def bounds_m(self, name: str | None = None) -> NDArray[np.float64]:
         """Smallest and largest corner (2, 3) of all instances, or of one, in the world.
 
+        Of a scene without instances, those of the dynamic objects at 0 s.
+
         Raises:
             SceneError: there is no instance of this name.
         """
+        if name is None and not self.instances:
+            return bounds_m(self._still.meshes, self._still.instances)
         instances = self.instances if name is None else editing.find(self._content, name)
         return bounds_m(self.meshes, instances)
 
@@ -172,15 +176,19 @@ class Scene:
 
         Args:
             name: of the instance, new to the scene.
-            part: its lights, background, starts, paths, landmarks and dynamic objects count for
-                nothing.
+            part: its lights, background, starts, paths and landmarks count for nothing; its dynamic
+                objects are part of it where they are at 0 s.
             world_from_part: (4, 4) pose; by default where it is in its own scene.
 
         Raises:
             SceneError: a name that is taken, or a matrix that is not a pose.
         """
         pose = np.eye(4) if world_from_part is None else world_from_part
-        return self._with(editing.add(self._content, name, part._content, pose))
+        return self._with(editing.add(self._content, name, part._still, pose))
+
+    def at_start(self) -> Scene:
+        """Scene whose dynamic objects are instances where they are at 0 s."""
+        return replace(self._with(self._still), objects=()) if self.objects else self
 
     def removed(self, name: str) -> Scene:
         """Scene without an instance.
@@ -298,6 +306,15 @@ class Scene:
     @property
     def _content(self) -> editing.Content:
         return editing.Content(self.meshes, self.materials, self.instances)
+
+    @property
+    def _still(self) -> editing.Content:
+        """Content with the dynamic objects where they are at 0 s."""
+        content = self._content
+        for one in self.objects:
+            name = editing.free_name(content, one.name)
+            content = editing.add(content, name, one.shape._content, one.motion.pose_at(0.0))
+        return content
 
     def _with(self, content: editing.Content) -> Scene:
         return replace(self, **content._asdict())

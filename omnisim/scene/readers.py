@@ -12,6 +12,7 @@ from omnisim.errors import SceneError
 from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.file_axes import FileAxes, world_from_file
+from omnisim.scene.gltf.animations import NO_ANIMATION
 from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import ImportedScene, texture_notices
 from omnisim.scene.textures import TextureStore, large_textures
@@ -51,7 +52,7 @@ def _is_urdf(path: Path) -> bool:
 
 
 def read_file(
-    path: Path, axes: FileAxes, resources: Sequence[Path]
+    path: Path, axes: FileAxes, resources: Sequence[Path], animation: str | None = None
 ) -> tuple[ImportedScene, NDArray[np.float64]]:
     """Read a file of any format.
 
@@ -59,6 +60,7 @@ def read_file(
         path: of the file.
         axes: overrule those of the file.
         resources: folders of models and packages, see `load_scene`.
+        animation: name of the animation that glTF plays, "none" for none; None: the first.
 
     Returns:
         The contents, with all notices, and the transform (4, 4) world_from_file.
@@ -69,7 +71,7 @@ def read_file(
     """
     textures, assets = TextureStore(), AssetResolver(path)
     with large_textures():
-        read, matrix = _read(path, axes, resources, textures, assets)
+        read, matrix = _read(path, axes, resources, textures, assets, animation)
     if not read.instances:
         raise SceneError("has no triangles to draw")
     notices = [*assets.notices, *textures.notices, *texture_notices(read), *read.notices]
@@ -82,8 +84,11 @@ def _read(
     resources: Sequence[Path],
     textures: TextureStore,
     assets: AssetResolver,
+    animation: str | None,
 ) -> tuple[ImportedScene, NDArray[np.float64]]:
     suffix = path.suffix.lower()
+    if suffix not in _GLTF and animation not in (None, NO_ANIMATION):
+        raise SceneError(f"animation = {animation!r}: expected a glTF file, got {suffix}")
     if suffix in _USD:
         from omnisim.scene.usd.reader import read_usd  # of an extra
 
@@ -91,7 +96,7 @@ def _read(
     data = path.read_bytes()
     matrix = world_from_file(suffix, data, axes)
     if suffix in _GLTF:
-        return read_gltf(data, textures, assets, matrix), matrix
+        return read_gltf(data, textures, assets, matrix, animation), matrix
     if _is_urdf(path):
         from omnisim.scene.resources import ResourcePath
         from omnisim.scene.urdf.reader import read_urdf  # with trimesh, slow to import

@@ -228,6 +228,9 @@ class SceneFile(Table):
     """Axis of the mesh file that points up; left out: as its format has it."""
     meters_per_unit: Positive | None = None
     """Metres in a unit of the mesh file; left out: as its format has it."""
+    animation: Name | None = None
+    """Name of the animation of a glTF file that is played, over and over; "none": none; left out:
+    the first."""
     background: LinearRgb | None = None
     """Linear RGB where nothing is hit; left out: a pale sky."""
     light: LightTable = Field(default_factory=LightTable)
@@ -252,6 +255,8 @@ class SceneFile(Table):
             raise ValueError("expected either file or extends, got both")
         if self.extends is not None and (self.up_axis or self.meters_per_unit):
             raise ValueError("expected no up_axis and no meters_per_unit with extends")
+        if self.extends is not None and self.animation is not None:
+            raise ValueError("expected no animation with extends")
         return self
 
     @field_validator("landmarks")

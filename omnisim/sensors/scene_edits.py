@@ -44,7 +44,7 @@ class EditableScene(ABC):
             SceneError: a scene that cannot be read, a name that is taken, or a matrix that is not a
                 pose.
         """
-        part = part if isinstance(part, Scene) else load_scene(part)
+        part = part if isinstance(part, Scene) else load_scene(part, animation="none")
         self.scene = self.scene.added(name, part, world_from_part)
 
     def remove(self, name: str) -> None:

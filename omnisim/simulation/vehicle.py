@@ -167,7 +167,7 @@ def _load_body(robot: Robot) -> Scene | None:
         return None
     path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
     try:
-        body = load_scene(path)
+        body = load_scene(path, animation="none")
         # pictures and fingerprints name the body: not by where this machine has it; it is no scene
         # to look around in, and has its middle for a start
         return dataclasses.replace(body, name=robot.body, start=default_start(body.bounds_m()))

@@ -70,7 +70,33 @@ def _animate(plain):
     moves = plain.gltf.accessor(np.array([[0, 0, 0], [0, 5, 0]], "<f4"), "VEC3")
     channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
     samplers = [{"input": times, "output": moves}]
-    plain.gltf.tree["animations"] = [{"channels": [channel], "samplers": samplers}]
+    animation = {"channels": [channel], "samplers": samplers}
+    plain.gltf.tree["animations"] = [animation]
+    return animation
+
+
+def _animate_twice(plain):
+    plain.gltf.tree["animations"] = [_animate(plain), {"channels": [], "samplers": []}]
+
+
+def _animate_also(**target):
+    def change(plain):
+        _animate(plain)["channels"].append({"sampler": 0, "target": target})
+
+    return change
+
+
+def _animate_joint(plain):
+    plain.skin()
+    _animate(plain)["channels"][0]["target"]["node"] = 1
+
+
+def _lamp_beside(plain, **target):
+    animation = _animate(plain)
+    plain.extend(plain.gltf.tree, "KHR_lights_punctual", lights=[{"type": "point"}])
+    plain.gltf.node(extensions={"KHR_lights_punctual": {"light": 0}})
+    if target:
+        animation["channels"].append({"sampler": 0, "target": target})
 
 
 def _camera(plain):
@@ -169,6 +195,13 @@ USES = {
     "JOINTS_1": _more_joints,
     "weights": _morph,
     "animations": _animate,
+    "interpolation": lambda p: _animate(p)["samplers"][0].update(interpolation="STEP"),
+    "further animations": _animate_twice,
+    "target: scale": _animate_also(node=0, path="scale"),
+    "target: weights": _animate_also(node=0, path="weights"),
+    "target: joints": _animate_joint,
+    "target: lights": lambda p: _lamp_beside(p, node=1, path="translation"),
+    "KHR_animation_pointer": _animate_also(path="pointer"),
     "camera": _camera,
     "baseColorFactor": lambda p: p.pbr.update(baseColorFactor=[1, 0, 0, 1]),
     "baseColorTexture": Plain.textured,
@@ -228,6 +261,13 @@ WITHOUT = {
     "wrapS, wrapT": Plain.textured,
     "magFilter: 9728": Plain.textured,
     "JOINTS_1": Plain.skin,
+    "interpolation": _animate,
+    "further animations": _animate,
+    "target: scale": _animate,
+    "target: weights": _animate,
+    "target: joints": Plain.skin,
+    "target: lights": _lamp_beside,
+    "KHR_animation_pointer": _animate,
     "specularGlossinessTexture": _glossy,
 }
 SILENT = {

@@ -14,6 +14,7 @@ from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 from omnisim.short_repr import counted
 
+_GROUPS_OF_NODES = ("weights", "reshaped", "skinned", "shining")
 _NEAREST = 9728  # OpenGL's number
 
 
@@ -58,7 +59,11 @@ class DrawnObjects:
         weights: nodes with a mesh, or that mesh, where it has the weights of morph targets.
         primitives: of the nodes' meshes.
         materials: of the primitives, without unlit ones, which have a base colour only.
-        samplers, animations: of the file.
+        samplers: of the file.
+        animations: that are not played, where none was chosen.
+        channels: of the animation that is played.
+        reshaped, skinned, shining: nodes that it changes in size or shear, whose skins it would
+            bend, and whose lights it would move.
     """
 
     nodes: Sequence[JsonObject] = ()
@@ -67,6 +72,10 @@ class DrawnObjects:
     materials: Sequence[JsonObject] = ()
     samplers: Sequence[JsonObject] = ()
     animations: Sequence[JsonObject] = ()
+    channels: Sequence[JsonObject] = ()
+    reshaped: Sequence[JsonObject] = ()
+    skinned: Sequence[JsonObject] = ()
+    shining: Sequence[JsonObject] = ()
 
 
 def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list[str]:
@@ -76,7 +85,7 @@ def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list
         if feature.support is Support.LEFT_OUT and feature.group:
             count = sum(_uses(entry, feature) for entry in getattr(drawn, feature.group))
             if count:
-                noun = "node" if feature.group == "weights" else feature.group[:-1]
+                noun = "node" if feature.group in _GROUPS_OF_NODES else feature.group[:-1]
                 notices.append(f"{feature.effect} ({counted(count, noun)})")
     known = {feature.name for feature in FEATURES} | _INVISIBLE_EXTENSIONS
     return notices + [f"{name} is not read" for name in used_extensions if name not in known]
@@ -145,7 +154,32 @@ FEATURES = (
         "weights", _LEFT_OUT, "morph targets are not applied", "weights",
         lambda holder: any(holder.array("weights")),
     ),
-    Feature("animations", _LEFT_OUT, "animations are not played", "animations", lambda _: True),
+    Feature("animations", _APPLIED, "of nodes: the first, or that of the scene's TOML; it repeats"),
+    Feature("interpolation", _APPLIED, "in steps, linear (slerp) and cubic splines"),
+    Feature(
+        "further animations", _LEFT_OUT, "animations beside the first are not played",
+        "animations", lambda _: True,
+    ),
+    Feature(
+        "target: scale", _LEFT_OUT, "animated changes of scale and shear are not played",
+        "reshaped", lambda _: True,
+    ),
+    Feature(
+        "target: weights", _LEFT_OUT, "animated morph targets rest", "channels",
+        lambda channel: channel.object("target").text("path", "") == "weights",
+    ),
+    Feature(
+        "target: joints", _LEFT_OUT, "animated skins rest in the pose of the file",
+        "skinned", lambda _: True,
+    ),
+    Feature(
+        "target: lights", _LEFT_OUT, "lights of animated nodes rest", "shining",
+        lambda _: True,
+    ),
+    Feature(
+        "KHR_animation_pointer", _LEFT_OUT, "animations of what is no node are not played", "channels",
+        lambda channel: channel.object("target").text("path", "") == "pointer",
+    ),
     Feature(
         "camera", _LEFT_OUT, "cameras are not used as viewpoints", "nodes",
         lambda node: node.has("camera"),
@@ -232,7 +266,7 @@ SUPPORTED_EXTENSIONS = frozenset(
 _INVISIBLE_EXTENSIONS = frozenset(
     (
         "EXT_mesh_features", "EXT_structural_metadata", "EXT_texture_avif",
-        "EXT_instance_features", "KHR_animation_pointer", "KHR_audio_emitter",
+        "EXT_instance_features", "KHR_audio_emitter",
         "KHR_implicit_shapes", "KHR_interactivity", "KHR_node_hoverability",
         "KHR_node_selectability", "KHR_physics_rigid_bodies", "KHR_xmp", "KHR_xmp_json_ld",
         "MSFT_lod", "MSFT_texture_dds",

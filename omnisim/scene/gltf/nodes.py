@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +12,8 @@ from omnisim.poses import rotation_from_quaternion
 from omnisim.scene.gltf.json_object import JsonObject
 
 
-def file_from_nodes(root: JsonObject, nodes: list[JsonObject]) -> dict[int, NDArray[np.float64]]:
-    """Global transforms (4, 4) of the nodes of the file's scene, in the order of drawing.
+def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | None]:
+    """Parents of the nodes of the file's scene, in the order of drawing.
 
     Without any scene, all root nodes are shown.
     """
@@ -22,18 +24,28 @@ def file_from_nodes(root: JsonObject, nodes: list[JsonObject]) -> dict[int, NDAr
     else:
         children = {child for node in nodes for child in node.indices("children", nodes)}
         roots = [index for index in range(len(nodes)) if index not in children]
-    found: dict[int, NDArray[np.float64]] = {}
-    stack = [(index, np.eye(4)) for index in roots]
+    found: dict[int, int | None] = {}
+    stack: list[tuple[int, int | None]] = [(index, None) for index in roots]
     while stack:  # depth first, last child first: instances are labelled in this order
-        index, file_from_parent = stack.pop()
+        index, parent = stack.pop()
         if index in found:
             raise SceneError(f"nodes[{index}]: expected one parent, got two, or itself as ancestor")
-        found[index] = file_from_parent @ _parent_from_node(nodes[index])
-        stack += [(child, found[index]) for child in nodes[index].indices("children", nodes)]
+        found[index] = parent
+        stack += [(child, index) for child in nodes[index].indices("children", nodes)]
     return found
 
 
-def _parent_from_node(node: JsonObject) -> NDArray[np.float64]:
+def file_from_nodes(
+    parents: Mapping[int, int | None], local: Mapping[int, NDArray[np.float64]]
+) -> dict[int, NDArray[np.float64]]:
+    """Global transforms (4, 4) of nodes, in the order of drawing, from their own."""
+    found: dict[int, NDArray[np.float64]] = {}
+    for index, parent in parents.items():
+        found[index] = (np.eye(4) if parent is None else found[parent]) @ local[index]
+    return found
+
+
+def parent_from_node(node: JsonObject) -> NDArray[np.float64]:
     """Local transform (4, 4): the matrix, or translation · rotation · scale."""
     result = np.eye(4)
     if (matrix := node.numbers("matrix", 16)) is not None:

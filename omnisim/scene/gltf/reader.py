@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -11,12 +12,14 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.gltf.accessors import Accessors
+from omnisim.scene.gltf.animated_objects import moving_objects, unplayed_parts
+from omnisim.scene.gltf.animations import animated_nodes, read_animation, transforms_at_start
 from omnisim.scene.gltf.container import read_container
 from omnisim.scene.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.lights import read_lights
 from omnisim.scene.gltf.materials import Materials, is_unlit
-from omnisim.scene.gltf.nodes import file_from_nodes
+from omnisim.scene.gltf.nodes import file_from_nodes, parent_from_node, scene_parents
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
 from omnisim.scene.gltf.skins import joint_matrices, skin_vertices
 from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
@@ -29,11 +32,13 @@ def read_gltf(
     textures: TextureStore,
     assets: AssetResolver,
     world_from_file: NDArray[np.float64],
+    animation_name: str | None = None,
 ) -> ImportedScene:
-    """Read a glTF or GLB file.
+    """Read a glTF or GLB file; it plays the animation of a name, by default the first.
 
     Raises:
-        SceneError: it is damaged, or requires an extension that is not supported.
+        SceneError: it is damaged, requires an extension that is not supported, or has no animation
+            of this name.
     """
     root, chunk = read_container(data)
     unsupported = set(map(str, root.array("extensionsRequired"))) - SUPPORTED_EXTENSIONS
@@ -43,18 +48,28 @@ def read_gltf(
             "read: export the scene without it"
         )
     nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
-    poses = file_from_nodes(root, nodes)
+    parents = scene_parents(root, nodes)
+    rest = file_from_nodes(parents, {index: parent_from_node(nodes[index]) for index in parents})
+    animation = read_animation(root, nodes, accessors, animation_name)
+    local = transforms_at_start(nodes, parents, animation)
+    poses = file_from_nodes(parents, local)
     materials = Materials(root, accessors, textures, assets)
     meshes = _Meshes(root, accessors, materials)
-    instances = tuple(meshes.instantiate(nodes, poses))
-    drawn = _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1])
+    placed = list(meshes.instantiate(nodes, poses, rest))
+    moved = animated_nodes(nodes, parents, local, animation, world_from_file)
+    objects = moving_objects(nodes, [owner for owner, _ in placed], moved, world_from_file)
+    drawn = dataclasses.replace(
+        _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]),
+        **unplayed_parts(root, nodes, animation, moved, objects),
+    )
     extensions = [str(name) for name in root.array("extensionsUsed")]
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
-        instances,
+        tuple(instance for _, instance in placed),
         [*materials.notices, *feature_notices(drawn, extensions)],
         read_lights(root, nodes, {index: world_from_file @ pose for index, pose in poses.items()}),
+        objects=objects,
     )
 
 
@@ -77,7 +92,6 @@ def _drawn_objects(
         primitives=primitives,
         materials=[materials[index] for index in lit],
         samplers=root.objects("samplers"),
-        animations=root.objects("animations"),
     )
 
 
@@ -106,9 +120,15 @@ class _Meshes:
         ]
 
     def instantiate(
-        self, nodes: list[JsonObject], poses: dict[int, NDArray[np.float64]]
-    ) -> Iterator[Instance]:
-        """Instances of the nodes; their `world_from_mesh` is still file_from_mesh."""
+        self,
+        nodes: list[JsonObject],
+        poses: dict[int, NDArray[np.float64]],
+        rest: dict[int, NDArray[np.float64]],
+    ) -> Iterator[tuple[int | None, Instance]]:
+        """Instances of the nodes, with their indices; skins have none, and the poses at rest.
+
+        Their `world_from_mesh` is still file_from_mesh.
+        """
         for index, pose in poses.items():
             node = nodes[index]
             if not node.has("mesh"):
@@ -117,10 +137,10 @@ class _Meshes:
             for part in self._parts[node.index("mesh", self._parts)]:
                 if node.has("skin") and part.primitive.has("JOINTS_0"):
                     skin = self._skins[node.index("skin", self._skins)]
-                    mesh, center = self._skin(part, joint_matrices(skin, self._accessors, poses))
-                    yield Instance(name, mesh, translate(np.eye(4), center))
+                    mesh, center = self._skin(part, joint_matrices(skin, self._accessors, rest))
+                    yield None, Instance(name, mesh, translate(np.eye(4), center))
                 else:
-                    yield Instance(name, part.mesh, translate(pose, part.center), pose)
+                    yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
 
     def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
         entries = self._materials.entries

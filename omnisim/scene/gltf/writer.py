@@ -35,16 +35,10 @@ def write_glb(scene: Scene, path: Path) -> list[str]:
     Raises:
         OutputError: it is larger than a GLB file can be.
     """
-    for each in scene.objects:
-        scene = scene.added(_free_name(scene, each.name), each.shape, each.motion.pose_at(0.0))
-    document = _Document(scene)
+    document = _Document(scene.at_start())
     with path.open("wb") as file:
         document.write(file)
     return [*document.materials.notices, *_left_out(scene)]
-
-
-def _free_name(scene: Scene, name: str) -> str:
-    return name if name not in scene.instance_names else _free_name(scene, f"{name}_")
 
 
 def _left_out(scene: Scene) -> list[str]:

@@ -162,7 +162,7 @@ def _sensor_table(
 def _body(path: Path, resources: Sequence[str | Path], notices: list[str]) -> Scene | None:
     """Model as it is drawn; None, with a notice, where it cannot be."""
     try:
-        return load_scene(path, resources=resources)
+        return load_scene(path, resources=resources, animation="none")
     except SceneError as reason:
         notices.append(f"body: left out: {reason}")
         return None
