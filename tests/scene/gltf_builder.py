@@ -119,5 +119,13 @@ def skinned_and_textured():
     gltf.node(mesh=mesh, skin=0)
     gltf.node(rotation=[0.0, 0.6, 0.0, 0.8], scale=[1.0, 2.0, -1.0], translation=[1.0, 2.0, 3.0])
     gltf.node(mesh=mesh, extensions={"KHR_lights_punctual": {"light": 0}})
+    times = gltf.accessor(np.array([0.0, 1.0], "<f4"), "SCALAR")
+    turns = gltf.accessor(np.repeat(np.eye(4, dtype="<f4")[1:3], 3, axis=0), "VEC4")
+    gltf.tree["animations"] = [
+        {
+            "channels": [{"sampler": 0, "target": {"node": 2, "path": "rotation"}}],
+            "samplers": [{"input": times, "output": turns, "interpolation": "CUBICSPLINE"}],
+        }
+    ]
     gltf.tree["buffers"] = [{"byteLength": len(gltf.blob)}]
     return gltf.tree, gltf.blob
