@@ -20,7 +20,11 @@ def run(request: SceneConvertRequest) -> None:
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
     scene = load_scene(
-        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+        request.scene,
+        request.up_axis,
+        request.meters_per_unit,
+        request.resources or (),
+        animation="none",
     )
     for notice in scene.notices:
         print_note(notice)

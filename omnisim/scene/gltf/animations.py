@@ -30,7 +30,7 @@ class Animation:
         nodes: keyframes of translation, rotation and scale, by the index of a node.
         period_s: after which it begins again.
         channels: of the file.
-        others: animations of the file that are not played, where none was asked for.
+        others: animations of the file that are not played, where none was chosen by its name.
         reshaped: nodes whose scale is left as the file has it.
     """
 
@@ -62,7 +62,7 @@ def read_animation(
     """
     entries = root.objects("animations")
     if name == NO_ANIMATION or (name is None and not entries):
-        return Animation()
+        return Animation(others=entries)
     names = [entry.text("name", f"animation {index}") for index, entry in enumerate(entries)]
     if name is not None and name not in names:
         hint = did_you_mean(name, [*names, NO_ANIMATION], "the file has")

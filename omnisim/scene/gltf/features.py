@@ -60,7 +60,7 @@ class DrawnObjects:
         primitives: of the nodes' meshes.
         materials: of the primitives, without unlit ones, which have a base colour only.
         samplers: of the file.
-        animations: that are not played, where none was chosen.
+        animations: that are not played, where none was chosen by its name.
         channels: of the animation that is played.
         reshaped, skinned, shining: nodes that it changes in size or shear, whose skins it would
             bend, and whose lights it would move.
@@ -157,7 +157,7 @@ FEATURES = (
     Feature("animations", _APPLIED, "of nodes: the first, or that of the scene's TOML; it repeats"),
     Feature("interpolation", _APPLIED, "in steps, linear (slerp) and cubic splines"),
     Feature(
-        "further animations", _LEFT_OUT, "animations beside the first are not played",
+        "further animations", _LEFT_OUT, "animations are not played",
         "animations", lambda _: True,
     ),
     Feature(
@@ -177,7 +177,8 @@ FEATURES = (
         lambda _: True,
     ),
     Feature(
-        "KHR_animation_pointer", _LEFT_OUT, "animations of what is no node are not played", "channels",
+        "KHR_animation_pointer", _LEFT_OUT, "animations of what is no node are not played",
+        "channels",
         lambda channel: channel.object("target").text("path", "") == "pointer",
     ),
     Feature(
