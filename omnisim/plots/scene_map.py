@@ -32,6 +32,8 @@ def draw_scene_map(
         ground_m: height of the ground; the cut is `CUT_M` above it.
     """
     cut_m = ground_m + CUT_M
+    if not scene.instances:  # all of it moves
+        scene = scene.at_start()
     shown, heights, colors, walls = [], [], [], []
     for instance in scene.instances:
         mesh = scene.meshes[instance.mesh]

@@ -45,7 +45,8 @@ def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
     before = scene.lighting
     is_even = before.lights is DEFAULT_LIGHTING.lights
     own = () if is_even else before.lights
-    exposed = expose((*own, *lamps), scene.meshes, scene.instances)
+    lit = scene if scene.instances else scene.at_start()  # where all of it moves
+    exposed = expose((*own, *lamps), lit.meshes, lit.instances)
     ambient = exposed.ambient if is_even else before.ambient
     return replace(before, lights=exposed.lights, exposure=exposed.exposure, ambient=ambient)
 

@@ -1,10 +1,14 @@
 """The plot of a run: what it says where things share a place, or are few."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from omnisim.plots.run_plot import run_figure, steps_to_show
 from omnisim.scene import load_scene
+from omnisim.scene.model import DynamicObject
+from omnisim.scene.object_motion import Rest
 from omnisim.trajectories import Trajectory
 
 
@@ -30,6 +34,15 @@ def test_names_of_landmarks_stay_on_the_map():
         box = found[name].get_window_extent()
         assert inside.x0 <= box.x0
         assert box.x1 <= inside.x1
+
+
+def test_a_scene_where_everything_moves_is_drawn_as_it_begins():
+    soccer = load_scene("soccer")
+    moving = DynamicObject("all", soccer, Rest((0.0, 0.0, 0.0)))
+    empty = dataclasses.replace(soccer, meshes=(), materials=(), instances=(), objects=(moving,))
+    map_of = [_figure([(0.0, 0.0)], [0], scene).axes[0] for scene in (soccer, empty)]
+    still, begun = ([one.get_paths() for one in axes.collections[:2]] for axes in map_of)
+    assert list(map(len, still)) == list(map(len, begun))
 
 
 def test_one_picture_does_not_fill_the_page():

@@ -173,7 +173,7 @@ def test_parts_and_shapes_of_objects_rest(tmp_path):
     np.testing.assert_allclose(added.bounds_m("toy"), rest.bounds_m(), atol=1e-6)
 
 
-def test_a_scene_where_everything_moves_has_bounds(tmp_path):
+def test_a_scene_where_everything_moves_has_bounds_and_exposure(tmp_path):
     gltf = Animated()
     gltf.node(name="body", mesh=gltf.triangle(positions=CORNERS))
     gltf.animate("go", (0, "translation", [0, 1], [[3, 0, 0], [4, 0, 0]], "LINEAR"))
@@ -185,6 +185,10 @@ def test_a_scene_where_everything_moves_has_bounds(tmp_path):
     low, high = expected.min(axis=1), expected.max(axis=1)
     np.testing.assert_allclose(scene.bounds_m(), [low, high], atol=1e-6)
     assert scene.at_start().objects == ()
+    (tmp_path / "scene.toml").write_text(
+        'file = "a.glb"\n[[lamps]]\nkind = "directional"\ndirection = [0, 1, 0]\nintensity = 10\n'
+    )
+    assert load_scene(tmp_path).lighting.exposure > 0.0
 
 
 def test_changes_of_shape_are_noticed(tmp_path):
