@@ -1,4 +1,4 @@
-"""Animated nodes in pictures: place and flow follow the keyframes, by SciPy."""
+"""Animated nodes in pictures: place, flow and rolling shutter follow the keyframes, by SciPy."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from omnisim import OmniCamera, Renderer, Stage, load_scene
 from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.poses import pose
+from omnisim.sensors.degradations import Degradation, Shutter
 from omnisim.world import WorldState
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
 
@@ -18,10 +19,11 @@ HERE, THERE = pose((-1.6, 0.3, 0.3), yaw_deg=8.0), pose((-1.57, 0.32, 0.3), yaw_
 LENS = EquirectangularCamera(360, 180)
 CORNERS = np.array([[x, y, z] for x in (-0.4, 0.4) for y in (-0.3, 0.3) for z in (-0.2, 0.2)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+IDEAL = Degradation()
 BACKENDS = pytest.mark.parametrize("backend", ["cube", "rays"])
 
 
-def _open(folder, backend):
+def _open(folder, backend, degradation=IDEAL):
     """A stage of a box that an animation moves, before a wall, and a renderer."""
     if backend == "rays":
         pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
@@ -36,7 +38,11 @@ def _open(folder, backend):
     )
     scene = load_scene(gltf.write(folder / "a.glb"))
     stage = Stage(scene, backend=backend)
-    return stage, Renderer(stage, OmniCamera(LENS, polygons=None, supersampling=1))
+    return stage, Renderer(stage, _camera(degradation))
+
+
+def _camera(degradation):
+    return OmniCamera(LENS, polygons=None, supersampling=1, degradation=degradation)
 
 
 def _world_from_crate(time_s):
@@ -86,3 +92,24 @@ def test_a_picture_is_of_its_time_and_repeats(backend, tmp_path):
         )
     assert (first != later).any(axis=-1).mean() > 0.005
     np.testing.assert_array_equal(first, again)
+
+
+@BACKENDS
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_picture_of_a_rolling_shutter_has_rows_of_their_times(backend, tmp_path):
+    """Camera at rest: each row is that of the picture at the middle of its sub-frame."""
+    shutter = Shutter(readout_s=0.6, sub_frames=6)
+    stage, renderer = _open(tmp_path, backend, Degradation(shutter=shutter))
+    instant = Renderer(stage, _camera(IDEAL))
+    with stage, renderer, instant:
+
+        def state_at(time_s):
+            return WorldState({renderer.vehicle: HERE}, time_s)
+
+        rolled = renderer.render(state_at(NOW_S), motion=state_at).rgb.astype(int)
+        times_s = NOW_S + (np.arange(6) + 0.5) * 0.1 - 0.3
+        instants = [instant.render(state_at(float(time_s))).rgb.astype(int) for time_s in times_s]
+    for number, expected in enumerate(instants):
+        rows = slice(30 * number + 2, 30 * number + 28)  # away from the next sub-frame's
+        np.testing.assert_allclose(rolled[rows], expected[rows], atol=1)
+    assert np.abs(rolled - instants[0]).max() > 20
