@@ -20,7 +20,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 help:
 	@echo "Each target installs missing dependencies first."
 	@echo "make demo         render a first picture: out/courtyard.png"
-	@echo "make test         run linters and the quick tests: some 4 minutes on 2 cores"
+	@echo "make test         run linters and the quick tests: some 6 minutes on 2 cores"
 	@echo "make test-all     run linters and all tests, of the documentation too"
 	@echo "make lint         run ruff and mypy"
 	@echo "make validate     validate the geometry: out/validation"

@@ -10,6 +10,7 @@ from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_p
 from omnisim.errors import PlanError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.triangles import triangles_within
+from tests.slow import slow_but
 
 RADIUS_M, HEIGHT_M, STEP_M = 0.25, 0.8, 0.05
 
@@ -43,7 +44,7 @@ def _drawn(free, count=300):
     return np.array([free.point_in(cell, (stream.share(), stream.share())) for cell in cells])
 
 
-@pytest.mark.parametrize("name", ["courtyard", "soccer"])
+@pytest.mark.parametrize("name", slow_but(["courtyard", "soccer"], "soccer"))
 def test_no_surface_is_within_the_radius(name):
     scene = load_scene(name)
     free = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M)

@@ -10,6 +10,7 @@ import pytest
 from omnisim.scene import builtin_scenes, load_scene
 from tests.same_shapes import assert_same_shapes
 from tests.scene.builder_hashes import SCENES, is_recorded
+from tests.slow import slow_but
 
 
 def test_names_of_the_builtin_scenes():
@@ -26,7 +27,7 @@ def test_builtin_scenes_load_without_notices(name):
     assert np.all(scene.start.position_m <= high)
 
 
-@pytest.mark.parametrize("name", builtin_scenes())
+@pytest.mark.parametrize("name", slow_but(builtin_scenes(), "rings", "compass", "soccer"))
 def test_committed_file_is_what_a_changed_builder_builds(name, tmp_path, monkeypatch):
     if not is_recorded(name):
         test_committed_file_is_what_the_builder_builds(name, tmp_path, monkeypatch)

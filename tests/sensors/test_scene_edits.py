@@ -198,6 +198,7 @@ def test_a_scene_may_be_empty_for_a_while():
     assert found.channels["instance"].any()
 
 
+@pytest.mark.slow
 def test_memory_is_bounded():
     with Renderer(yard(), LENS) as renderer:
         draw(renderer)

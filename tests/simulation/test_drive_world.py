@@ -75,6 +75,7 @@ def test_robots_see_each_other_and_the_ball(plans, tmp_path):
         np.testing.assert_allclose(np.linalg.norm(ball[:, :2], axis=1), 1.0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_run_in_a_world_resumes_to_the_same_bytes(plans, tmp_path):
     plan = plans["a"]
     list(plan.record(tmp_path / "whole"))

@@ -148,6 +148,7 @@ def test_boxes_3d_of_a_run(drive, tmp_path):
     assert not list((folder / "omnicam").glob("*.boxes_3d.json"))
 
 
+@pytest.mark.slow
 def test_npy_files_of_a_run_go_on_with_the_same_bytes(drive, whole, tmp_path):
     folder = tmp_path / "run"
     npy = dataclasses.replace(drive, channel_format=ChannelFormat.NPY)

@@ -133,6 +133,7 @@ def test_without_noise_it_is_the_channel_z_and_holes_are_shadows(camera):
     assert not len(band) or band.max() < expected + 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 @every_device
 def test_holes_are_what_embrees_rays_from_the_second_view_do_not_reach(camera):

@@ -47,6 +47,7 @@ def _vehicle(folder, keys=""):
 
 
 @pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["ply", "pcd"])
 def test_a_stopped_drive_goes_on_with_the_same_bytes(tmp_path, suffix):
     vehicle = _vehicle(tmp_path, f'file_format = "{suffix}"')
