@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.errors import SceneError
 from omnisim.scene.primitives import (
     Surface,
     box,
@@ -42,8 +43,15 @@ class Shape(NamedTuple):
 
 
 def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
-    """Shape of a geom; a signed distance field has that of its mesh."""
+    """Shape of a geom; a signed distance field has that of its mesh.
+
+    Raises:
+        SceneError: an infinite size.
+    """
     kind, size = Geom(int(model.geom_type[geom])), model.geom_size[geom]
+    if not np.isfinite(size).all():
+        name = model.geom(geom).name or str(geom)
+        raise SceneError(f"geom {name}: size: expected finite numbers, got {size.tolist()}")
     data = int(model.geom_dataid[geom])
     if kind in (Geom.mjGEOM_MESH, Geom.mjGEOM_SDF):
         surface, coordinates = _mesh(model, data)

@@ -187,6 +187,7 @@ def test_skins_are_bent_by_their_bones(tmp_path):
         ("<worldbody><geom type='mesh' mesh='none'/></worldbody>", "none"),
         ("<worldbody", "XML"),
         ("<worldbody/>", "has no triangles to draw"),
+        ("<worldbody><geom size='inf'/></worldbody>", "geom 0: size: expected finite numbers"),
         ("<asset><mesh file='gone.stl'/></asset>", "gone.stl"),
     ],
 )
