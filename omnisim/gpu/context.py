@@ -11,7 +11,7 @@ import os
 import threading
 import warnings
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import moderngl
 from moderngl import Context as Context  # for those who only hand it on
@@ -32,6 +32,13 @@ _users: list[int] = []  # the process that uses OpenGL, if one does: a fork inhe
 _unclosed: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # with their threads
 _idle: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # emptied, with their threads
 _MAX_IDLE = 2  # each may keep some memory of its driver
+
+
+class _Opened(NamedTuple):
+    """Device that a context was opened on, as asked for, and EGL's handle of it."""
+
+    device: int | None
+    handle: int | None
 
 
 class GraphicsInfo(NamedTuple):
@@ -62,10 +69,11 @@ def open_context(device: int | None = None) -> moderngl.Context:
         )
     _check_libraries()
     release_unclosed_contexts()
-    idle = _take_idle(device)
-    if idle is not None:
+    while (idle := _take_idle(device)) is not None:
         idle.__enter__()  # type: ignore[no-untyped-call]  # current, as a new one is
-        return idle
+        if _current_handle() == idle.extra.handle:
+            return idle
+        # another library has ended EGL's display, and with it all of its contexts
     try:
         return _open(device)
     except GraphicsError as reason:
@@ -111,11 +119,19 @@ def _take_idle(device: int | None) -> moderngl.Context | None:
         thread, context = _idle.popleft()
         if not thread.is_alive():
             context.release()
-        elif found is None and thread is threading.current_thread() and context.extra == device:
+        elif (
+            found is None
+            and thread is threading.current_thread()
+            and context.extra.device == device
+        ):
             found = context
         else:
             _idle.append((thread, context))
     return found
+
+
+def _is_here(thread: threading.Thread) -> bool:
+    return thread is threading.current_thread()
 
 
 def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
@@ -140,12 +156,20 @@ def release_unclosed_contexts() -> None:
             thread, context = _unclosed.popleft()
         except IndexError:  # another thread took it
             return
-        if thread is threading.current_thread():
+        if _is_here(thread):
             release_context(context)
         elif not thread.is_alive():
             context.release()
         else:
             _unclosed.append((thread, context))
+
+
+def _current_handle() -> int | None:
+    """EGL's handle of this thread's current context, or None: there is none."""
+    get: Any = ctypes.CDLL(_LIBRARIES[0]).eglGetCurrentContext
+    get.restype = ctypes.c_void_p
+    handle: int | None = get()
+    return handle
 
 
 def _check_libraries() -> None:
@@ -171,7 +195,7 @@ def _open(device: int | None) -> moderngl.Context:
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
-    context.extra = device
+    context.extra = _Opened(device, _current_handle())
     context.gc_mode = "context_gc"  # `context.gc()` frees unreferenced objects
     return context
 

@@ -82,3 +82,26 @@ def test_a_thread_uses_no_context_of_another(needs_opengl):
         executor.submit(other.release).result()
     assert open_context() is context
     context.release()
+
+
+ENDED_DISPLAY = """
+import ctypes
+from omnisim.gpu.context import open_context, release_context
+first = open_context()
+egl = ctypes.CDLL("libEGL.so.1")
+egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
+display = egl.eglGetCurrentDisplay()
+release_context(first)
+assert egl.eglReleaseThread()
+assert egl.eglTerminate(ctypes.c_void_p(display))  # as pyrender does
+second = open_context()
+second.texture((4, 4), 4)
+assert second.error == "GL_NO_ERROR"
+"""
+
+
+def test_a_display_that_another_library_ended_opens_again(needs_opengl):
+    done = subprocess.run(
+        [sys.executable, "-c", ENDED_DISPLAY], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
