@@ -7,13 +7,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from omnisim.atomic_file import write_text
 from omnisim.datasets.card import write_card
 from omnisim.datasets.manifest import MANIFEST, Manifest
 from omnisim.datasets.prepared_plan import PreparedPlan
-from omnisim.datasets.shard import ShardMaker, find_shard
+from omnisim.datasets.shard import ShardMaker, ShardSummary, find_shard
 from omnisim.datasets.workers import Job, Made, make_shards, scratch_folder, threads_shared
 from omnisim.errors import OutputError, PlanError
 
@@ -129,7 +128,7 @@ class Generation:
             write_text(target, content)
         return manifest
 
-    def _found(self, number: int) -> Any:
+    def _found(self, number: int) -> ShardSummary | None:
         found = find_shard(self.job.folder, number)
         return found if found is not None and found.plan == self.prepared.fingerprint else None
 

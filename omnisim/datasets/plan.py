@@ -232,7 +232,7 @@ class Plan(Table):
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
     """Number of shards."""
     seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] = 0
-    """Of all that is drawn: another seed, other pictures."""
+    """Seed of all that is drawn: another seed, other pictures."""
     picture_format: Literal["png", "jpg"] = "png"
     """File format of the pictures."""
     channel_format: Literal["auto", "npy"] = "auto"
