@@ -104,12 +104,12 @@ class StoredChannels:
         described = self._described.get(name, {})
         try:
             if "npy" in described:
-                path = self._picture.with_name(str(described["npy"]["file"]))
+                path = self._beside(described["npy"]["file"])
                 values = read_npy(path)
             elif CHANNELS[name].layers[0] in self._layers:
                 values = _from_layers(name, self._layers)
             else:
-                path = self._picture.with_name(str(described["files"][0]))
+                path = self._beside(described["files"][0])
                 values = _decode(path, name, described)
         except OmnisimError:
             raise
@@ -122,6 +122,12 @@ class StoredChannels:
             raise OutputError(f"{self._picture}: channel {name!r}: expected {dtype}")
         typed: NDArray[Any] = values.astype(dtype, copy=False)
         return typed
+
+    def _beside(self, name: object) -> Path:
+        """Path of a file beside the picture; a ValueError, where that is no file's name."""
+        if not isinstance(name, str) or not name.isprintable():
+            raise ValueError(name)
+        return self._picture.with_name(name)
 
 
 def _from_layers(name: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArray[Any]:

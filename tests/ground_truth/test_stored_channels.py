@@ -80,6 +80,19 @@ def test_what_is_not_there_or_of_another_picture_is_refused(tmp_path):
         nothing.read(["range"])
 
 
+@pytest.mark.parametrize("name", ["\x1b[31m\n", "../a.png", 3])
+def test_what_is_no_files_name_is_refused_in_one_line(tmp_path, name):
+    _frame({"range": _channels()["range"]}).save(tmp_path / "a.png")
+    description = tmp_path / "a.channels.json"
+    content = json.loads(description.read_text())
+    content["channels"]["range"]["files"] = [name]
+    description.write_text(json.dumps(content))
+    stored = StoredChannels(tmp_path / "a.png", METADATA)
+    with pytest.raises(OutputError, match=r"a\.png: channel 'range': its file is") as error:
+        stored.read(["range"])
+    assert "\n" not in str(error.value)
+
+
 def test_numbers_that_are_no_labels_are_refused(tmp_path):
     wrong = np.full((2, 3), np.nan, dtype=np.float32)
     for value in (-1.0, np.inf, np.nan):
