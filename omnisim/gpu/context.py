@@ -17,7 +17,7 @@ import moderngl
 from moderngl import Context as Context  # for those who only hand it on
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.gl_functions import clip_depth_from_zero_to_one
+from omnisim.gpu.gl_functions import clip_depth_from_zero_to_one, delete_texture
 
 REQUIRED_VERSION = 450
 INSTALL_HINT = (
@@ -35,10 +35,11 @@ _MAX_IDLE = 2  # each may keep some memory of its driver
 
 
 class _Opened(NamedTuple):
-    """Device that a context was opened on, as asked for, and EGL's handle of it."""
+    """Context's device, as asked for, EGL's handle, and textures to delete, not moderngl's."""
 
     device: int | None
     handle: int | None
+    dropped_textures: list[int]
 
 
 class GraphicsInfo(NamedTuple):
@@ -103,13 +104,20 @@ def release_context(context: moderngl.Context) -> None:
         return
     with context:
         context.detect_framebuffer(0).use()  # the last one that was used is kept
-        context.gc()
+        collect_garbage(context)
         context.finish()  # the driver keeps what commands under way use
         is_sound = context.error == "GL_NO_ERROR"
     if is_sound and len(_idle) < _MAX_IDLE:
         _idle.append((threading.current_thread(), context))
     else:
         context.release()
+
+
+def collect_garbage(context: moderngl.Context) -> None:
+    """Free what is no longer used of a context, which is current."""
+    context.gc()
+    while context.extra.dropped_textures:
+        delete_texture(context.extra.dropped_textures.pop())
 
 
 def _take_idle(device: int | None) -> moderngl.Context | None:
@@ -195,8 +203,8 @@ def _open(device: int | None) -> moderngl.Context:
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
-    context.extra = _Opened(device, _current_handle())
-    context.gc_mode = "context_gc"  # `context.gc()` frees unreferenced objects
+    context.extra = _Opened(device, _current_handle(), [])
+    context.gc_mode = "context_gc"  # `collect_garbage` frees unreferenced objects
     return context
 
 

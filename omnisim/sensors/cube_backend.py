@@ -20,6 +20,7 @@ from omnisim.gpu.capture.picture_pass import RemapPass
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import (
     check_process,
+    collect_garbage,
     graphics_info,
     open_context,
     release_context,
@@ -122,7 +123,7 @@ class CubeBackend(SceneBackend):
             raise GraphicsError("this stage is closed: open a new one")
         release_unclosed_contexts()
         with self.context:
-            self.context.gc()  # renderers that were dropped and not closed
+            collect_garbage(self.context)  # renderers that were dropped and not closed
             yield
 
     def update(self, scene: Scene) -> None:
@@ -245,7 +246,7 @@ class CubeCamera(CameraBackend):
         """Source of its ground truth, able to give albedo if it is asked for."""
         if self._hit_source is None or (albedo and not self._hit_source.has_albedo):
             self._hit_source = CubeHits(self._graphics, self._sensor, self._cameras, albedo)
-            self._graphics.context.gc()
+            collect_garbage(self._graphics.context)
         return self._hit_source
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:

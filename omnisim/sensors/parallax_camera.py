@@ -15,6 +15,7 @@ from omnisim.gpu.capture.depth_pyramid import DepthPyramid
 from omnisim.gpu.capture.parallax_pass import ParallaxPass
 from omnisim.gpu.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.gpu.capture.pixel_map import PixelMap
+from omnisim.gpu.context import collect_garbage
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.parallax_pipeline import ParallaxPipeline
 from omnisim.gpu.pipeline import DegradedPipeline, Readback, ScenePoses
@@ -137,7 +138,7 @@ class ParallaxCamera(CameraBackend):
         """Source of its ground truth, able to give albedo if it is asked for."""
         if self._hit_source is None or (albedo and not self._hit_source.has_albedo):
             self._hit_source = self.make_hits(albedo, self._casts)
-            self._drawn.buffers.context.gc()
+            collect_garbage(self._drawn.buffers.context)
         return self._hit_source
 
     def make_hits(self, albedo: bool, casts: bool) -> ParallaxHits:

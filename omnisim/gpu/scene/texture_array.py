@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 
 import moderngl
@@ -57,11 +58,10 @@ class TextureArray:
         for texture in textures:
             texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             texture.repeat_x, texture.repeat_y = repeats
-
-    def release_layers(self) -> None:
-        """Release the textures of single layers, which are not moderngl's to free."""
-        for layer in self.layers:
-            gl_functions.delete_texture(layer.glo)
+        # the layers are not moderngl's to free, and hold the memory of the array
+        names = [layer.glo for layer in self.layers]
+        dropped = weakref.finalize(self, context.extra.dropped_textures.extend, names)
+        dropped.atexit = False  # the end of the process frees it
 
 
 def bind_maps(maps: Sequence[TextureArray | None]) -> None:

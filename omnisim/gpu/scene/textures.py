@@ -61,8 +61,9 @@ class MaterialTextures:
         self._reflectances: dict[tuple[object, ...], tuple[Material, Reflectance]] = {}
         self._layers: dict[_Key, MaterialTexture] = {}
         self._sources: dict[_Key, Texture] = {}  # kept, so that no other gets the same identity
-        white = TextureArray(context, [[np.full((1, 1, 4), 255, dtype=np.uint8)]], (True, True))
-        self._white = MaterialTexture(None, 0, white.layers[0])
+        pixels = np.full((1, 1, 4), 255, dtype=np.uint8)
+        self._white_array = TextureArray(context, [[pixels]], (True, True))
+        self._white = MaterialTexture(None, 0, self._white_array.layers[0])
 
     def find(self, material: Material, mesh: Mesh) -> MaterialTexture:
         """Texture of a material on a mesh.
@@ -81,9 +82,6 @@ class MaterialTextures:
         if not used:
             self.table, self._reflectances = MaterialTable(self._context), {}
         arrays = {id(array) for one in used for array in one.arrays}
-        for one in {id(one.array): one.array for one in self._layers.values()}.values():
-            if one is not None and id(one) not in arrays:
-                one.release_layers()
         self._layers = {key: one for key, one in self._layers.items() if id(one.array) in arrays}
         self._sources = {key: self._sources[key] for key in self._layers}
 
