@@ -6,7 +6,6 @@ import gc
 import numpy as np
 
 from omnisim.gpu.context import collect_garbage
-from omnisim.gpu.gl_functions import gl_function
 from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.scene.textures import MaterialTextures
 
