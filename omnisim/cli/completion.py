@@ -14,9 +14,9 @@ import typer
 from omnisim.resources import SCENES, built_in
 
 CHANNELS = (
-    "range", "z", "position", "normals", "normals_camera", "albedo", "semantic", "instance",
-    "flow", "occluded", "flow_backward", "occluded_backward", "scene_flow", "scene_flow_camera",
-    "valid",
+    "range", "z", "position", "normals", "normals_camera", "albedo", "roughness", "metallic",
+    "emissive", "semantic", "instance", "flow", "occluded", "flow_backward", "occluded_backward",
+    "scene_flow", "scene_flow_camera", "valid",
 )  # fmt: skip
 CALIBRATION_FORMATS = (
     "omnisim", "kalibr", "kitti360", "opencv_omnidir", "opencv_fisheye", "opencv_pinhole", "ros",

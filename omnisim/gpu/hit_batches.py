@@ -9,26 +9,28 @@ import numpy as np
 
 from omnisim.gpu.batch_pipeline import MAX_SLICE_BYTES
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
-from omnisim.gpu.ground_truth.ray_hit_pass import ALBEDO_UNIT, RayHitPass, hits_target, read_hits
+from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target, read_hits
 from omnisim.gpu.ground_truth.visibility_layers import VisibilityLayers
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.scene.cube_layers import EXTENSIONS
 from omnisim.gpu.uniforms import uniform
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 
-# Triangle IDs, base colours and depth of a texel; points, primitives, normals and base colours.
+# Triangle IDs, base colours and depth of a texel; points, primitives, normals and base colours. And
+# what materials take.
 _TEXEL_BYTES, _PIXEL_BYTES = 12, 48
+_MATERIAL_TEXEL_BYTES, _MATERIAL_PIXEL_BYTES = 12, 16
 
 
 class _Variant:
     """Program for some of the channels, and the target of its pictures."""
 
-    def __init__(self, passes: RayHitPass, normals: bool, albedos: bool, count: int):
+    def __init__(self, passes: RayHitPass, details: HitDetails, count: int):
         context, (width, height) = passes.pixels.context, passes.pixels.size_px
-        self.normals, self.albedos = normals, albedos
-        self.layers = VisibilityLayers(passes.visibility, count, albedos)
-        self.program = passes.build_program(normals, albedos, "BATCH")
+        self.details = details
+        self.layers = VisibilityLayers(passes.visibility, count, details)
+        self.program = passes.build_program(details, "BATCH")
         self.array = valid_pixels_array(context, self.program, passes.pixels.valid)
         uniform(self.program, "u_pictures").value = self.count = count
         with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
@@ -36,7 +38,7 @@ class _Variant:
             held = [
                 context.renderbuffer(size, 4, dtype="f4"), context.renderbuffer(size, 2, dtype="u4")
             ]  # fmt: skip
-            self.target = hits_target(context, size, held, normals, albedos)
+            self.target = hits_target(context, size, held, details)
 
 
 class HitBatches:
@@ -54,8 +56,7 @@ class HitBatches:
         """Hit what the buffers have now."""
         self._variant = None
 
-    @property
-    def slice_length(self) -> int:
+    def slice_length(self, details: HitDetails = NO_DETAILS) -> int:
         """Most pictures that are drawn together; 1: they are better drawn one by one."""
         passes = self._passes
         visibility, context = passes.visibility, passes.pixels.context
@@ -65,6 +66,9 @@ class HitBatches:
         limits, (width, height) = context.info, passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px
         picture_bytes = _TEXEL_BYTES * texels + _PIXEL_BYTES * width * height
+        if details.materials:
+            picture_bytes += _MATERIAL_TEXEL_BYTES * texels
+            picture_bytes += _MATERIAL_PIXEL_BYTES * width * height
         picture_bytes += visibility.command_bytes + passes.tables.picture_bytes
         most_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         return max(
@@ -77,22 +81,18 @@ class HitBatches:
             ),
         )
 
-    def hits(
-        self, poses: Sequence[ScenePoses], normals: bool = False, albedos: bool = False
-    ) -> Iterator[Hits]:
+    def hits(self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS) -> Iterator[Hits]:
         """Hits of each picture, in order; see `RayHitPass.render`."""
-        length = min(self.slice_length, len(poses))
+        length = min(self.slice_length(details), len(poses))
         if length <= 1:
-            yield from (self._passes.render(*one, normals, albedos) for one in poses)
+            yield from (self._passes.render(*one, details) for one in poses)
             return
         length = -(-len(poses) // -(-len(poses) // length))
         for first in range(0, len(poses), length):
-            yield from self._draw(poses[first : first + length], length, normals, albedos)
+            yield from self._draw(poses[first : first + length], length, details)
 
-    def _draw(
-        self, poses: Sequence[ScenePoses], count: int, normals: bool, albedos: bool
-    ) -> list[Hits]:
-        passes, variant = self._passes, self._reserve(count, normals, albedos)
+    def _draw(self, poses: Sequence[ScenePoses], count: int, details: HitDetails) -> list[Hits]:
+        passes, variant = self._passes, self._reserve(count, details)
         layers, buffers = variant.layers, passes.visibility.buffers
         layers.draw(poses)
         variant.target.use()
@@ -103,20 +103,16 @@ class HitBatches:
             np.array([rig[:3, :3] @ optical for rig, _ in poses]),
         )
         passes.bind()
-        if layers.albedos is not None:
-            layers.albedos.use(ALBEDO_UNIT)
+        bind_details(layers.details, details)
         passes.bind_geometry()
         uniform(variant.program, "u_draw_item_count").value = 1 + len(buffers.draw_items)
         variant.array.render(moderngl.TRIANGLES, instances=len(poses))
-        return read_hits(variant.target, passes.pixels.size_px, len(poses), normals, albedos)
+        return read_hits(variant.target, passes.pixels.size_px, len(poses), details)
 
-    def _reserve(self, count: int, normals: bool, albedos: bool) -> _Variant:
+    def _reserve(self, count: int, details: HitDetails) -> _Variant:
         """Program and layers for at least so many pictures, at most twice as many."""
         found = self._variant
-        if found is None or not (
-            (found.normals, found.albedos) == (normals, albedos)
-            and count <= found.count <= 2 * count
-        ):
+        if found is None or not (found.details == details and count <= found.count <= 2 * count):
             self._variant = None  # frees its memory first
-            self._variant = found = _Variant(self._passes, normals, albedos, count)
+            self._variant = found = _Variant(self._passes, details, count)
         return found

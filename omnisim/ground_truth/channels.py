@@ -75,6 +75,23 @@ CHANNELS = {
             "base colour without any light, linear RGB; 0: nothing is hit",
         ),
         Channel(
+            "roughness", ("roughness",), "float32", "",
+            "roughness of glTF's materials, maps applied: 0 smooth, 1 rough, as are matte "
+            "surfaces; NaN: nothing is hit",
+            math.nan,
+        ),
+        Channel(
+            "metallic", ("metallic",), "float32", "",
+            "metalness of glTF's materials, maps applied: 0 dielectric, 1 metal; "
+            "NaN: nothing is hit",
+            math.nan,
+        ),
+        Channel(
+            "emissive", tuple(f"emissive.{color}" for color in "RGB"), "float32", "",
+            "light that the surface emits, maps applied, linear RGB: 1 is white, whatever the "
+            "exposure; 0: nothing is hit",
+        ),
+        Channel(
             "semantic", ("semantic",), "uint16", "",
             "number of the class, see the label table; 0: nothing is hit",
         ),
@@ -133,6 +150,8 @@ _SYNONYMS = {
     "forward_flow": "flow",
     "flow_forward": "flow",
     "backward_flow": "flow_backward",
+    "metalness": "metallic",
+    "emission": "emissive",
 }
 
 

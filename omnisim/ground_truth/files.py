@@ -6,6 +6,8 @@
     frame.scene_flow.exr, frame.scene_flow_camera.exr    likewise
     frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: nothing is hit
     frame.albedo.png            8 bits, sRGB
+    frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: nothing is hit
+    frame.emissive.exr          as in the EXR of all channels
     frame.semantic.png          8 bits, or 16 where a class has a number above 255
     frame.instance.png          16 bits
     frame.flow.flo, frame.flow.png             Middlebury's and KITTI's format
@@ -171,11 +173,19 @@ def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:
     return np.where(np.any(normals != 0, axis=-1, keepdims=True), steps, 0).astype(np.uint16)
 
 
+def _share_steps(shares: NDArray[Any]) -> NDArray[np.uint16]:
+    steps = np.rint(1.0 + (_LARGEST - 1) * np.clip(shares, 0.0, 1.0))
+    return np.where(np.isnan(shares), 0.0, steps).astype(np.uint16)
+
+
 # Values as the numbers of a PNG file, and the scale that its description states.
+_SHARE_SCALE = {"zero": 1, "steps_per_unit": _LARGEST - 1}
 _NORMAL_SCALE = {"zero": 32768, "steps_per_unit": 32767}
 _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]]] = {
     "normals": (_normal_steps, _NORMAL_SCALE),
     "normals_camera": (_normal_steps, _NORMAL_SCALE),
+    "roughness": (_share_steps, _SHARE_SCALE),
+    "metallic": (_share_steps, _SHARE_SCALE),
     "valid": (lambda valid: (255 * valid).astype(np.uint8), {"true": 255}),
     "occluded": (lambda occluded: occluded, {}),
     "occluded_backward": (lambda occluded: occluded, {}),

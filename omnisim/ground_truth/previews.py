@@ -26,7 +26,8 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     """False colours (height, width, 3) uint8, sRGB, of a channel; black where there is nothing.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
-    and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Flow:
+    and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Roughness
+    and metalness: dark at 0, white at 1; light emitted as in the picture, clipped. Flow:
     direction as hue, root of the length as saturation, full at the 95th percentile. Scene
     flow: x, y, z as red, green, blue, grey at rest, full at the 99th percentile. Occlusion: green
     visible, red occluded, yellow outside.
@@ -97,6 +98,12 @@ def _normals(normals: NDArray[Any]) -> NDArray[np.uint8]:
     return colors
 
 
+def _shares(shares: NDArray[Any]) -> NDArray[np.uint8]:
+    # black stands for nothing
+    grey = np.where(np.isnan(shares), 0.0, 40.0 + 215.0 * np.clip(shares, 0.0, 1.0))
+    return np.repeat(np.rint(grey)[..., None], 3, axis=-1).astype(np.uint8)
+
+
 def _ids(ids: NDArray[Any]) -> NDArray[np.uint8]:
     present, indices = np.unique(ids, return_inverse=True)
     palette = [_NOTHING if number == 0 else distinct_color(number) for number in present.tolist()]
@@ -146,6 +153,9 @@ _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
     "normals": _normals,
     "normals_camera": _normals,
     "albedo": srgb8_from_linear,
+    "roughness": _shares,
+    "metallic": _shares,
+    "emissive": lambda light: srgb8_from_linear(np.clip(light, 0.0, 1.0)),
     "semantic": _ids,
     "instance": _ids,
     "flow": _flow,

@@ -149,6 +149,9 @@ def _decode(path: Path, name: str, described: Mapping[str, Any]) -> NDArray[Any]
         return np.where(stored.any(axis=-1, keepdims=True), normals, 0.0)
     numbers = stored[..., 0]
     values: NDArray[Any] = numbers // described.get("true", 1)
+    if name in ("roughness", "metallic"):
+        shares = (numbers.astype(np.float64) - described["zero"]) / described["steps_per_unit"]
+        values = np.where(numbers > 0, shares, np.nan)
     if name == "range":
         is_hit = (numbers != described["outside"]) & (numbers != described["nothing_hit"])
         values = np.where(is_hit, numbers / described["steps_per_m"], np.inf)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, NonCentralCamera, pixels_of_points
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.rays.caster import Rays
 from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.embree import NO_TRIANGLE
 from omnisim.rays.ray_scene import ObjectState, RayScene
+from omnisim.rays.shading import View
 
 # A hit nearer than the point by more than this share occludes it, as in occlusion.frag.
 _NEARER = 1e-3
@@ -45,8 +47,7 @@ def cast_hits(
     footprints: NDArray[np.float32],
     viewpoint_m: NDArray[np.float64],
     objects: ObjectState,
-    normals: bool,
-    albedos: bool,
+    details: HitDetails,
 ) -> CastHits:
     """Cast rays (n,), world; points are counted from a viewpoint (3,).
 
@@ -56,7 +57,7 @@ def cast_hits(
         footprints: (n, 2, 3), see `RayScene.radiance`.
         viewpoint_m: (3,) world.
         objects: the dynamic objects.
-        normals, albedos: also give these; zeros otherwise.
+        details: of the surfaces; others are empty.
     """
     poses, geometry, shading = objects.world_from_objects, scene.caster.geometry, scene.shading
     first = scene.first_hits(rays, objects, footprints=footprints)
@@ -72,13 +73,17 @@ def cast_hits(
     surfaces = shading.surfaces(exact)
     draws_plus_one[hit] = surfaces + 1
     triangles[hit] = exact.triangles - geometry.first_of_surface[surfaces]
-    found = [np.zeros((len(points), 3), dtype=np.float32) for _ in range(2)]
-    if normals:
-        found[0][hit] = shading.normals(exact, poses)
-    if albedos:
-        colors = shading.base_colors(some, exact, poses, footprints[hit])
-        found[1][hit] = colors[:, :3]
-    return CastHits(Hits(points, draws_plus_one, triangles, *found), first.triangles)
+    view = View(some, exact, poses, footprints[hit])
+    find: dict[str, Callable[[], NDArray[np.float32]]] = {
+        "normals": lambda: shading.normals(exact, poses),
+        "albedos": lambda: shading.base_colors(*view)[:, :3],
+        "materials": lambda: shading.materials(view),
+    }
+    found = {name: np.empty((0, 0), dtype=np.float32) for name in find}
+    for name, numbers in details.components.items():
+        found[name] = np.zeros((len(points), numbers), dtype=np.float32)
+        found[name][hit] = find[name]()
+    return CastHits(Hits(points, draws_plus_one, triangles, **found), first.triangles)
 
 
 def moved_points(seen: SeenPoints, other_from_current: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.rays.cast_hits import (
     CastHits,
     SeenPoints,
@@ -54,16 +54,12 @@ class PixelHits:
         self,
         world_from_rig: NDArray[np.float64],
         objects: ObjectState,
-        normals: bool,
-        albedos: bool,
+        details: HitDetails,
     ) -> Hits:
-        """Cast all rays from a pose (4, 4).
-
-        Normals and albedos have no rows where they are not asked for.
-        """
+        """Cast all rays from a pose (4, 4)."""
 
         def of_band(number: int) -> CastHits:
-            return self._cast_band(number, world_from_rig, objects, normals, albedos)
+            return self._cast_band(number, world_from_rig, objects, details)
 
         bands = self._scene.in_threads(of_band, self._bands)
         hits = [band.hits for band in bands]
@@ -71,12 +67,14 @@ class PixelHits:
         self._draws_plus_one = np.concatenate([one.draws_plus_one for one in hits])
         self._points_m = np.concatenate([one.points_m for one in hits]).astype(np.float64)
         none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
+        found = dict.fromkeys(details._fields, none)
+        for name in details.components:
+            found[name] = self._placed([getattr(one, name) for one in hits], 0.0)
         return Hits(
             self._placed([one.points_and_ranges_m for one in hits], (0.0, 0.0, 0.0, np.inf)),
             self._placed([one.draws_plus_one for one in hits], 0),
             self._placed([one.triangles for one in hits], 0),
-            self._placed([one.normals for one in hits], 0.0) if normals else none,
-            self._placed([one.albedos for one in hits], 0.0) if albedos else none,
+            **found,
         )
 
     def occluded(
@@ -107,8 +105,7 @@ class PixelHits:
         number: int,
         world_from_rig: NDArray[np.float64],
         objects: ObjectState,
-        normals: bool,
-        albedos: bool,
+        details: HitDetails,
     ) -> CastHits:
         band, camera = self._pixels.band(number), self._pixels.camera
         world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
@@ -118,8 +115,7 @@ class PixelHits:
             band.world_footprints(world_from_optical),
             world_from_rig[:3, 3],
             objects,
-            normals,
-            albedos,
+            details,
         )
 
     def _occluded(

@@ -28,13 +28,18 @@ LEVEL_BIAS = -0.5
 _DARKEST = 1e-20
 
 
-class _View(NamedTuple):
+class View(NamedTuple):
     """Rays (n,) that hit, with their footprints, see `Shading.base_colors`."""
 
     rays: Rays
     hits: RayHits
     world_from_objects: Poses
     footprints: NDArray[np.float32] | None
+
+    def take(self, some: NDArray[np.intp]) -> View:
+        """View of some of the rays."""
+        footprints = None if self.footprints is None else self.footprints[some]
+        return View(self.rays.take(some), self.hits.take(some), self.world_from_objects, footprints)
 
 
 class Shading:
@@ -89,7 +94,7 @@ class Shading:
         textures = self._textures.texture_of_surface[surfaces]
         textured = np.flatnonzero(textures >= 0)
         if len(textured):
-            view = _View(rays, hits, world_from_objects, footprints)
+            view = View(rays, hits, world_from_objects, footprints)
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
 
@@ -97,7 +102,7 @@ class Shading:
         self,
         table: TextureTable,
         textures: NDArray[np.intp],
-        view: _View,
+        view: View,
         some: NDArray[np.intp],
     ) -> NDArray[np.float32]:
         """Texels (n, 4) of textures (n,) at some of the hits."""
@@ -140,6 +145,18 @@ class Shading:
         normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
         return normals
 
+    def materials(self, view: View) -> NDArray[np.float32]:
+        """Roughness, metalness and emission (n, 5), see `Hits.materials`."""
+        surfaces = self.surfaces(view.hits)
+        found = np.zeros((len(surfaces), 5), dtype=np.float32)
+        found[:, 0] = 1.0
+        glossy = np.flatnonzero(~self.table.is_matte[surfaces])
+        if len(glossy):
+            values = self.table.values(surfaces[glossy], self._sampler(view.take(glossy)))
+            found[glossy, 0], found[glossy, 1] = values.roughness, values.metallic
+            found[glossy, 2:] = values.emissive
+        return found
+
     def lit(
         self,
         colors: NDArray[np.float32],
@@ -159,8 +176,7 @@ class Shading:
         light *= colors[:, :3]
         glossy = np.flatnonzero(~self.table.is_matte[surfaces])
         if len(glossy):
-            some = None if footprints is None else footprints[glossy]
-            view = _View(rays.take(glossy), hits.take(glossy), world_from_objects, some)
+            view = View(rays, hits, world_from_objects, footprints).take(glossy)
             light[glossy] = self._reflected(
                 colors[glossy, :3], view, [lamp.take(glossy) for lamp in lamps], normals[glossy]
             )
@@ -169,23 +185,28 @@ class Shading:
     def _reflected(
         self,
         colors: NDArray[np.float32],
-        view: _View,
+        view: View,
         lamps: Sequence[LampLight],
         normals: NDArray[np.float32],
     ) -> NDArray[np.float32]:
         """Light (n, 3) of surfaces that are not matte."""
+        surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
+        placed = Placed(self._mapped(normals, view, sampled), normals, -view.rays.directions)
+        reflectance = self.table.reflectance(surfaces, colors, sampled)
+        return reflected_light(reflectance, placed, self._lighting, lamps).astype(np.float32)
+
+    def _sampler(self, view: View) -> Sampler:
+        """Look-up of maps at some of the hits."""
         surfaces = self.surfaces(view.hits)
 
         def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
             table = self.table.maps[slot]
             return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
 
-        placed = Placed(self._mapped(normals, view, sampled), normals, -view.rays.directions)
-        reflectance = self.table.reflectance(surfaces, colors, sampled)
-        return reflected_light(reflectance, placed, self._lighting, lamps).astype(np.float32)
+        return sampled
 
     def _mapped(
-        self, normals: NDArray[np.float32], view: _View, sampled: Sampler
+        self, normals: NDArray[np.float32], view: View, sampled: Sampler
     ) -> NDArray[np.float32]:
         """Normals (n, 3) of normal maps, for those that have one."""
         surfaces = self.surfaces(view.hits)

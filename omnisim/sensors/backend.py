@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OpticsError
 from omnisim.gpu.pipeline import Readback, ScenePoses
+from omnisim.ground_truth.hits import HitDetails
 from omnisim.ground_truth.labels import Labels
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
 from omnisim.scene import Scene
@@ -128,8 +129,8 @@ class CameraBackend(ABC):
         return None
 
     @abstractmethod
-    def hit_source(self, albedo: bool) -> HitSource:
-        """Source of its ground truth, able to give albedo if it is asked for; made on first use."""
+    def hit_source(self, details: HitDetails) -> HitSource:
+        """Source of its ground truth, able to give these details; made on first use."""
 
     @abstractmethod
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
@@ -139,9 +140,9 @@ class CameraBackend(ABC):
             GraphicsError: it has none.
         """
 
-    def ground_truth(self, albedo: bool) -> GroundTruth:
-        """Ground truth, able to give albedo if it is asked for."""
-        source = self.hit_source(albedo)
+    def ground_truth(self, names: Collection[str]) -> GroundTruth:
+        """Ground truth, able to give channels of these names."""
+        source = self.hit_source(HitDetails.of_channels(names))
         if self._ground_truth is None or self._ground_truth[0] is not source:
             truth = GroundTruth(source, self._find_labels(), list(self.world.objects))
             self._ground_truth = source, truth

@@ -225,7 +225,7 @@ def fill_channels(
         poses: of each picture.
         others: those of the "next" and the "previous" pictures, where channels need them.
     """
-    truth = passes.ground_truth("albedo" in arrays)
+    truth = passes.ground_truth(arrays)
     for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):
         for name, values in channels.items():
             arrays[name][number] = values

@@ -46,7 +46,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.gpu.shadows.shadow_maps import ShadowMaps
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.ground_truth.lidar_beams import LidarBeams
 from omnisim.scene import Scene
 from omnisim.sensors.backend import (
@@ -242,12 +242,14 @@ class CubeCamera(CameraBackend):
         pipeline = self._pipeline
         return BatchPipeline(pipeline.context, self.cube, picture_pass, pipeline.size_px)
 
-    def hit_source(self, albedo: bool) -> CubeHits:
-        """Source of its ground truth, able to give albedo if it is asked for."""
-        if self._hit_source is None or (albedo and not self._hit_source.has_albedo):
-            self._hit_source = CubeHits(self._graphics, self._sensor, self._cameras, albedo)
+    def hit_source(self, details: HitDetails) -> CubeHits:
+        """Source of its ground truth, able to give these details."""
+        held = self._hit_source
+        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
+        if held is None or wanted != held.details:
+            self._hit_source = held = CubeHits(self._graphics, self._sensor, self._cameras, wanted)
             collect_garbage(self._graphics.context)
-        return self._hit_source
+        return held
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
         """Pictures (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
@@ -285,21 +287,25 @@ class CubeHits(HitSource):
         graphics: its context is current, here and in all methods.
         sensor: the camera.
         cameras: depth range and hidden instances count.
-        albedo: whether albedo will be asked for.
+        details: that will be asked for.
 
     Attributes:
-        has_albedo: as given.
+        details: as given.
     """
 
     def __init__(
-        self, graphics: CubeBackend, sensor: OmniCamera, cameras: VirtualCameras, albedo: bool
+        self,
+        graphics: CubeBackend,
+        sensor: OmniCamera,
+        cameras: VirtualCameras,
+        details: HitDetails,
     ):
-        self.camera, self.polygons, self.has_albedo = sensor.model, sensor.mesh_polygons, albedo
+        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
         self._graphics = graphics
         self._pixels = PixelMap(graphics.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
         self._passes = RayHitPass(
-            VisibilityPass(graphics.buffers, plan, cameras, albedo), self._pixels
+            VisibilityPass(graphics.buffers, plan, cameras, details), self._pixels
         )
         self.has_ray = self._pixels.valid
         self._find_draws()
@@ -319,15 +325,15 @@ class CubeHits(HitSource):
         """Unit rays (height, width, 3), optical frame."""
         return self._pixels.read_rays()[0]
 
-    def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
         """Intersect all rays with what is seen around them."""
-        return self._passes.render(*poses, normals=normals, albedos=albedos)
+        return self._passes.render(*poses, details=details)
 
     def batch_hits(
-        self, poses: Sequence[ScenePoses], normals: bool = False, albedos: bool = False
+        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
         """Intersect the rays of many pictures, drawn together."""
-        return self._batches.hits(poses, normals, albedos)
+        return self._batches.hits(poses, details)
 
     @cached_property
     def _batches(self) -> HitBatches:

@@ -41,7 +41,7 @@ class _View:
     ) -> dict[str, NDArray[np.float32]]:
         """Channels of ground truth at poses of the vehicle and of all objects."""
         poses = ScenePoses(world_from_base @ self.sensor.base_from_rig, stage_poses)
-        return self._backend.ground_truth(albedo=False).channels(names, poses)
+        return self._backend.ground_truth(names).channels(names, poses)
 
 
 class _Views:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.ground_truth.labels import Labels
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.optical_flow import OpticalFlow
@@ -56,12 +56,12 @@ class GroundTruth:
         """Render the channels of these names, in their order.
 
         Args:
-            names: as `check_channels` gives them; albedo only where the source has some.
+            names: as `check_channels` gives them; only those whose details the source has.
             current: poses of the camera and the dynamic objects.
             others: those of the "next" and the "previous" picture, where `Channel.other` of a name
                 needs them.
         """
-        hits = self._source.hits(current, *_needs(names))
+        hits = self._source.hits(current, HitDetails.of_channels(names))
         return self._channels_of(hits, names, current, others or {})
 
     def batch(
@@ -72,10 +72,11 @@ class GroundTruth:
     ) -> Iterator[dict[str, NDArray[Any]]]:
         """Render the channels of many pictures, in order; see `channels`."""
         flows = any(name in FLOWS for name in names)  # occlusion is that of the last hits
+        details = HitDetails.of_channels(names)
         hits = (
-            (self._source.hits(one, *_needs(names)) for one in current)
+            (self._source.hits(one, details) for one in current)
             if flows
-            else self._source.batch_hits(current, *_needs(names))
+            else self._source.batch_hits(current, details)
         )
         for number, (one, found) in enumerate(zip(current, hits, strict=True)):
             there = {other: some[number] for other, some in others.items()}
@@ -98,6 +99,9 @@ class GroundTruth:
             "normals": lambda: hits.normals,
             "normals_camera": lambda: hits.normals @ world_from_optical.astype(np.float32),
             "albedo": lambda: hits.albedos,
+            "roughness": lambda: hits.roughness,
+            "metallic": lambda: hits.metallic,
+            "emissive": lambda: hits.emissive,
             "semantic": lambda: self._class_of_draw.take(hits.draws_plus_one),
             "instance": lambda: self._instance_of_draw.take(hits.draws_plus_one),
             "scene_flow": lambda: self._scene_flow(hits, in_world(current, poses["next"])),
@@ -130,11 +134,6 @@ class GroundTruth:
     @cached_property
     def _flow(self) -> OpticalFlow:
         return OpticalFlow(self._source)
-
-
-def _needs(names: Collection[str]) -> tuple[bool, bool]:
-    """Normals and albedos are needed for channels of these names."""
-    return not {"normals", "normals_camera"}.isdisjoint(names), "albedo" in names
 
 
 def instances_of_draws(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.gpu.pipeline import ScenePoses
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.world import ObjectPart
 
 
@@ -34,18 +34,15 @@ class HitSource(ABC):
         """Unit rays (height, width, 3), optical frame."""
 
     @abstractmethod
-    def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
-        """Cast all rays.
-
-        Normals and albedos have no rows where they are not asked for.
-        """
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
+        """Cast all rays."""
 
     def batch_hits(
-        self, poses: Sequence[ScenePoses], normals: bool = False, albedos: bool = False
+        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
         """Cast all rays of each picture, in order; here one after the other."""
         for one in poses:
-            yield self.hits(one, normals, albedos)
+            yield self.hits(one, details)
 
     @abstractmethod
     def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:

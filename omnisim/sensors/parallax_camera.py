@@ -23,6 +23,7 @@ from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.optics.centrality import common_point
 from omnisim.sensors.backend import (
     CameraBackend,
@@ -134,14 +135,16 @@ class ParallaxCamera(CameraBackend):
         undecided = {"samples": self._pipeline.undecided_samples, "cast": self._casts}
         return picture, {**found, "undecided": undecided}
 
-    def hit_source(self, albedo: bool) -> ParallaxHits:
-        """Source of its ground truth, able to give albedo if it is asked for."""
-        if self._hit_source is None or (albedo and not self._hit_source.has_albedo):
-            self._hit_source = self.make_hits(albedo, self._casts)
+    def hit_source(self, details: HitDetails) -> ParallaxHits:
+        """Source of its ground truth, able to give these details."""
+        held = self._hit_source
+        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
+        if held is None or wanted != held.details:
+            self._hit_source = held = self.make_hits(wanted, self._casts)
             collect_garbage(self._drawn.buffers.context)
-        return self._hit_source
+        return held
 
-    def make_hits(self, albedo: bool, casts: bool) -> ParallaxHits:
+    def make_hits(self, details: HitDetails, casts: bool) -> ParallaxHits:
         """Source of ground truth, with undecided pixels cast as rays or not."""
         from omnisim.sensors.parallax_hits import ParallaxHits  # of frames with ground truth
 
@@ -150,7 +153,7 @@ class ParallaxCamera(CameraBackend):
             self._sensor,
             self._cameras,
             self._viewpoint_m,
-            albedo,
+            details,
             self._ray_scene if casts else None,
         )
 

@@ -24,7 +24,7 @@ from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
 from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.pixel_rays import Band, PixelRays
@@ -54,11 +54,11 @@ class ParallaxHits(HitSource):
         sensor: the camera, whose model is an optical system.
         cameras: depth range and hidden instances count.
         viewpoint_m: (3,) rig frame, of the virtual cameras.
-        albedo: whether albedo will be asked for.
+        details: that will be asked for.
         ray_scene: gives the scene to cast rays at; None: there is none.
 
     Attributes:
-        has_albedo: as given.
+        details: as given.
         undecided: (height, width) pixels of the last hits that the viewpoint does not tell.
     """
 
@@ -68,10 +68,10 @@ class ParallaxHits(HitSource):
         sensor: OmniCamera,
         cameras: VirtualCameras,
         viewpoint_m: NDArray[np.float64],
-        albedo: bool,
+        details: HitDetails,
         ray_scene: Callable[[], RayScene] | None,
     ):
-        self.camera, self.polygons, self.has_albedo = sensor.model, sensor.mesh_polygons, albedo
+        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
         self._buffers, self._cameras, self._ray_scene = buffers, cameras, ray_scene
         self._viewpoint_m = viewpoint_m
         self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
@@ -83,7 +83,7 @@ class ParallaxHits(HitSource):
         plan = parallax_tiles([rays], density, cameras.near_m, MAX_ANISOTROPY)
         context = buffers.context
         self._passes = ParallaxHitPass(
-            VisibilityPass(buffers, plan, cameras, albedo),
+            VisibilityPass(buffers, plan, cameras, details),
             TracedPixels(context, sensor.model, self.rays().astype(np.float32), self._rays.valid),
             DepthPyramid(context, plan, cameras.near_m, cameras.far_m, rays.longest_m),
         )
@@ -119,16 +119,16 @@ class ParallaxHits(HitSource):
         """Unit rays (height, width, 3), optical frame."""
         return self._placed(self._rays.directions)
 
-    def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
         """Intersect all rays with what is seen where they end, and cast those undecided."""
         pose = self._viewpoint_pose(poses)
         self._passes.put_origins(self._origins_m)
-        hits = self._passes.render(pose, poses.world_from_objects, normals=normals, albedos=albedos)
+        hits = self._passes.render(pose, poses.world_from_objects, details)
         self.undecided = undecided = self.has_ray & (hits.draws_plus_one & UNKNOWN_HIT > 0)
         hits = hits._replace(draws_plus_one=hits.draws_plus_one & ~UNKNOWN_HIT)
         offset_m = (pose[:3, 3] - poses.world_from_rig[:3, 3]).astype(np.float32)
         if self._ray_scene is not None and undecided.any():
-            self._cast(hits, undecided, poses, pose[:3, 3], normals, albedos)
+            self._cast(hits, undecided, poses, pose[:3, 3], details)
             self._passes.put(hits)
         hits.points_m[hits.draws_plus_one > 0] += offset_m
         self._hits, self._from_rig_m = hits, offset_m
@@ -140,8 +140,7 @@ class ParallaxHits(HitSource):
         undecided: NDArray[np.bool_],
         poses: ScenePoses,
         viewpoint_m: NDArray[np.float64],
-        normals: bool,
-        albedos: bool,
+        details: HitDetails,
     ) -> None:
         """Cast the rays of undecided pixels (height, width), and put their hits in place."""
         scene, rays = self._scene(), self._rays
@@ -159,16 +158,13 @@ class ParallaxHits(HitSource):
             band.world_footprints(poses.world_from_rig[:3, :3] @ rig_from_optical),
             viewpoint_m,
             ObjectState(poses.world_from_objects, self._cameras.hidden),
-            normals,
-            albedos,
+            details,
         )
         hits.points_and_ranges_m[undecided] = found.points_and_ranges_m
         hits.draws_plus_one[undecided] = self._draw_of_surface[found.draws_plus_one]
         hits.triangles[undecided] = found.triangles
-        if normals:
-            hits.normals[undecided] = found.normals
-        if albedos:
-            hits.albedos[undecided] = found.albedos
+        for name in details.components:
+            getattr(hits, name)[undecided] = getattr(found, name)
 
     def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
         """Start to draw the occlusion of the last hits' points."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
 from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
 from omnisim.rays.beams import Beams
 from omnisim.rays.depth_limits import DepthLimits
@@ -159,7 +159,7 @@ class RayCamera(CameraBackend):
         linear = self._linear(request.poses)
         return _readback(linear, None, request.linear), {}
 
-    def hit_source(self, albedo: bool) -> RayHitSource:
+    def hit_source(self, details: HitDetails) -> RayHitSource:
         """Source of its ground truth."""
         if self._hit_source is None:
             self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
@@ -298,10 +298,10 @@ class RayHitSource(HitSource):
         """Unit rays (height, width, 3), optical frame."""
         return self._pixels.rays()
 
-    def hits(self, poses: ScenePoses, normals: bool = False, albedos: bool = False) -> Hits:
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
         """Cast all rays."""
         objects = ObjectState(poses.world_from_objects, self._hidden)
-        return self._pixels.cast(poses.world_from_rig, objects, normals, albedos)
+        return self._pixels.cast(poses.world_from_rig, objects, details)
 
     def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
         """Cast rays from another viewpoint to the points of the last hits."""

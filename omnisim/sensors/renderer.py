@@ -134,7 +134,7 @@ class Renderer(BatchRenderer):
                 FrameRequest(poses, around, linear, frame_number, exposure_ev)
             )
             if names or boxes_3d:
-                ground_truth = passes.ground_truth("albedo" in names)
+                ground_truth = passes.ground_truth(names)
                 there = {other: self._poses_in(others[other]) for other in needed}
                 wanted = check_channels((*names, "position", "instance")) if boxes_3d else names
                 found = ground_truth.channels(wanted, poses, there)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OpticsError
 from omnisim.gpu.pipeline import ScenePoses
+from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.poses import pose
 from omnisim.rays.caster import Rays
 from omnisim.rays.depth_limits import DepthLimits
@@ -50,7 +51,7 @@ def same_triangles(
         limits = DepthLimits(sensor.near_m, sensor.far_m)
         judge = RayHitSource(rays, camera.setup, limits)
         expected = _Triangles.of(judge, poses)
-        sources = camera.make_hits(False, True), camera.make_hits(False, False)
+        sources = camera.make_hits(NO_DETAILS, True), camera.make_hits(NO_DETAILS, False)
         cast, alone = (
             _Triangles.of(source, poses).equal(expected)[judge.has_ray] for source in sources
         )

@@ -1,5 +1,5 @@
 // Hit of each pixel's ray: point, range, primitive; with NORMALS the interpolated normal, with
-// ALBEDO the base colour. With PARALLAX rays have origins of their own, and the triangles are those
+// ALBEDO the base colour, with MATERIALS roughness, metalness and emission. With PARALLAX rays have origins of their own, and the triangles are those
 // that the viewpoint sees where the ray ends, by depth (first_surface.glsl). With BATCH there are
 // pictures below each other.
 #version 430 core
@@ -34,16 +34,33 @@ const float IN_FRONT = 1.005;  // inverse depths this much larger are not of the
 #include "ground_truth/texel.glsl"
 #endif
 #include "ground_truth/intersect.glsl"
-#ifdef ALBEDO
+#if defined(ALBEDO) || defined(MATERIALS)
 #include "ground_truth/nearest_texel.glsl"
 #ifdef BATCH
-uniform sampler2DArray u_albedos;
-#define albedo_at(texel) texelFetch(u_albedos, ivec3(texel, v_picture), 0)
+#define ATLAS sampler2DArray
+#define value_at(atlas, texel) texelFetch(atlas, ivec3(texel, v_picture), 0)
 #else
-uniform sampler2D u_albedos;
-#define albedo_at(texel) texelFetch(u_albedos, texel, 0)
+#define ATLAS sampler2D
+#define value_at(atlas, texel) texelFetch(atlas, texel, 0)
 #endif
+#endif
+#ifdef ALBEDO
+uniform ATLAS u_albedos;
 layout(location = ALBEDO_LOCATION) out vec4 out_albedo;
+#endif
+#ifdef MATERIALS
+uniform ATLAS u_gloss;  // as visibility.frag writes them
+uniform ATLAS u_emission;
+#if defined(NORMALS) && defined(ALBEDO)
+layout(location = 4) out vec4 out_gloss;
+layout(location = 5) out vec4 out_emission;
+#elif defined(NORMALS) || defined(ALBEDO)
+layout(location = 3) out vec4 out_gloss;
+layout(location = 4) out vec4 out_emission;
+#else
+layout(location = 2) out vec4 out_gloss;
+layout(location = 3) out vec4 out_emission;
+#endif
 #endif
 
 #ifdef BATCH
@@ -143,6 +160,9 @@ void main() {
 #ifdef ALBEDO
     out_albedo = vec4(0.0);
 #endif
+#ifdef MATERIALS
+    out_gloss = out_emission = vec4(0.0);
+#endif
     if (optical.w < 0.5) return;
 #ifdef PARALLAX
     vec3 optical_origin = texelFetch(u_origins, pixel(), 0).xyz;
@@ -166,8 +186,15 @@ void main() {
 #ifdef NORMALS
     out_normal = vec4(normal_of(hit), 1.0);
 #endif
+#if defined(ALBEDO) || defined(MATERIALS)
+    ivec2 nearest = nearest_texel(texel, hit);
+#endif
 #ifdef ALBEDO
-    vec3 root = albedo_at(nearest_texel(texel, hit)).rgb;
+    vec3 root = value_at(u_albedos, nearest).rgb;
     out_albedo = vec4(root * root, 1.0);
+#endif
+#ifdef MATERIALS
+    out_gloss = value_at(u_gloss, nearest);
+    out_emission = value_at(u_emission, nearest);
 #endif
 }

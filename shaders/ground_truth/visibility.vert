@@ -1,4 +1,4 @@
-// Vertex of the scene, see scene/vertex.glsl; with COLORED also its colour.
+// Vertex of the scene, see scene/vertex.glsl; with COLORED also its colour, and with REFLECTANCE details.
 #version 430 core
 #ifdef CLUSTERED
 #extension GL_ARB_shader_draw_parameters : require
@@ -6,7 +6,7 @@
 
 #include "scene/vertex.glsl"
 
-#ifdef TEXTURED
+#if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 in vec2 in_texture_coordinate;
 out vec2 v_texture_coordinate;
 #endif
@@ -28,15 +28,21 @@ const uint COMMAND_WORDS = 5u, FIRST_INDEX_WORD = 2u;
 uniform vec4 u_base_color;
 #endif
 uniform uint u_first_plus_one;
+#ifdef REFLECTANCE
+#include "scene/vertex_details.glsl"
+#endif
 
 void main() {
     gl_Position = clip_position();
     v_first_plus_one = u_first_plus_one;
+#ifdef REFLECTANCE
+    pass_details();
+#endif
 #ifdef CLUSTERED
     uint command = u_first_command + uint(gl_DrawIDARB);
     v_first_plus_one += commands[COMMAND_WORDS * command + FIRST_INDEX_WORD] / 3u;
 #endif
-#ifdef TEXTURED
+#if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
     v_texture_coordinate = in_texture_coordinate;
 #endif
 #if defined(CLUSTERED) && (defined(TEXTURED) || defined(ALPHA_MASK))

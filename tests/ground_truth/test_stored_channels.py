@@ -39,6 +39,7 @@ def test_sidecars_are_read_in_their_own_steps(tmp_path):
     _frame(channels).save(tmp_path / "a.png")
     found = StoredChannels(tmp_path / "a.png", METADATA).read(CHANNELS)
     bounds = {"range": 1e-3, "normals": 2e-5, "normals_camera": 2e-5, "albedo": 5e-3}
+    bounds |= {"roughness": 1e-5, "metallic": 1e-5}  # of 65534 steps
     bounds["position"] = 1e-6
     for name, values in found.items():
         assert values.dtype == channels[name].dtype

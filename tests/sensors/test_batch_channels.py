@@ -9,6 +9,7 @@ from omnisim.gpu import hit_batches
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
+from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.poses import pose
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.world import WorldState
@@ -57,7 +58,7 @@ def test_slices_are_the_same(stage, monkeypatch):
     with Renderer(stage, CAMERA) as renderer:
         whole = renderer.render_batch(_poses(5), channels=("range", "albedo"))
         monkeypatch.setattr(hit_batches, "MAX_SLICE_BYTES", 3 << 20)
-        assert 2 <= renderer._passes.hit_source(True)._batches.slice_length < 5
+        assert 2 <= renderer._passes.hit_source(NO_DETAILS)._batches.slice_length() < 5
         for name, values in renderer.render_batch(_poses(5), channels=tuple(whole)).items():
             np.testing.assert_array_equal(values, whole[name])
 

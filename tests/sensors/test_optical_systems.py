@@ -14,6 +14,7 @@ from omnisim.calibration.fit import fit_camera
 from omnisim.cameras import UnifiedCamera, pixel_grid
 from omnisim.errors import OmnisimError
 from omnisim.gpu.pipeline import ScenePoses
+from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.optics import OpticalSystem, Surface
 from omnisim.optics.shapes import Conic
 from omnisim.perception.unwarping import Unwarping
@@ -282,7 +283,7 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
         ):
             frames.append(renderer.render(base, also=("range", "instance")))
             if backend == "cube":
-                decided = ~camera.hit_source(False).undecided
+                decided = ~camera.hit_source(NO_DETAILS).undecided
     cube, rays = frames
     ray, body = rays.has_ray, rays.channels["instance"] > 1
     assert body[ray].mean() > 0.3

@@ -14,6 +14,7 @@ from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer, Stage, lo
 from omnisim.cameras import EquidistantCamera
 from omnisim.errors import GraphicsError, OmnisimError
 from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.poses import pose
 from omnisim.rays.geometry import build_geometry
 from omnisim.sensors.degradations import preset
@@ -70,7 +71,7 @@ def _hits(scene, sensor, backend):
         renderer._current() as camera,
     ):
         state = renderer._state(_poses(sensor, scene)[0])
-        source = camera.hit_source(False)
+        source = camera.hit_source(NO_DETAILS)
         hits = source.hits(renderer._poses_in(state))
         names = np.array(["", *(name for _, name in source.draws)])
         return names[hits.draws_plus_one], hits.triangles, source.has_ray

@@ -1,8 +1,9 @@
-"""Hits of a picture's rays: triangle, point, range, normal and base colour; exact."""
+"""Hits of a picture's rays: triangle, point, range and details of the surface; exact."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import moderngl
@@ -14,14 +15,18 @@ from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
+from omnisim.gpu.ground_truth.visibility_program import atlas_formats
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
-from omnisim.ground_truth.hits import Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 
 _VERTICES, _INDICES = range(2)  # bindings
-ALBEDO_UNIT = 4
-_POINTS, _PRIMITIVES = range(2)  # attachments; normals and albedos follow
+_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
+_POINTS, _PRIMITIVES = range(2)  # attachments; details follow
+# Of each detail, its define of the shader, and the components of its attachments.
+_DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
+_PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
 
 
 class _Variant(NamedTuple):
@@ -63,7 +68,7 @@ class RayHitPass:
             self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
         for texture in (self.points, self.primitives):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._variants: dict[tuple[bool, bool], _Variant] = {}
+        self._variants: dict[HitDetails, _Variant] = {}
         self.tables = HitTables(visibility)
 
     def refresh(self) -> None:
@@ -76,30 +81,27 @@ class RayHitPass:
         self,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
-        normals: bool = False,
-        albedos: bool = False,
+        details: HitDetails = NO_DETAILS,
     ) -> Hits:
         """Intersect all rays from a pose (4, 4), dynamic objects at theirs.
 
-        Normals and albedos have no rows where they are not asked for; albedos need a `visibility`
-        with some.
+        Details that textures change need a `visibility` with them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
         transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        visibility.render(world_from_rig, world_from_objects, albedos)
-        if (normals, albedos) not in self._variants:
-            self._variants[normals, albedos] = self._variant(normals, albedos)
-        variant = self._variants[normals, albedos]
+        visibility.render(world_from_rig, world_from_objects, details)
+        if details not in self._variants:
+            self._variants[details] = self._variant(details)
+        variant = self._variants[details]
         viewpoint_from_optical = world_from_rig[:3, :3] @ self.pixels.camera.rig_from_optical
         variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
         variant.target.use()
         self.tables.update(transforms, transforms.normal_from_mesh)
         self.bind()
-        if albedos and visibility.albedo_atlas is not None:
-            visibility.albedo_atlas.use(ALBEDO_UNIT)
+        bind_details(visibility.detail_atlases, details)
         self.bind_geometry()
         variant.vertex_array.render()
-        return read_hits(variant.target, self.pixels.size_px, 1, normals, albedos)[0]
+        return read_hits(variant.target, self.pixels.size_px, 1, details)[0]
 
     def bind_geometry(self) -> None:
         """Bind vertices and indices, which normals need."""
@@ -116,17 +118,17 @@ class RayHitPass:
         self.tables.bind_program(program, rig_from_optical)
         uniform(program, "u_rays").value = RAYS_UNIT
 
-    def _variant(self, normals: bool, albedos: bool) -> _Variant:
+    def _variant(self, details: HitDetails) -> _Variant:
         context = self.pixels.context
-        program = self.build_program(normals, albedos)
+        program = self.build_program(details)
         with gpu_allocation(self._what, "make the picture smaller"):
             target = hits_target(
-                context, self.pixels.size_px, [self.points, self.primitives], normals, albedos
+                context, self.pixels.size_px, [self.points, self.primitives], details
             )
         array = valid_pixels_array(context, program, self.pixels.valid)
         return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
 
-    def build_program(self, normals: bool, albedos: bool, *defines: str) -> moderngl.Program:
+    def build_program(self, details: HitDetails, *defines: str) -> moderngl.Program:
         """Program of the hits, its constant uniforms set."""
         program = build_program(
             self.pixels.context,
@@ -134,31 +136,34 @@ class RayHitPass:
             "ground_truth/hits.frag",
             (
                 *self.defines,
-                *(("NORMALS",) if normals else ()),
-                *(("ALBEDO",) if albedos else ()),
+                *(_DEFINES[name] for name in details.components),
                 *defines,
             ),
         )
         self.prepare(program, self.pixels.camera.rig_from_optical)
-        if albedos:
-            uniform(program, "u_albedos").value = ALBEDO_UNIT
+        for name in atlas_formats(details):
+            uniform(program, name).value = _UNITS[name]
         return program
+
+
+def bind_details(
+    atlases: Mapping[str, moderngl.Texture | moderngl.TextureArray], details: HitDetails
+) -> None:
+    """Bind the atlases that details are looked up in."""
+    for name in atlas_formats(details):
+        atlases[name].use(_UNITS[name])
 
 
 def hits_target(
     context: moderngl.Context,
     size: tuple[int, int],
     points_and_primitives: Sequence[moderngl.Texture | moderngl.Renderbuffer],
-    normals: bool,
-    albedos: bool,
+    details: HitDetails,
 ) -> moderngl.Framebuffer:
     """Target of the hits, without any: nothing is ever drawn where there is no ray."""
-    attachments = list(points_and_primitives)
-    if normals:
-        attachments.append(context.renderbuffer(size, 4, dtype="f4"))
-    if albedos:
-        attachments.append(context.renderbuffer(size, 4, dtype="f2"))
-    target = context.framebuffer(attachments)
+    attachments = [context.renderbuffer(size, 4, dtype="f4")] if details.normals else []
+    attachments += [context.renderbuffer(size, 4, dtype="f2") for _ in atlas_formats(details)]
+    target = context.framebuffer([*points_and_primitives, *attachments])
     target.use()
     target.clear(0.0, 0.0, 0.0, np.inf)
     clear_integers(_PRIMITIVES)
@@ -166,7 +171,7 @@ def hits_target(
 
 
 def read_hits(
-    target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, normals: bool, albedos: bool
+    target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, details: HitDetails
 ) -> list[Hits]:
     """Read the hits of some pictures, of width and height, that are below each other."""
     width, height = size_px
@@ -175,13 +180,20 @@ def read_hits(
     primitives = np.empty((count, height, width, 2), dtype=np.uint32)
     target.read_into(points, region, components=4, attachment=_POINTS, dtype="f4")
     target.read_into(primitives, region, components=2, attachment=_PRIMITIVES, dtype="u4")
-    channels = []
-    attachment = _PRIMITIVES
-    for is_asked_for in (normals, albedos):
-        channel = np.empty((count, height if is_asked_for else 0, width, 3), dtype=np.float32)
-        if is_asked_for:
-            attachment += 1
-            target.read_into(channel, region, components=3, attachment=attachment, dtype="f4")
-        channels.append(channel)
-    arrays = (points, primitives[..., 0], primitives[..., 1], *channels)
-    return [Hits(*(values[one] for values in arrays)) for one in range(count)]
+    none = np.empty((count, 0, width, 3), dtype=np.float32)
+    found = dict.fromkeys(details._fields, none)
+    attachments = itertools.count(_PRIMITIVES + 1)
+    for name in details.components:
+        parts = []
+        for components in _PARTS[name]:
+            part = np.empty((count, height, width, components), dtype=np.float32)
+            target.read_into(part, region, components, attachment=next(attachments), dtype="f4")
+            parts.append(part)
+        found[name] = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
+    return [
+        Hits(
+            points[one], primitives[one, ..., 0], primitives[one, ..., 1],
+            **{name: values[one] for name, values in found.items()},
+        )
+        for one in range(count)
+    ]  # fmt: skip

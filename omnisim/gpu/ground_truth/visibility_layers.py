@@ -9,12 +9,14 @@ import numpy as np
 
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.visibility_pass import CameraPoses, VisibilityPass
+from omnisim.gpu.ground_truth.visibility_program import atlas_formats
 from omnisim.gpu.layer_targets import layered_target
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.tile_renderer import TileRenderer
 from omnisim.gpu.uniforms import uniform
+from omnisim.ground_truth.hits import HitDetails
 
 
 class VisibilityLayers:
@@ -23,23 +25,26 @@ class VisibilityLayers:
     Args:
         visibility: of one camera.
         count: most cameras.
-        albedo: also draw plain base colours.
+        details: also draw these of them that textures change.
 
     Attributes:
-        albedo: as given.
         ids: layers of triangle IDs, see `VisibilityPass`.
-        albedos: layers of the square root of linear RGB, or None.
+        details: layers of its atlases, by the names of their samplers.
     """
 
-    def __init__(self, visibility: VisibilityPass, count: int, albedo: bool):
-        self._visibility, self.albedo = visibility, albedo
+    def __init__(self, visibility: VisibilityPass, count: int, details: HitDetails):
+        self._visibility, self._wanted = visibility, details.of_texels
         context, plan = visibility.buffers.context, visibility.plan
         size = (plan.width_px, plan.height_px, count)
         self._programs: dict[int, moderngl.Program] = {}
+        visibility.drawers(self._wanted)  # of items: made before anything is drawn
         with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
             self.ids = context.texture_array(size, 1, dtype="u4")
-            self.albedos = context.texture_array(size, 4) if albedo else None
-            colors = [one for one in (self.ids, self.albedos) if one is not None]
+            self.details = {
+                name: context.texture_array(size, components, dtype=dtype)
+                for name, (components, dtype) in atlas_formats(details).items()
+            }
+            colors = [self.ids, *self.details.values()]
             for texture in colors:
                 texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self._target, depth = layered_target(context, *colors)
@@ -50,7 +55,7 @@ class VisibilityLayers:
             )  # fmt: skip
 
     def _find_program(self, bucket: Bucket) -> BucketProgram:
-        found = self._visibility.bucket_program(self.albedo, bucket, layered=True)
+        found = self._visibility.bucket_program(self._wanted, bucket, layered=True)
         self._programs[found.program.glo] = found.program
         return found
 
@@ -59,12 +64,13 @@ class VisibilityLayers:
         for program in self._programs.values():
             uniform(program, "u_cameras").value = len(poses)
             uniform(program, "u_tiles").value = len(self._visibility.plan.tiles)
+        self._visibility.bind_materials(self._wanted)
         self._tiles.begin(self._target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
         self._tiles.draw_clusters(
             np.array([rig for rig, _ in poses]),
             np.array([objects for _, objects in poses]),
         )
-        self._visibility.draw_items(poses, self._layers)
+        self._visibility.draw_items(poses, self._layers, self._wanted)
         self._tiles.end(self._target)
         self._visibility.end()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -12,18 +13,32 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds
-from omnisim.gpu.ground_truth.visibility_program import VisibilityProgram, VisibilityVariant
+from omnisim.gpu.ground_truth.visibility_program import (
+    VisibilityProgram,
+    VisibilityVariant,
+    atlas_formats,
+)
 from omnisim.gpu.layer_targets import COLORS, DEPTH, attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
+from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.material_units import bind_materials
 from omnisim.gpu.scene.reversed_depth import depth_texture
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 
 # Pose (4, 4) of a camera's rig, and those of the dynamic objects.
 CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]
+
+
+class Drawers(NamedTuple):
+    """Drawers of single items and of tiles."""
+
+    drawer: SceneDrawer[VisibilityProgram]
+    tiles: TileRenderer
 
 
 class VisibilityPass:
@@ -36,13 +51,14 @@ class VisibilityPass:
         buffers: the scene and its dynamic objects; other passes may draw from them, too.
         plan: the tiles.
         cameras: their depth range and sides, and the hidden instances count.
-        albedo: also be able to draw plain base colours.
+        details: also be able to draw these of them that textures change.
 
     Attributes:
         buffers, plan, cameras, near_m, far_m, both_sides: as given.
         id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
         triangle_ids: table of the IDs.
-        albedo_atlas: texture of the square root of linear RGB, or None.
+        detail_atlases: textures of base colours, the square root of linear RGB, and of materials,
+            by the names of their samplers.
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
@@ -53,7 +69,7 @@ class VisibilityPass:
         buffers: SceneBuffers,
         plan: TilePlan,
         cameras: VirtualCameras,
-        albedo: bool = False,
+        details: HitDetails = NO_DETAILS,
     ):
         context = buffers.context
         self.buffers, self.plan = buffers, plan
@@ -64,15 +80,14 @@ class VisibilityPass:
             f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
         ):
             self.id_atlas = context.texture(size, 1, dtype="u4")
-            self.albedo_atlas = context.texture(size, 4) if albedo else None
-            self._depth = depth = depth_texture(context, size)
-            self._targets = {False: context.framebuffer([self.id_atlas], depth)}
-            if self.albedo_atlas is not None:
-                atlases = [self.id_atlas, self.albedo_atlas]
-                self._targets[True] = context.framebuffer(atlases, depth)
-        for texture in (self.id_atlas, self.albedo_atlas):
-            if texture is not None:
-                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self.detail_atlases = {
+                name: context.texture(size, components, dtype=dtype)
+                for name, (components, dtype) in atlas_formats(details).items()
+            }
+            self._depth = depth_texture(context, size)
+        for texture in (self.id_atlas, *self.detail_atlases.values()):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._targets: dict[HitDetails, moderngl.Framebuffer] = {}
         self.cameras = cameras
         self._compiled: dict[VisibilityVariant, VisibilityProgram] = {}
         self.triangle_ids = TriangleIds(buffers, self._one_by_one())
@@ -84,11 +99,27 @@ class VisibilityPass:
         self._draw_by_ids()
 
     def _draw_by_ids(self) -> None:
-        items = self._one_by_one()
-        self._drawn = {
-            colored: (self._make_drawer(colored, items), self._make_tiles(colored, items))
-            for colored in self._targets
-        }
+        self._drawn: dict[HitDetails, Drawers] = {}
+        self.drawers(NO_DETAILS)
+
+    def drawers(self, details: HitDetails) -> Drawers:
+        """Drawers of IDs and details, made on first use."""
+        if details not in self._drawn:
+            items = self._one_by_one()
+            self._drawn[details] = Drawers(
+                self._make_drawer(details, items), self._make_tiles(details, items)
+            )
+        return self._drawn[details]
+
+    def _target(self, details: HitDetails) -> moderngl.Framebuffer:
+        """Target of IDs and details, made on first use."""
+        if details not in self._targets:
+            atlases = self._atlases(details)
+            self._targets[details] = self.buffers.context.framebuffer(atlases, self._depth)
+        return self._targets[details]
+
+    def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:
+        return [self.id_atlas, *(self.detail_atlases[name] for name in atlas_formats(details))]
 
     def _one_by_one(self) -> NDArray[np.intp]:
         """Draw items that are not drawn by clusters."""
@@ -100,42 +131,49 @@ class VisibilityPass:
         return np.flatnonzero(shown)
 
     def _make_drawer(
-        self, colored: bool, items: NDArray[np.intp]
+        self, details: HitDetails, items: NDArray[np.intp]
     ) -> SceneDrawer[VisibilityProgram]:
-        """Drawer of IDs, with base colours or without."""
+        """Drawer of the IDs and details of items."""
         return SceneDrawer(
             self.buffers,
             self.buffers.triangles.indices,
             items,
-            lambda item: self._program(VisibilityVariant(item.material.hit_cutoff > 0.0, colored)),
+            lambda item: self._item_program(details, item),
             self.triangle_ids.first_of_item,
             self.cameras.both_sides,
         )
 
+    def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:
+        variant = VisibilityVariant(item.material.hit_cutoff > 0.0, details)
+        found = item.texture_layer.reflectance
+        if found is not None:
+            variant = variant.with_maps(found.maps, found.second_coordinates)
+        return self._program(variant)
+
     def read_depth(self) -> NDArray[np.float32]:
         """Depth (height, width) of the atlas as last drawn."""
         depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
-        self._targets[False].read_into(depth, components=1, attachment=-1, dtype="f4")
+        self._target(NO_DETAILS).read_into(depth, components=1, attachment=-1, dtype="f4")
         return depth
 
-    def _make_tiles(self, colored: bool, items: NDArray[np.intp]) -> TileRenderer:
-        """Renderer of the clusters' IDs, with base colours or without."""
-        find_program = partial(self.bucket_program, colored)
+    def _make_tiles(self, details: HitDetails, items: NDArray[np.intp]) -> TileRenderer:
+        """Renderer of the clusters' IDs and details."""
+        find_program = partial(self.bucket_program, details)
         return TileRenderer(self.buffers, self.plan, self.cameras, items, find_program, self._depth)
 
     def draw_items(
-        self, poses: Sequence[CameraPoses], layers: Sequence[moderngl.TextureArray]
+        self,
+        poses: Sequence[CameraPoses],
+        layers: Sequence[moderngl.TextureArray],
+        details: HitDetails,
     ) -> None:
-        """Draw the items that are no clusters' into layers of IDs, perhaps albedo, and depth."""
-        colored = len(layers) > 2
-        target, (drawer, tiles) = self._targets[colored], self._drawn[colored]
+        """Draw the items that are no clusters' into layers of IDs, details and depth."""
+        details = details.of_texels
+        target, (drawer, tiles) = self._target(details), self.drawers(details)
         if not tiles.has_items:
             return
-        own = (
-            [self.id_atlas, self.albedo_atlas, self._depth]
-            if colored
-            else [self.id_atlas, self._depth]
-        )
+        self.bind_materials(details)
+        own = [*self._atlases(details), self._depth]
         attachments = [*range(COLORS, COLORS + len(layers) - 1), DEPTH]
         target.use()
         try:
@@ -145,20 +183,27 @@ class VisibilityPass:
                 tiles.draw_one_by_one(target, *one, drawer)
         finally:
             for attachment, texture in zip(attachments, own, strict=True):
-                if texture is not None:
-                    attach_texture(target.glo, texture.glo, attachment)
+                attach_texture(target.glo, texture.glo, attachment)
 
     @property
     def command_bytes(self) -> int:
         """Memory of the draw commands."""
-        return self._drawn[False][1].command_bytes
+        return self.drawers(NO_DETAILS).tiles.command_bytes
 
-    def bucket_program(self, colored: bool, bucket: Bucket, layered: bool = False) -> BucketProgram:
-        """Program of a bucket's IDs, with base colours or without."""
-        variant = VisibilityVariant(bucket.cutoff, colored, bucket.array is not None, True, layered)
+    def bucket_program(
+        self, details: HitDetails, bucket: Bucket, layered: bool = False
+    ) -> BucketProgram:
+        """Program of a bucket's IDs and details."""
+        variant = VisibilityVariant(bucket.cutoff, details, bucket.array is not None, True, layered)
+        variant = variant.with_maps(bucket.maps, bucket.second_coordinates)
         found = self._program(variant)
         found.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
         return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
+
+    def bind_materials(self, details: HitDetails) -> None:
+        """Bind the tables of materials, where these are drawn."""
+        if details.materials:
+            bind_materials(self.buffers, has_item_details=True)
 
     def end(self) -> None:
         """Leave the state that later passes expect."""
@@ -174,10 +219,12 @@ class VisibilityPass:
         self,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
-        albedo: bool = False,
+        details: HitDetails = NO_DETAILS,
     ) -> None:
         """Draw all tiles from a pose (4, 4), dynamic objects at theirs."""
-        target, (drawer, tiles) = self._targets[albedo], self._drawn[albedo]
+        details = details.of_texels
+        target, (drawer, tiles) = self._target(details), self.drawers(details)
+        self.bind_materials(details)
         tiles.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
         tiles.draw(target, world_from_rig, world_from_objects, drawer)

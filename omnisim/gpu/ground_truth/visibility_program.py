@@ -1,7 +1,8 @@
-"""Visibility programs: shaders that draw triangle IDs, and base colours where asked for."""
+"""Visibility programs: shaders that draw triangle IDs, and colours and materials if asked for."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import moderngl
@@ -9,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
-from omnisim.gpu.scene.texture_array import TextureArray
+from omnisim.gpu.scene.material_units import connect_material, reflectance_defines
+from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, uniform
+from omnisim.ground_truth.hits import HitDetails
 
 
 class VisibilityVariant(NamedTuple):
@@ -19,31 +22,55 @@ class VisibilityVariant(NamedTuple):
 
     Attributes:
         holes: rays pass where alpha is below a cutoff.
-        albedo: base colours are drawn, too.
+        details: base colours and materials may be drawn, too.
         textured: there may be a texture.
         clustered: of clusters, not of single items.
         layered: of several cameras, each into a layer of the target.
+        maps: the material has such a map, in the order of `Material.maps`; None: it is matte, or
+            materials are not drawn.
+        second_coordinates: place some of the maps.
     """
 
     holes: bool
-    albedo: bool
+    details: HitDetails
     textured: bool = True
     clustered: bool = False
     layered: bool = False
+    maps: tuple[bool, ...] | None = None
+    second_coordinates: bool = False
+
+    def with_maps(
+        self, maps: Sequence[TextureArray | None] | None, second_coordinates: bool
+    ) -> VisibilityVariant:
+        """Variant for a material with these maps, see `Reflectance`; None: it is matte."""
+        if maps is None or not self.details.materials:
+            return self
+        found = tuple(one is not None for one in maps)
+        return self._replace(maps=found, second_coordinates=second_coordinates)
 
     @property
     def defines(self) -> tuple[str, ...]:
         """Defines of the shaders."""
-        colored = self.holes or self.albedo
+        colored = self.holes or self.details.albedos
         defined = {
             "ALPHA_MASK": self.holes,
-            "ALBEDO": self.albedo,
+            "ALBEDO": self.details.albedos,
+            "MATERIALS": self.details.materials,
             "COLORED": colored,
             "TEXTURED": self.textured and colored,
             "CLUSTERED": self.clustered,
             "LAYERED": self.layered,
         }
-        return tuple(name for name, is_defined in defined.items() if is_defined)
+        names = [name for name, is_defined in defined.items() if is_defined]
+        return (*names, *reflectance_defines(self.maps, self.second_coordinates))
+
+
+def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
+    """Components and type of the atlases that details are drawn into, by their samplers' names."""
+    formats = {"u_albedos": (4, "f1")} if details.albedos else {}
+    if details.materials:
+        formats |= {"u_gloss": (2, "f2"), "u_emission": (4, "f2")}
+    return formats
 
 
 class VisibilityProgram:
@@ -64,6 +91,9 @@ class VisibilityProgram:
         self.first_command = find_uniform(program, "u_first_command")
         self._base_color = find_uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
+        self._record = find_uniform(program, "u_record")
+        if variant.maps is not None:
+            connect_material(program, variant.clustered)
         self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
         if "TEXTURED" in variant.defines:
             program["u_textures" if variant.clustered else "u_texture"] = 0
@@ -103,6 +133,10 @@ class VisibilityProgram:
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
         if self._alpha_cutoff is not None:
             self._alpha_cutoff.value = material.hit_cutoff
+        reflectance = item.texture_layer.reflectance
+        if self._record is not None and reflectance is not None:
+            self._record.value = reflectance.record
+            bind_maps(reflectance.maps)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; the first triangle has this ID."""

@@ -16,6 +16,11 @@ from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.environment_textures import filtered_texture, sky_texture
 from omnisim.gpu.scene.light_baking import Shading
+from omnisim.gpu.scene.material_units import (
+    bind_materials,
+    connect_material,
+    reflectance_defines,
+)
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.shadow_source import ShadowSource
 from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
@@ -27,13 +32,7 @@ from omnisim.scene.reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
 _NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
-# Uniforms of maps, in the order of `Material.maps`, and their texture units: see `bind_maps`.
-MAPS = "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map"
-MAP_UNITS = {f"u_{name}": unit for unit, name in enumerate(MAPS, start=1)}
-_TABLE_UNITS = {
-    "u_environment_table": 5, "u_filtered_sky": 6, "u_vertex_details": 10, "u_materials": 11
-}  # fmt: skip
-_ITEM_DETAILS_UNIT = 12
+_ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
 
 
 class SurfaceVariant(NamedTuple):
@@ -88,7 +87,7 @@ class SurfaceVariant(NamedTuple):
                 defines.append("ENVIRONMENT")
             if shadows is not None:
                 defines += shadows.defines
-            defines += self._reflectance_defines()
+            defines += reflectance_defines(self.maps, self.second_coordinates)
         elif self.lit:
             defines.append("BAKED")
         if is_placed:
@@ -106,17 +105,6 @@ class SurfaceVariant(NamedTuple):
         if self.blended_arrays is not None:
             defines.append(f"BLENDED_ARRAYS {self.blended_arrays}")
         return tuple(defines)
-
-    def _reflectance_defines(self) -> list[str]:
-        if self.maps is None:
-            return []
-        has_maps = [name for name, is_there in zip(MAPS, self.maps, strict=True) if is_there]
-        return [
-            "REFLECTANCE",
-            *(name.upper() for name in has_maps),
-            *(["TEXTURE_COORDINATES"] if has_maps else []),
-            *(["SECOND_COORDINATES"] if self.second_coordinates else []),
-        ]
 
 
 def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
@@ -202,10 +190,9 @@ class SurfaceProgram:
         self._record = find_uniform(program, "u_record")
         self.needs_item_details = variant.second_coordinates and not variant.clustered
         if variant.maps is not None:
-            for name, unit in (*MAP_UNITS.items(), *_TABLE_UNITS.items()):
+            connect_material(program, variant.clustered)
+            for name, unit in _ENVIRONMENT_UNITS.items():
                 set_sampler(program, name, unit)
-            if not variant.clustered:
-                set_sampler(program, "u_vertex_details", _ITEM_DETAILS_UNIT)
         if lighting.fog is not None and variant.in_fog:
             write_fog(program, lighting.fog)
         if variant.computes_light:
@@ -294,20 +281,13 @@ class SurfacePrograms:
 
     def bind_tables(self) -> None:
         """Bind what materials that are not matte look up, if there are any."""
-        buffers, clusters = self._buffers, self._buffers.clustered_geometry
-        if buffers.materials.texture is None:
+        if self._buffers.materials.texture is None:
             return
-        details = None if clusters is None else clusters.details
-        self._environment_table.use(_TABLE_UNITS["u_environment_table"])
-        buffers.materials.texture.use(_TABLE_UNITS["u_materials"])
-        if any(one.needs_item_details for one in self._programs.values()):
-            items = buffers.item_details
-            if items is not None:
-                items.use(_ITEM_DETAILS_UNIT)
-        if details is not None:
-            details.use(_TABLE_UNITS["u_vertex_details"])
+        needed = any(one.needs_item_details for one in self._programs.values())
+        bind_materials(self._buffers, needed)
+        self._environment_table.use(_ENVIRONMENT_UNITS["u_environment_table"])
         if self._filtered_sky is not None:
-            self._filtered_sky.use(_TABLE_UNITS["u_filtered_sky"])
+            self._filtered_sky.use(_ENVIRONMENT_UNITS["u_filtered_sky"])
 
     def sky_seen(self, unlit: bool) -> moderngl.Texture | None:
         """Texture of the environment map; None: there is none, or fog hides it."""

@@ -9,6 +9,7 @@ from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.scene import tile_renderer
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.sensors import OmniCamera
@@ -34,33 +35,35 @@ def _scene():
     return scene_of(meshes, MATERIALS, poses)
 
 
-def _surfaces(visibility, buffers, pose, albedo=False):
+def _surfaces(visibility, buffers, pose, details=NO_DETAILS):
     """1 + number of the item, and number of the triangle, of every texel (height, width, 2)."""
-    visibility.render(pose, (), albedo)
+    visibility.render(pose, (), details)
     size = visibility.id_atlas.height, visibility.id_atlas.width
     seen = np.frombuffer(visibility.id_atlas.read(), dtype="<u4").reshape(size)
     entries = np.frombuffer(visibility.triangle_ids.texture.read(), dtype="<u4").reshape(-1, 2)
     return np.where(seen[..., None] > 0, entries[seen.astype(np.int64) - 1], 0)
 
 
-def _pass(buffers, albedo=False):
+def _pass(buffers, details=NO_DETAILS):
     camera = OmniCamera(polygons=None).resized(120).model
     plan = plan_tiles(camera, camera.rig_from_optical, 1.5)
-    return VisibilityPass(buffers, plan, VirtualCameras(0.05, np.inf), albedo)
+    return VisibilityPass(buffers, plan, VirtualCameras(0.05, np.inf), details)
 
 
 @pytest.mark.parametrize("min_triangles", [0, 10**9], ids=["occlusion passes", "one pass"])
-@pytest.mark.parametrize("albedo", [False, True])
-def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, albedo):
+@pytest.mark.parametrize(
+    "details", [NO_DETAILS, HitDetails(albedos=True), HitDetails(materials=True)]
+)
+def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, details):
     monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 2)
     scene = _scene()
     clustered = SceneBuffers(context, scene)
     reference = SceneBuffers(context, scene, uses_clusters=False)
     assert clustered.clustered_geometry.contains.sum() == 4
     assert reference.clustered_geometry is None
-    passes = [(_pass(one, albedo), one) for one in (clustered, reference)]
+    passes = [(_pass(one, details), one) for one in (clustered, reference)]
     for pose in (make_pose((0.0, 0.0, 0.4)), make_pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
-        ours, theirs = (_surfaces(one, buffers, pose, albedo) for one, buffers in passes)
+        ours, theirs = (_surfaces(one, buffers, pose, details) for one, buffers in passes)
         assert len(np.unique(theirs.reshape(-1, 2), axis=0)) > 200
         # matrices are multiplied in another order: an edge takes the texel beside it
         assert np.mean((ours != theirs).any(axis=-1)) < 1e-3

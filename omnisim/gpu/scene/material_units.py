@@ -1,0 +1,50 @@
+"""Texture units and defines of programs that read materials: their table, details and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.uniforms import set_sampler
+
+# Uniforms of maps, in the order of `Material.maps`, and their texture units: see `bind_maps`.
+MAPS = "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map"
+_MAP_UNITS = {f"u_{name}": unit for unit, name in enumerate(MAPS, start=1)}
+_DETAILS_UNIT, _MATERIALS_UNIT, _ITEM_DETAILS_UNIT = 10, 11, 12
+
+
+def reflectance_defines(
+    maps: Sequence[bool] | None, second_coordinates: bool = False
+) -> tuple[str, ...]:
+    """Defines of a material that has some of the maps; None: it is matte."""
+    if maps is None:
+        return ()
+    has_maps = [name for name, is_there in zip(MAPS, maps, strict=True) if is_there]
+    return (
+        "REFLECTANCE",
+        *(name.upper() for name in has_maps),
+        *(["TEXTURE_COORDINATES"] if has_maps else []),
+        *(["SECOND_COORDINATES"] if second_coordinates else []),
+    )
+
+
+def connect_material(program: moderngl.Program, clustered: bool) -> None:
+    """Set the texture units of a program's materials, of clusters or of single items."""
+    details = _DETAILS_UNIT if clustered else _ITEM_DETAILS_UNIT
+    units = {**_MAP_UNITS, "u_materials": _MATERIALS_UNIT, "u_vertex_details": details}
+    for name, unit in units.items():
+        set_sampler(program, name, unit)
+
+
+def bind_materials(buffers: SceneBuffers, has_item_details: bool) -> None:
+    """Bind the tables of materials, and of vertices, also those of single items."""
+    clusters, materials = buffers.clustered_geometry, buffers.materials.texture
+    if materials is None:
+        return
+    materials.use(_MATERIALS_UNIT)
+    if has_item_details and buffers.item_details is not None:
+        buffers.item_details.use(_ITEM_DETAILS_UNIT)
+    if clusters is not None and clusters.details is not None:
+        clusters.details.use(_DETAILS_UNIT)
