@@ -28,7 +28,7 @@ EXPORT_FORMATS = (
 )  # fmt: skip
 CAMERA = "omnicamera"  # type of a sensor in a run's manifest
 ENGINES = ("local", "ray")
-LAYOUTS = ("coco",)  # of data sets
+LAYOUTS = ("coco", "kitti360", "nerfstudio", "colmap", "colmap-binary")  # of data sets
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "materials",

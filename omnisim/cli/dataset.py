@@ -7,7 +7,7 @@ import math
 
 from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cli.completion import LAYOUTS
-from omnisim.cli.console import out, pluralize, track
+from omnisim.cli.console import out, pluralize, print_note, track
 from omnisim.cli.dataset_requests import (
     DatasetCheckRequest,
     DatasetConvertRequest,
@@ -17,6 +17,7 @@ from omnisim.cli.dataset_requests import (
 from omnisim.cli.generate import sheet
 from omnisim.datasets.coco_folder import write_coco
 from omnisim.datasets.manifest import MANIFEST, check_hashes, read_manifest
+from omnisim.datasets.recordings import write_recordings
 from omnisim.datasets.samples import Shards
 from omnisim.errors import OutputError, did_you_mean
 from omnisim.ground_truth.previews import preview
@@ -60,7 +61,10 @@ def convert(request: DatasetConvertRequest) -> None:
     if request.to not in LAYOUTS:
         raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
     shards = Shards(request.folder)
-    steps = write_coco(shards, request.output)
+    if request.to == "coco":
+        steps = write_coco(shards, request.output)
+    else:
+        steps = write_recordings(shards, request.to, request.output, print_note)
     for _ in track(range(len(shards)), "convert", len(shards)):
         next(steps)
     next(steps, None)  # what comes after the last

@@ -113,7 +113,11 @@ class DatasetConvertRequest:
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="FORMAT", autocompletion=one_of(*LAYOUTS), help="Layout: coco."
+            "--to",
+            metavar="FORMAT",
+            autocompletion=one_of(*LAYOUTS),
+            help="Layout: coco, with boxes; kitti360, nerfstudio, colmap or colmap-binary, with "
+            "poses and calibrations.",
         ),
     ] = "coco"
 

@@ -39,6 +39,8 @@ class PlanSceneTable(Table):
 
     file: Name
     """Scene file, relative to the plan; or the name of a built-in scene."""
+    name: Name | None = None
+    """Name in the data set; left out: that of its file."""
     weight: Weight = 1.0
     """Share of the pictures, relative to the other scenes'."""
     up_axis: Literal["x", "y", "z"] | None = None
@@ -49,6 +51,11 @@ class PlanSceneTable(Table):
     """Label file, relative to the plan, instead of the scene's own labels."""
     floor_m: Annotated[float, Field(strict=True, ge=-1e6, le=1e6)] | None = None
     """Height of the floor to stand on; left out: the one below the scene's start."""
+
+    @property
+    def title(self) -> str:
+        """Name in the data set."""
+        return self.name or Path(self.file).stem
 
 
 class PlanCameraTable(Table):
@@ -249,6 +256,13 @@ class Plan(Table):
             for title in titles:
                 if titles.count(title) > 1:
                     raise ValueError(f"{key}: name = {title!r}: expected each name once")
+        files: dict[str, str] = {}
+        for scene in self.scenes:
+            if files.setdefault(scene.title, scene.file) != scene.file:
+                raise ValueError(
+                    f"scenes: name = {scene.title!r}: expected a name for each file, got "
+                    f"{files[scene.title]!r} and {scene.file!r}"
+                )
         return self
 
     @property
@@ -257,9 +271,10 @@ class Plan(Table):
         return self.shards * self.pictures_per_shard
 
     def content(self) -> dict[str, Any]:
-        """Keys and values that pictures depend on, as JSON can hold them."""
+        """Keys and values that pictures depend on, as JSON can hold them, without defaults."""
         left_out = ("shards", "title", "licence")
-        return {key: _plain(value) for key, value in self if key not in left_out}
+        found: dict[str, Any] = _plain(self)
+        return {key: value for key, value in found.items() if key not in left_out}
 
 
 def read_plan(path: Path) -> Plan:
@@ -275,5 +290,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Distribution):
         return {value.kind: list(value.numbers)}
     if isinstance(value, Table):
-        return {key: _plain(inner) for key, inner in value}
+        fields = type(value).model_fields
+        return {key: _plain(inner) for key, inner in value if inner != fields[key].default}
     return [_plain(inner) for inner in value] if isinstance(value, tuple) else value

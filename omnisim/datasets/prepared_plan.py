@@ -136,6 +136,8 @@ class PreparedPlan:
             table = self.plan.scenes[number]
             source = self._scene_file(table)
             scene = load_scene(source, table.up_axis, table.meters_per_unit)
+            if table.name is not None:
+                scene = dataclasses.replace(scene, name=table.name)
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
                 scene = dataclasses.replace(scene, labels=rules)

@@ -37,8 +37,8 @@ class Shards:
     """
 
     def __init__(self, folder: str | Path, manifest: Manifest | None = None):
-        self._folder = Path(folder)
-        self.manifest = read_manifest(self._folder) if manifest is None else manifest
+        self.folder = Path(folder)
+        self.manifest = read_manifest(self.folder) if manifest is None else manifest
         counts = (shard.statistics.samples for shard in self.manifest.shards)
         self._ends = list(itertools.accumulate(counts))
         self._members: dict[int, dict[str, list[tarfile.TarInfo]]] = {}
@@ -73,6 +73,16 @@ class Shards:
             pixels: NDArray[np.uint8] = read_image(self.pictures(folder)[0])[0]
             return pixels
 
+    def metadata(self, row: int) -> dict[str, Any]:
+        """Camera, pose and draw of a sample.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+            return _metadata(self.extract(row, Path(name), only=".json"))
+
     @contextmanager
     def files(self, row: int) -> Iterator[Path]:
         """Folder of a sample's files, for a `with` block.
@@ -82,7 +92,7 @@ class Shards:
             PlanError: a shard with a fault.
         """
         with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
-            yield self._extract(row, Path(name))
+            yield self.extract(row, Path(name))
 
     def pictures(self, folder: Path) -> list[Path]:
         """Pictures of the cameras among a sample's files; others of these formats are channels."""
@@ -93,19 +103,33 @@ class Shards:
         found = [folder / f"{stem}{suffix}" for stem in stems for suffix in PICTURES]
         return [path for path in found if path.is_file()]
 
-    def _extract(self, row: int, folder: Path) -> Path:
+    def extract(self, row: int, folder: Path, only: str = "") -> Path:
+        """Write a sample's files into a folder; return it.
+
+        Args:
+            row: of the sample.
+            folder: that is there.
+            only: what follows the number in the name of the only file; empty: all files.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
         if not -len(self) <= row < len(self):
             raise IndexError(f"sample {row}: expected one of {len(self)}")
         row %= len(self)
         shard = bisect.bisect_right(self._ends, row)
-        path = self._folder / self.manifest.shards[shard].name
+        path = self.folder / self.manifest.shards[shard].name
         try:
             with tarfile.open(path) as tar:
                 if shard not in self._members:
                     self._members[shard] = _by_key(tar)
                 keys = list(self._members[shard])
                 first = self._ends[shard] - len(keys)
-                for member in self._members[shard][keys[row - first]]:
+                key = keys[row - first]
+                for member in self._members[shard][key]:
+                    if only and member.name != key + only:
+                        continue
                     content = tar.extractfile(member)
                     assert content is not None
                     (folder / Path(member.name).name).write_bytes(content.read())

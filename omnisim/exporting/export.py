@@ -47,7 +47,7 @@ def export_run(
         raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
     form, settings = format_named(format), settings or ExportSettings()
     _check_settings(settings, form)
-    recording = _for_format(recording, form, print_note)
+    recording = for_format(recording, form, print_note)
     if form.dates_stamps and settings.start_ns == 0:
         print_note("times begin in 1970: --start-time says otherwise")
     yield recording.steps
@@ -55,23 +55,12 @@ def export_run(
         yield from form.write(recording, folder, settings, print_note)
 
 
-def _check_settings(settings: ExportSettings, form: ExportFormat) -> None:
-    """Refuse settings that a format has no use for.
+def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
+    """Recording with the cameras that a format takes, and notes about what it leaves out.
 
     Raises:
-        OutputError: naming the option and the formats that have it.
+        OutputError: there is no camera.
     """
-    for option, is_given, is_used, others in (
-        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
-        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
-        ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
-    ):
-        if is_given and not is_used:
-            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")
-
-
-def _for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
-    """Recording with the cameras that a format takes, and notes about what it leaves out."""
     if not recording.cameras:
         raise OutputError(f"{recording.run.path}: this run has no camera: expected one to export")
     if form.one_camera and len(recording.cameras) > 1:
@@ -94,3 +83,18 @@ def _for_format(recording: Recording, form: ExportFormat, print_note: PrintNote)
     if channels:
         print_note(f"{form.name} has no place for the channels {', '.join(channels)}: left out")
     return recording
+
+
+def _check_settings(settings: ExportSettings, form: ExportFormat) -> None:
+    """Refuse settings that a format has no use for.
+
+    Raises:
+        OutputError: naming the option and the formats that have it.
+    """
+    for option, is_given, is_used, others in (
+        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
+    ):
+        if is_given and not is_used:
+            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")

@@ -139,11 +139,12 @@ class LensCamera:
         Raises:
             OutputError: a file cannot be read or written.
         """
-        if self.is_flipped:
-            write_image(target, self.flip(self.recorded.picture(step)))
+        picture = self.recorded.picture(step)  # a damaged one is not worth a copy
+        source = self.recorded.picture_file(step)
+        if self.is_flipped or source.suffix != target.suffix:
+            write_image(target, self.flip(picture))
         else:
-            self.recorded.picture(step)  # a damaged one is not worth a copy
-            shutil.copyfile(self.recorded.picture_file(step), target)
+            shutil.copyfile(source, target)
 
     @property
     def is_pinhole(self) -> bool:

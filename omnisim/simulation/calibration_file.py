@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from omnisim.errors import OmnisimError, RunError
 from omnisim.perception.panorama import CameraMount
@@ -34,15 +35,27 @@ def read_mount(path: Path) -> CameraMount:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except (ValueError, RecursionError):
+        raise RunError(f"{path}: is damaged: not a camera's calibration") from None
+    return parse_mount(content, path)
+
+
+def parse_mount(content: Any, place: str | Path) -> CameraMount:
+    """Camera of a calibration file's content.
+
+    Raises:
+        RunError: it is damaged.
+    """
+    try:
         camera = camera_of_parameters(content["camera"])
         if max(camera.width_px, camera.height_px) > MAX_PICTURE_PX:
             raise OmnisimError(f"camera: size: expected at most {MAX_PICTURE_PX} px to a side")
         base_from_optical = check_pose(content["base_from_optical"])
         polygons = content["polygons"] if isinstance(content["polygons"], int) else None
         return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))
-    except OSError as reason:
-        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except OmnisimError as reason:
-        raise RunError(f"{path}: {reason}") from None
+        raise RunError(f"{place}: {reason}") from None
     except (KeyError, TypeError, ValueError, RecursionError):
-        raise RunError(f"{path}: is damaged: not a camera's calibration") from None
+        raise RunError(f"{place}: is damaged: not a camera's calibration") from None

@@ -21,6 +21,10 @@ from tests.datasets.plans import write_plan
         ('[[cameras]]\nsensor = "a"\noptics = "b"', "expected one of sensor, calibration"),
         ('[[cameras]]\nmirrored = true', "mirrored: expected a calibration beside it"),
         ("[[cameras]]", "cameras: name = 'paper': expected each name once"),
+        (
+            '[[scenes]]\nfile = "a/room.glb"\n[[scenes]]\nfile = "b/room.glb"',
+            "scenes: name = 'room': expected a name for each file, got 'a/room.glb' and",
+        ),
     ],
 )  # fmt: skip
 def test_faults_of_the_plan(tmp_path, text, message):
@@ -91,6 +95,7 @@ def test_the_fingerprint_is_of_what_pictures_depend_on(tmp_path):
 
     first = fingerprint()
     assert fingerprint(shards=100, licence="mit", title="other") == first
+    assert fingerprint('[stand]\nwhere = "free"\nradius_m = 0.25') == first  # the defaults
     others = {
         fingerprint(seed=1), fingerprint(camera='preset = "webcam"'),
         fingerprint(scene="courtyard"),

@@ -1,0 +1,177 @@
+"""Samples of a data set as recordings, which are written in the formats of other tools.
+
+These formats hold the pictures of one scene by the same cameras. A data set of several scenes or
+rigs becomes a folder for each: `soccer/fisheye`.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.atomic_file import atomic_folder, check_new_folder
+from omnisim.datasets.samples import Shards
+from omnisim.errors import PlanError
+from omnisim.exporting.export import for_format
+from omnisim.exporting.export_format import ExportSettings, PrintNote
+from omnisim.exporting.recorded_camera import RecordedCamera
+from omnisim.exporting.recording import Recording
+from omnisim.exporting.registry import format_named
+from omnisim.poses import check_pose, inverse
+from omnisim.robot.sensor_names import folder_name
+from omnisim.simulation.calibration_file import parse_mount
+from omnisim.simulation.manifest import MANIFEST_FORMAT, parse_manifest
+from omnisim.simulation.run_folder import RunFolder
+from omnisim.trajectories import Trajectory
+
+SAME = 1e-6  # metres and radians: a camera's pose on its base, computed from two others
+
+
+class _Files:
+    """Files of one sample at a time, in a folder that goes at the end.
+
+    Args:
+        shards: of the data set.
+        folder: to extract to.
+    """
+
+    def __init__(self, shards: Shards, folder: Path):
+        self._shards, self._folder, self._row = shards, folder, -1
+        self._pictures: dict[str, Path] = {}
+
+    def picture(self, row: int, camera: str) -> Path:
+        """Picture of a sample by the name of its camera; its channels are beside it."""
+        if row != self._row:
+            self._row = -1
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder.mkdir()
+            found = self._shards.pictures(self._shards.extract(row, self._folder))
+            self._pictures = {path.stem.partition(".")[2] or "camera": path for path in found}
+            self._row = row
+        if camera not in self._pictures:
+            raise PlanError(f"sample {row}: expected a picture of {camera}: its shard is damaged")
+        return self._pictures[camera]
+
+
+@dataclass(frozen=True, eq=False)
+class _SampleCamera(RecordedCamera):
+    """Camera of samples, as one of a run whose steps they are."""
+
+    files: _Files
+    rows: Sequence[int]
+
+    def picture_file(self, step: int) -> Path:
+        """File of the picture of a step."""
+        return self.files.picture(self.rows[step], self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Samples of one scene and rig: their rows, and what is in each of their JSON files."""
+
+    scene: str
+    rig: str
+    rows: list[int]
+    contents: list[dict[str, Any]]
+
+
+def write_recordings(
+    shards: Shards, format: str, folder: Path, print_note: PrintNote = lambda note: None
+) -> Iterator[int]:
+    """Write the samples in a format of `omnisim.exporting`, whole or not at all.
+
+    Yields after each sample.
+
+    Raises:
+        OmnisimError: a damaged shard, cameras that vary or that the format cannot say, or a folder
+            that cannot be written.
+    """
+    check_new_folder(folder)
+    form, settings = format_named(format), ExportSettings()
+    with _files_of(shards) as files:
+        groups = _groups(shards)
+        recordings = [_recording(shards, group, files) for group in groups]
+        with atomic_folder(folder) as target:
+            for group, recording in zip(groups, recordings, strict=True):
+                place = target
+                if len(groups) > 1:
+                    place = target / folder_name(group.scene) / folder_name(group.rig)
+                    place.mkdir(parents=True)
+                taken = for_format(recording, form, print_note)
+                yield from form.write(taken, place, settings, print_note)
+
+
+@contextmanager
+def _files_of(shards: Shards) -> Iterator[_Files]:
+    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        yield _Files(shards, Path(name) / "sample")
+
+
+def _groups(shards: Shards) -> list[_Group]:
+    """Samples by scene and rig, in the order of their first."""
+    found: dict[tuple[str, str], _Group] = {}
+    for row in range(len(shards)):
+        content = shards.metadata(row)
+        key = str(content["scene"]), str(content["camera"])
+        group = found.setdefault(key, _Group(*key, [], []))
+        group.rows.append(row)
+        group.contents.append(content)
+    return list(found.values())
+
+
+def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
+    """Recording of a group's samples, one second apart for each number.
+
+    Raises:
+        OmnisimError: a camera that is not the same in all of them.
+    """
+    first = group.contents[0]["pictures"]
+    run = _run(shards, group, list(first))
+    poses = [next(iter(one["pictures"].values()))["world_from_base"] for one in group.contents]
+    numbers = np.array([float(one["number"]) for one in group.contents])
+    cameras = []
+    for name, picture in first.items():
+        base_from_optical = _mount(picture)
+        for content in group.contents[1:]:
+            other = content["pictures"][name]
+            is_same = other["camera"] == picture["camera"]
+            if not is_same or np.abs(_mount(other) - base_from_optical).max() > SAME:
+                raise PlanError(
+                    f"sample {content['number']}: {name} is not as in sample "
+                    f"{group.contents[0]['number']}: expected cameras that do not vary, as this "
+                    "format has one calibration for all pictures"
+                )
+        mount = parse_mount(picture | {"base_from_optical": base_from_optical}, run.path / name)
+        cameras.append(_SampleCamera(run, name, mount, files, group.rows))
+    return Recording(run, Trajectory(numbers, np.array(poses)), None, tuple(cameras))
+
+
+def _mount(picture: dict[str, Any]) -> NDArray[np.float64]:
+    """Pose (4, 4) of a picture's camera on its base."""
+    world_from_base = check_pose(picture["world_from_base"])
+    found: NDArray[np.float64] = inverse(world_from_base) @ np.array(picture["world_from_optical"])
+    return found
+
+
+def _run(shards: Shards, group: _Group, cameras: list[str]) -> RunFolder:
+    """Folder of a run that has no files of its own."""
+    scene = {"name": group.scene, "file": group.scene, "up_axis": None, "contents": ""}
+    content = {
+        "format": MANIFEST_FORMAT,
+        "scene": scene,
+        "robot": {"name": group.rig},
+        "path": {"name": shards.manifest.title},
+        "steps": len(group.rows),
+        "sensors": {name: {"type": "omnicamera"} for name in cameras},
+        "channels": list(shards.manifest.channels),
+        "is_rig": True,
+    }
+    return RunFolder(shards.folder, parse_manifest(content, str(shards.folder)))

@@ -1,0 +1,138 @@
+"""Data sets in the layouts of other tools: poses, pictures and ranges are the samples'."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from omnisim.calibration import load_calibration
+from omnisim.cli.app import app
+from omnisim.datasets.samples import Shards
+from omnisim.errors import OmnisimError
+from omnisim.image_files import read_image
+from tests.datasets.plans import write_plan
+
+# Two pinholes, 0.1 m apart, and 30° between their axes, as Kalibr writes a chain.
+KALIBR = """
+cam0:
+  camera_model: pinhole
+  distortion_model: none
+  distortion_coeffs: []
+  intrinsics: [30.0, 30.0, 23.5, 15.5]
+  resolution: [48, 32]
+cam1:
+  camera_model: pinhole
+  distortion_model: none
+  distortion_coeffs: []
+  intrinsics: [30.0, 30.0, 23.5, 15.5]
+  resolution: [48, 32]
+  T_cn_cnm1:
+  - [0.8660254037844387, 0.0, -0.5, -0.1]
+  - [0.0, 1.0, 0.0, 0.0]
+  - [0.5, 0.0, 0.8660254037844387, 0.0]
+  - [0.0, 0.0, 0.0, 1.0]
+"""
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def _omnisim(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def _made(folder, text="", **keys):
+    (folder / "chain.yaml").write_text(KALIBR)
+    plan = write_plan(folder, text, **keys)
+    plan.write_text(plan.read_text().replace("size_px = 32\n", ""))
+    done = _omnisim("generate", plan, "-o", folder / "out")
+    assert done.exit_code == 0, done.output
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rig")
+    return _made(
+        folder,
+        "[vary]\npitch_deg = [-5.0, 5.0]\nshift_m = [-0.1, 0.1]",
+        camera='calibration = "chain.yaml"\ncamera_name = "all"',
+        picture_format="jpg",
+        pictures_per_shard=2,
+    )
+
+
+def _converted(folder, target, form):
+    done = _omnisim("dataset", "convert", folder, "--to", form, "-o", target)
+    assert done.exit_code == 0, done.exception
+    return target
+
+
+def test_nerfstudio_has_the_poses_and_depths(rig, tmp_path):
+    target = _converted(rig, tmp_path / "n", "nerfstudio")
+    document = json.loads((target / "transforms.json").read_text())
+    shards = Shards(rig)
+    frames = {frame["file_path"]: frame for frame in document["frames"]}
+    assert len(frames) == 2 * len(shards)
+    for row in range(len(shards)):
+        sample = shards[row]
+        for name in ("cam0", "cam1"):
+            frame = frames[f"images/{name}/{row:06d}.png"]
+            truth = sample["metadata"]["pictures"][name]["world_from_optical"]
+            np.testing.assert_allclose(
+                np.array(frame["transform_matrix"]) @ OPENGL, truth, atol=1e-9
+            )
+            pixels = read_image(target / frame["file_path"])[0]
+            np.testing.assert_array_equal(pixels[..., :3], sample[name]["rgb"])
+            depths = read_image(target / frame["depth_file_path"])[0][..., 0] / 1000.0
+            u, v = np.meshgrid(np.arange(48), np.arange(32))
+            cosines = 1.0 / np.sqrt(((u - 23.5) / 30.0) ** 2 + ((v - 15.5) / 30.0) ** 2 + 1.0)
+            ranges = sample[name]["range"]
+            hit = np.isfinite(ranges)
+            np.testing.assert_allclose(depths[hit], (ranges * cosines)[hit], atol=2e-3)
+            assert not depths[~hit].any()
+
+
+def test_kitti360_has_the_poses_of_both_cameras(rig, tmp_path):
+    target = _converted(rig, tmp_path / "k", "kitti360")
+    (poses_file,) = target.glob("data_poses/*/poses.txt")
+    world_from_imu = np.loadtxt(poses_file)[:, 1:].reshape(-1, 3, 4)
+    lines = (target / "calibration" / "calib_cam_to_pose.txt").read_text().splitlines()
+    shards = Shards(rig)
+    for name, line in zip(("cam0", "cam1"), lines, strict=False):
+        imu_from_camera = np.eye(4)
+        imu_from_camera[:3] = np.fromstring(line.partition(":")[2], sep=" ").reshape(3, 4)
+        for row in range(len(shards)):
+            truth = shards.metadata(row)["pictures"][name]["world_from_optical"]
+            found = world_from_imu[row] @ imu_from_camera
+            np.testing.assert_allclose(found, np.array(truth)[:3], atol=1e-8)
+
+
+def test_colmap_has_tracks_of_the_ranges(rig, tmp_path):
+    target = _converted(rig, tmp_path / "c", "colmap")
+    lines = (target / "sparse" / "0" / "points3D.txt").read_text().splitlines()
+    assert len([line for line in lines if not line.startswith("#")]) > 100
+    assert len(list(target.glob("images/*/*.png"))) == 8
+    camera = load_calibration(target / "sparse" / "0" / "cameras.txt").camera(None).camera
+    assert (camera.width_px, camera.height_px) == (48, 32)
+
+
+def test_each_scene_and_rig_has_a_folder(tmp_path):
+    text = '[[cameras]]\nname = "left"\ncalibration = "chain.yaml"\n'
+    text += '[[scenes]]\nfile = "soccer"\nweight = 2.0'
+    out = _made(tmp_path, text, pictures_per_shard=12, shards=1)
+    target = _converted(out, tmp_path / "n", "nerfstudio")
+    found = {path.parent.relative_to(target).as_posix() for path in target.rglob("transforms.json")}
+    assert found == {"rings/paper", "rings/left", "soccer/paper", "soccer/left"}
+    frames = [
+        len(json.loads(path.read_text())["frames"]) for path in target.rglob("transforms.json")
+    ]
+    assert sum(frames) == 12
+
+
+def test_other_layouts_are_one_line(rig, tmp_path):
+    done = _omnisim("dataset", "convert", rig, "--to", "nerf", "-o", tmp_path / "n")
+    assert isinstance(done.exception, OmnisimError)
+    assert "--to 'nerf': did you mean 'nerfstudio'" in str(done.exception)
+    (tmp_path / "there").mkdir()
+    done = _omnisim("dataset", "convert", rig, "--to", "colmap", "-o", tmp_path / "there")
+    assert "is there already" in str(done.exception)
