@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-MORTON_BITS = 12  # along each axis
+# Along each axis; as many as there are where more boxes share a cell than a cluster may have.
+MORTON_BITS, MOST_MORTON_BITS = 12, 20
 # Steps that spread the bits of a number, so that two others fit between them: shift and mask.
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
@@ -45,26 +46,44 @@ def spatial_clusters(
         The order (n,), and the first of each cluster, counted in that order.
     """
     total = bounds.shape[1]
-    bits = min(MORTON_BITS, (64 - int(keys.max()).bit_length()) // 3)
-    codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
-    codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
-    order = np.argsort(codes, kind="stable")
-    codes = codes[order]
-    # Level at which each box begins: of the smallest cell that it shares with the one before. The
-    # first one shares none, nor do those of different keys.
-    levels = np.full(total, 3 * bits + 1)
-    differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
-    np.minimum(np.frexp(differing)[1], 3 * bits + 1, out=levels[1:])
-    first, levels = _merge_small_cells(levels, 3 * bits, min_size)
+    order, codes, bits = _order(bounds, keys, MORTON_BITS)
+    if _longest_run(codes) > max_size:
+        keys = np.unique(keys, return_inverse=True)[1]  # leaves more bits
+        order, codes, bits = _order(bounds, keys, MOST_MORTON_BITS)
+    levels, last_level = _levels(codes, bits, min_size, max_size)
+    first, levels = _merge_small_cells(levels, last_level, min_size)
     cell_bounds = np.maximum.reduceat(bounds[:, order], first, axis=1)
     starts, counts = _merge_cells(
-        cell_bounds, first, levels, total, 3 * bits, max_size, split_factor
+        cell_bounds, first, levels, total, last_level, max_size, split_factor
     )
     # merged boxes are not split after the first, whatever of them was merged before
     merged = np.bincount(starts + 1, minlength=total + 1)
     merged -= np.bincount(starts + counts, minlength=total + 1)
     first = first[np.cumsum(merged)[first] == 0]
     return order, _split_to_size(first, total, max_size)
+
+
+def _levels(
+    codes: NDArray[np.uint64], bits: int, min_size: int, max_size: int
+) -> tuple[NDArray[np.intp], int]:
+    """Levels (n,) at which boxes begin, by their codes in order; and the last one.
+
+    Each is of the smallest cell that a box shares with the one before. Of boxes in one cell of the
+    smallest, runs of `min_size` and then `max_size` count as cells of the lowest levels.
+    """
+    total, last_level = len(codes), 3 * bits + 1
+    # the first box shares no cell, nor do those of different keys
+    levels = np.full(total, last_level + 1)
+    differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
+    differs = differing > 0.0
+    exponents = np.frexp(differing)[1][differs]
+    levels[1:][differs] = np.minimum(exponents + 1, last_level + 1)
+    numbers = np.arange(total)
+    levels[1:][~differs] = 0
+    in_cell = numbers - np.maximum.accumulate(np.where(levels > 0, numbers, 0))
+    for level, size in ((1, min_size), (2, max_size)):
+        levels[(in_cell > 0) & (in_cell % size == 0)] = level
+    return levels, last_level
 
 
 def _merge_small_cells(
@@ -79,7 +98,7 @@ def _merge_small_cells(
         counts = np.diff(first[heads], append=total)
         stays = np.repeat(counts > min_size, np.diff(heads, append=len(levels)))
         stays[heads] = True
-        if stays.all():
+        if counts.min() > min_size:
             break
         first, levels = first[stays], levels[stays]
     return first, levels
@@ -125,6 +144,23 @@ def _split_to_size(first: NDArray[np.intp], total: int, max_size: int) -> NDArra
     number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     starts: NDArray[np.intp] = np.repeat(first, parts) + max_size * number
     return starts
+
+
+def _order(
+    bounds: NDArray[np.float32], keys: NDArray[np.integer], most_bits: int
+) -> tuple[NDArray[np.intp], NDArray[np.uint64], int]:
+    """Order of boxes (6, n) by key and Morton code, these codes in order, and bits of an axis."""
+    bits = min(most_bits, (64 - int(keys.max()).bit_length()) // 3)
+    codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
+    codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
+    order = np.argsort(codes, kind="stable")
+    return order, codes[order], bits
+
+
+def _longest_run(values: NDArray[np.uint64]) -> int:
+    """Length of the longest run of equal values (n,), in order."""
+    starts = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
+    return int(np.diff(starts, append=len(values)).max())
 
 
 def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -157,3 +157,25 @@ def test_clusters_of_large_scenes_are_larger(monkeypatch):
     large = _built(corners)[1]
     assert len(large.first) < 0.5 * len(small.first)
     assert large.triangles.max() <= MAX_TRIANGLES
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1e-4])
+def test_what_is_small_and_dense_in_a_large_scene_has_few_clusters(scale):
+    """A plant in a city: its triangles are far smaller than the cells of the whole."""
+    plant = scale * _corners(4000)
+    corners, clusters, made = _built(np.concatenate((plant, 100.0 * _corners(8))))
+    assert np.array_equal(np.sort(made.order), np.arange(len(corners)))
+    assert len(clusters.first) <= len(corners) / MIN_TRIANGLES + 8
+
+
+def test_equal_triangles_share_clusters():
+    _, clusters, _ = _built(SCENES["all in one place"])
+    assert len(clusters.first) == -(-150 // MAX_TRIANGLES)
+
+
+def test_few_triangles_of_a_cell_share_a_cluster_wherever_others_are_dense():
+    """A heap of many in one place keeps none of the rest apart."""
+    heap = np.repeat(_corners(1), MAX_TRIANGLES, axis=0)
+    rest = _corners(1000, seed=6)
+    alone, both = (_built(one)[1] for one in (rest, np.concatenate((heap, rest))))
+    assert len(both.first) <= len(alone.first) + 8
