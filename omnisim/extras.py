@@ -25,6 +25,7 @@ EXTRAS = {
     "reports": {"matplotlib": "matplotlib", "jinja2": "jinja2"},
     "collada": {"pycollada": "collada"},
     "rays": {"embreex": "embreex"},
+    "bake": {"embreex": "embreex", "xatlas": "xatlas"},
     "video": {"av": "av"},
     "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
     "live": {"websockets": "websockets"},

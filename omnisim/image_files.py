@@ -35,7 +35,9 @@ _LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
 # Longer metadata ends the process in JPEG's writer, and TIFF's reader does not find it.
 _LARGEST_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
 _QUIET = threading.RLock()  # held while standard error is discarded
-_KINDS = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
+_KINDS = {
+    "uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT
+}  # fmt: skip
 
 Attributes = Mapping[str, str | int | float]
 Metadata = Mapping[str, Any]  # as JSON can hold it
@@ -242,6 +244,23 @@ def read_radiance(path: Path) -> NDArray[np.float32]:
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise OutputError(f"{path}: expected a picture of red, green and blue")
     return np.ascontiguousarray(pixels[..., places])
+
+
+def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
+    """Write linear RGB (height, width, 3) as half floats of an EXR file, losslessly compressed.
+
+    Raises:
+        OutputError: another suffix, pixels of another kind, or a file that cannot be written.
+    """
+    check_suffix(path, ".exr")
+    if pixels.dtype != np.float16 or pixels.ndim != 3 or pixels.shape[2] != 3:
+        raise OutputError(f"{path}: expected (height, width, 3) float16, got {pixels.shape}")
+    attributes: Attributes = {
+        "Compression": "zip",
+        "DateTime": _NO_DATE,
+        "oiio:ColorSpace": "lin_rec709_scene",
+    }
+    _write(path, pixels, attributes, None)
 
 
 def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:

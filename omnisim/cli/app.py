@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from omnisim.cli import INTERRUPTED
+from omnisim.cli.bake_requests import BakeRequest
 from omnisim.cli.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.cli.command import Command, DefaultGroup, Group, command
 from omnisim.cli.console import err, out
@@ -125,6 +126,14 @@ def show_scene(request: SceneRequest) -> None:
 def convert_scene(request: SceneConvertRequest) -> None:
     """Write a scene of any format as GLB: instances, materials, textures, lights."""
     from omnisim.cli.scene_convert import run
+
+    run(request)
+
+
+@command(app, BakeRequest)
+def bake(request: BakeRequest) -> None:
+    """Bake a scene's light: shadows, sky and bounces on all that is static."""
+    from omnisim.cli.bake import run
 
     run(request)
 

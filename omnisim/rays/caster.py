@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rays.embree import NO_TRIANGLE, EmbreeMesh
+from omnisim.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh
 from omnisim.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
 from omnisim.world import ObjectPart
@@ -118,6 +118,30 @@ class RayCaster:
             nearer = np.flatnonzero(found.triangles != NO_TRIANGLE)
             hits.put(aimed[nearer], found.take(nearer))
         return hits
+
+    @property
+    def static_centre_m(self) -> NDArray[np.float64]:
+        """Middle (3,) of the static surfaces' bounds, world."""
+        return self._part_mesh(0, frozenset()).centre_m
+
+    def static_hits(
+        self,
+        origins_m: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        far: NDArray[np.float32] | None = None,
+    ) -> EmbreeHits:
+        """Nearest static triangles along rays (n, 3), either side, as Embree finds them.
+
+        Args:
+            origins_m: (n, 3) from `static_centre_m`, along the world's axes.
+            directions: (n, 3) of any length.
+            far: (n,) where rays end, in lengths of the direction; None: nowhere.
+        """
+        part = self._part_mesh(0, frozenset())
+        hits = part.mesh.hits(origins_m, directions, far)
+        is_hit = hits.triangles != NO_TRIANGLE
+        triangles = part.triangles.take(hits.triangles, mode="clip").astype(np.int32)
+        return hits._replace(triangles=np.where(is_hit, triangles, np.int32(NO_TRIANGLE)))
 
     def behind(self, rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
         """Rays (n,) that go on just behind surfaces at ranges (n,).

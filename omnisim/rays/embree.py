@@ -22,6 +22,24 @@ class EmbreeHits(NamedTuple):
     v: NDArray[np.float32]  # (n,) weight of the third corner
     normals: NDArray[np.float32]  # (n, 3) of the planes, on the front side, not of unit length
 
+    def take(self, indices: NDArray[np.intp]) -> EmbreeHits:
+        """Some of the hits."""
+        return EmbreeHits(
+            self.triangles[indices],
+            self.ranges_m[indices],
+            self.u[indices],
+            self.v[indices],
+            self.normals[indices],
+        )
+
+    def put(self, indices: NDArray[np.intp], hits: EmbreeHits) -> None:
+        """Overwrite some of the hits."""
+        self.triangles[indices] = hits.triangles
+        self.ranges_m[indices] = hits.ranges_m
+        self.u[indices] = hits.u
+        self.v[indices] = hits.v
+        self.normals[indices] = hits.normals
+
 
 class EmbreeMesh:
     """Bounding volume hierarchy of triangles; embreex frees the GIL while it casts.

@@ -50,7 +50,7 @@ class Shading:
         lighting: of the scene.
 
     Attributes:
-        is_blended: (surfaces,).
+        is_blended, is_unlit: (surfaces,).
         table: reflectance of the surfaces.
         hit_cutoff: (surfaces,) see `omnisim.scene.model.Material.hit_cutoff`.
     """
@@ -63,7 +63,7 @@ class Shading:
         self._base_color = np.array(
             [material.base_color for material in materials], dtype=np.float32
         ).reshape(-1, 4)
-        self._is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
+        self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
@@ -97,6 +97,22 @@ class Shading:
             view = View(rays, hits, world_from_objects, footprints)
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
+
+    def emitted(self, hits: RayHits) -> NDArray[np.float32]:
+        """Light (n, 3), linear RGB, that surfaces show without any on them; all rays hit."""
+        surfaces, nowhere = self.surfaces(hits), np.zeros((len(hits.triangles), 3))
+        rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
+        view = _View(rays, hits, (), None)
+
+        def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
+            table = self.table.maps[slot]
+            return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
+
+        light = self.table.values(surfaces, sampled).emissive.astype(np.float32)
+        light[self.table.is_matte[surfaces]] = 0.0
+        unlit = np.flatnonzero(self.is_unlit[surfaces])
+        light[unlit] = self.base_colors(rays.take(unlit), hits.take(unlit))[:, :3]
+        return light
 
     def _sampled(
         self,
@@ -172,7 +188,7 @@ class Shading:
         normals = self.normals(hits, world_from_objects)
         lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
         light = light_on_surfaces(self._lighting, lamps, normals)
-        light[self._is_unlit[surfaces]] = 1.0
+        light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
         glossy = np.flatnonzero(~self.table.is_matte[surfaces])
         if len(glossy):

@@ -42,9 +42,7 @@ class Environment:
         pixels = _halved_to(self.radiance, 128).astype(np.float64)
         directions, weights = map_directions(*pixels.shape[:2])
         shares = shares_of_normals(directions.reshape(-1, 3))
-        moments = shares.T @ (pixels * weights[:, None, None]).reshape(-1, 3)
-        factors: NDArray[np.float64] = moments * _FACTORS[:, None]
-        return factors
+        return factors_of_moments(shares.T @ (pixels * weights[:, None, None]).reshape(-1, 3))
 
     @cached_property
     def filtered(self) -> tuple[NDArray[np.float32], ...]:
@@ -93,6 +91,12 @@ _FACTORS = np.array(
         0.25 * 15.0 / (4.0 * np.pi), 0.25 * 15.0 / (16.0 * np.pi),
     ]
 )  # fmt: skip
+
+
+def factors_of_moments(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factors (..., 9, 3) of light on white surfaces, by integrals of shares times radiance."""
+    factors: NDArray[np.float64] = moments * _FACTORS[:, None]
+    return factors
 
 
 def shares_of_normals(normals: NDArray[np.floating]) -> NDArray[np.float64]:

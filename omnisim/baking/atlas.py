@@ -1,0 +1,141 @@
+"""Atlas of a scene: a rectangle of texels for each static instance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.baking.texel_sizes import areas_m2, texel_sizes_m
+from omnisim.baking.unwrapping import Unwrapping, unwrap
+from omnisim.errors import SceneError
+from omnisim.scene.model import Scene
+
+GUTTER_PX = 2  # around each rectangle
+MAX_SIDE_PX = 8192
+_LEAST_SCALE = 0.5  # of a mesh's page: below it its padding would be less than a texel
+_LEAST_TEXELS = 6.0  # of an instance's area; a smaller one has one light all over
+_LEAST_FILL, _SMALL_PAGE_PX = 0.08, 4096
+
+
+class Atlas(NamedTuple):
+    """Places of instances in an atlas.
+
+    Attributes:
+        unwrappings: by the index of the mesh.
+        rects_px: (n, 4) int of the instances: left, top, width, height; zeros: it has none.
+        texels_m: (n,) sizes of the instances' texels.
+        size_px: width and height.
+    """
+
+    unwrappings: dict[int, Unwrapping]
+    rects_px: NDArray[np.intp]
+    texels_m: NDArray[np.float64]
+    size_px: tuple[int, int]
+
+    def rects(self) -> dict[int, tuple[float, float, float, float]]:
+        """Rectangles by the index of the instance, in shares of the atlas."""
+        whole = np.array((*self.size_px, *self.size_px), dtype=np.float64)
+        return {
+            int(index): (left, top, wide, high)
+            for index in np.flatnonzero(self.rects_px[:, 2])
+            for left, top, wide, high in ((self.rects_px[index] / whole).tolist(),)
+        }
+
+
+def build_atlas(scene: Scene, texel_m: float) -> Atlas:
+    """Unwrap the meshes of static instances, and pack a rectangle for each instance.
+
+    Raises:
+        SceneError: texels so small that the atlas has more than `MAX_SIDE_PX`.
+    """
+    texels_m, areas = texel_sizes_m(scene, texel_m), areas_m2(scene)
+    scales = np.array(
+        [_scale(instance.world_from_mesh) for instance in scene.instances]
+    ) / np.maximum(texels_m, 1e-12)
+    unwrappings: dict[int, Unwrapping] = {}
+    sizes_px = np.zeros((len(scene.instances), 2), dtype=np.intp)
+    of_mesh: dict[int, list[int]] = {}
+    for index, instance in enumerate(scene.instances):
+        of_mesh.setdefault(instance.mesh, []).append(index)
+    for mesh, members in of_mesh.items():
+        finest = max(members, key=lambda index: float(scales[index]))
+        covered = areas[finest] / texels_m[finest] ** 2
+        if covered < _LEAST_TEXELS:
+            continue
+        if covered > MAX_SIDE_PX**2:
+            raise _too_fine(texel_m, scene, covered)
+        matrix = scene.instances[finest].world_from_mesh[:3, :3] / texels_m[finest]
+        page = unwrap(scene.meshes[mesh], matrix)
+        if page is None or not _is_worth(page, covered):
+            continue
+        unwrappings[mesh] = page
+        for index in members:
+            scale = float(np.clip(scales[index] / scales[finest], _LEAST_SCALE, 1.0))
+            sizes_px[index] = np.ceil(np.array(page.size_px) * scale)
+    rects_px, size_px = pack(sizes_px)
+    if max(size_px) > MAX_SIDE_PX:
+        raise _too_fine(texel_m, scene, float(np.prod(size_px)))
+    return Atlas(unwrappings, rects_px, texels_m, size_px)
+
+
+def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:
+    """Rectangles (n, 4) of sizes (n, 2) on shelves, with gutters, and the size of their atlas."""
+    rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
+    used = np.flatnonzero(sizes_px.min(axis=1, initial=1))
+    outer = sizes_px[used] + 2 * GUTTER_PX
+    if not len(used):
+        return rects, (1, 1)
+    width = max(int(outer[:, 0].max()), int(np.ceil(np.sqrt(outer.prod(axis=1).sum()))))
+    width = -(-width // 16) * 16
+    left = top = shelf = 0
+    for at in np.lexsort((used, -outer[:, 0], -outer[:, 1])):
+        wide, high = (int(side) for side in outer[at])
+        if left + wide > width:
+            left, top, shelf = 0, top + shelf, 0
+        rects[used[at]] = left + GUTTER_PX, top + GUTTER_PX, *sizes_px[used[at]]
+        left, shelf = left + wide, max(shelf, high)
+    return rects, (width, top + shelf)
+
+
+def _scale(matrix: NDArray[np.float64]) -> float:
+    """Mean factor of lengths."""
+    return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
+
+
+def _is_worth(page: Unwrapping, covered: float) -> bool:
+    """Tell pages of charts from pages of padding, as crumbs of many small pieces have."""
+    texels = page.size_px[0] * page.size_px[1]
+    return texels <= _SMALL_PAGE_PX or covered >= _LEAST_FILL * texels
+
+
+def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
+    fitting_m = texel_m * float(np.sqrt(texels)) / (0.7 * MAX_SIDE_PX)
+    return SceneError(
+        f"{scene.name}: texel_m = {texel_m:g}: expected an atlas of at most {MAX_SIDE_PX} px, "
+        f"which about {fitting_m:.2g} makes"
+    )
+
+
+def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> NDArray[np.float32]:
+    """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros where there are none.
+
+    Args:
+        scene: its instances, one after the other.
+        atlas: of the scene.
+        swapped: (n,) instances whose second and third corners are swapped.
+    """
+    corners = [np.empty((0, 3, 2), np.float32)]
+    for index, instance in enumerate(scene.instances):
+        left, top, wide, high = atlas.rects_px[index]
+        if wide == 0:
+            count = len(scene.meshes[instance.mesh].triangles)
+            corners.append(np.zeros((count, 3, 2), np.float32))
+            continue
+        page = atlas.unwrappings[instance.mesh]
+        placed = page.uv.astype(np.float64) * (wide, high) + (left, top)
+        mine = placed[page.triangles].astype(np.float32)
+        corners.append(mine[:, [0, 2, 1]] if swapped[index] else mine)
+    return np.concatenate(corners)

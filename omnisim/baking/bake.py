@@ -1,0 +1,203 @@
+"""Baking of a scene's light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.baking.atlas import Atlas, build_atlas
+from omnisim.baking.emitters import Emitters
+from omnisim.baking.gathering import Gatherer
+from omnisim.baking.lamps import lamp_light, lamps_on
+from omnisim.baking.patches import Patches, build_patches
+from omnisim.baking.points import Points, points_at, usable
+from omnisim.baking.probes import ProbeBaker, ProbeGrid
+from omnisim.baking.sampling import Floats, generator, spread_points
+from omnisim.baking.settings import BakeSettings
+from omnisim.baking.texel_sizes import automatic_texel_m
+from omnisim.baking.tiles import Arrays, Progress, TileFolder, in_tiles
+from omnisim.baking.transport import INSIDE, SKY, Transport
+from omnisim.rays.ray_scene import RayScene
+from omnisim.scene.model import Scene
+
+TILE = 4096  # patches
+_LINKS = 32  # rays from each patch, between which all bounces but the last are counted
+_MOST_PLACES = 32
+_DIRECT, _GATHER = range(2)  # stages of random numbers
+
+
+class BakedPatches(NamedTuple):
+    """Light on the patches of a scene.
+
+    Attributes:
+        patches: of the scene.
+        lamps: (p, 3) light of the lamps.
+        gathered: (p, 3) all other light.
+        halves: (p, 2, 3) the same, by every other ray.
+        radiosity: (p, 3) light that patches reflect.
+        is_valid: (p,) there is a light.
+    """
+
+    patches: Patches
+    lamps: Floats
+    gathered: Floats
+    halves: Floats
+    radiosity: Floats
+    is_valid: NDArray[np.bool_]
+
+
+class Bake:
+    """Bake of a scene, tile after tile.
+
+    Args:
+        scene: its dynamic objects are left out.
+        settings: of the bake.
+
+    Raises:
+        OmnisimError: a missing package; texels too small.
+    """
+
+    def __init__(self, scene: Scene, settings: BakeSettings):
+        self.scene, self.settings = scene, settings
+        self.texel_m = settings.texel_m or automatic_texel_m(scene)
+        self.rays = RayScene(scene)
+        self.atlas: Atlas = build_atlas(scene, self.texel_m)
+        patches = build_patches(self.rays, self.atlas)
+        self.patches = usable(self.rays, Transport(self.rays, patches), patches)
+        self.transport = Transport(self.rays, self.patches)
+        entries = len(self.patches.of_sample)
+        points = points_at(self.rays, self.transport, self.patches, 0, entries)
+        aimed = max(8, settings.samples // 4)
+        lighting = scene.lighting
+        self._emitters = Emitters(self.patches, points, aimed, settings.samples)
+        self._links = min(_LINKS, settings.samples)
+        self._coarse_emitters = Emitters(self.patches, points, 16, self._links)
+        self.gatherer = Gatherer(lighting, self.transport, self._emitters, settings.samples)
+        self._coarse = Gatherer(lighting, self.transport, self._coarse_emitters, self._links)
+        self.tiles = -(-self.patches.count // TILE)
+
+    def run(self, folder: TileFolder, jobs: int | None, progress: Progress) -> BakedPatches:
+        """Light on all patches."""
+        direct = _joined(in_tiles(folder, "direct light", self._direct, self.tiles, jobs, progress))
+        radiosity = self._solve(direct)
+
+        def gather(tile: int) -> Arrays:
+            return self._gather(tile, radiosity)
+
+        found = _joined(in_tiles(folder, "bounces", gather, self.tiles, jobs, progress))
+        return BakedPatches(
+            self.patches,
+            direct["lamps"],
+            found["light"],
+            found["halves"],
+            self.patches.albedo * (direct["lamps"] + found["light"]),
+            found["is_valid"],
+        )
+
+    def probes(
+        self, folder: TileFolder, found: BakedPatches, jobs: int | None, progress: Progress
+    ) -> tuple[ProbeGrid, Arrays]:
+        """Grid of probes, spherical harmonics (nx, ny, nz, 9, 3) and validity (nx, ny, nz)."""
+        seen = found.radiosity + self.patches.emission
+        baker = ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
+        tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
+        shape = baker.grid.shape
+        return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
+
+    def _range(self, tile: int) -> tuple[int, int]:
+        return tile * TILE, min((tile + 1) * TILE, self.patches.count)
+
+    def _places(self, first: int, last: int) -> tuple[NDArray[np.intp], list[Points]]:
+        """Patches of a range that have samples, and points of theirs, each in its turn."""
+        starts = self.patches.first[first : last + 1]
+        counts = np.diff(starts)
+        some = np.flatnonzero(counts)
+        if not len(some):
+            return some, []
+        points = points_at(self.rays, self.transport, self.patches, starts[0], starts[-1])
+        base, counts = starts[some] - starts[0], counts[some]
+        number = int(min(counts.max(), _MOST_PLACES))
+        places = []
+        for at in range(number):
+            entries = base + np.where(counts <= number, at % counts, at * counts // number)
+            places.append(Points(*(values[entries] for values in points)))
+        return some, places
+
+    def _direct(self, tile: int) -> Arrays:
+        """Light of lamps, and links between patches with the light that comes along them."""
+        first, last = self._range(tile)
+        count = last - first
+        lamps, other = np.zeros((2, count, 3), dtype=np.float32)
+        links = np.full((count, self._links), SKY, dtype=np.int32)
+        some, places = self._places(first, last)
+        if len(some):
+            lamps[some] = self._lamps(places)
+            random = generator(self.settings.seed, _DIRECT, tile)
+            shifts = random.random((count, 4), dtype=np.float32)[some]
+            hits, directions, cosines = self._coarse.hits(places, shifts[:, :2], 0, self._links)
+            nothing = np.zeros((self.patches.count, 3), dtype=np.float32)
+            light = self._coarse.seen(hits, directions, cosines, nothing)
+            valid = np.maximum((hits.patches != INSIDE).reshape(len(some), -1).sum(axis=1), 1)
+            other[some] = light.reshape(len(some), -1, 3).sum(axis=1) / valid[:, None]
+            other[some] += self._aimed(self._coarse_emitters, places, shifts[:, 2:])
+            links[some] = hits.patches.reshape(len(some), -1)
+        return {"lamps": lamps, "other": other, "links": links}
+
+    def _lamps(self, places: list[Points]) -> Floats:
+        lighting, total = self.scene.lighting, np.zeros_like(places[0].origins_m)
+        for at in places:
+            lamps = lamps_on(lighting, self.transport, at.origins_m, at)
+            total += lamp_light(lamps, at)
+        return total / np.float32(len(places))
+
+    def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Floats:
+        """Light of emitters by rays to them, shared among the places."""
+        total = np.zeros_like(places[0].origins_m)
+        points = spread_points(emitters.aimed)
+        for number, at in enumerate(places):
+            mine = points[number :: len(places)]
+            if len(mine):
+                total += emitters.light(self.transport, at, mine, shifts)
+        return total
+
+    def _solve(self, direct: Arrays) -> Floats:
+        """Radiosity (p, 3) after all bounces but the last, along the links."""
+        albedo = self.patches.albedo
+        links = direct["links"]
+        first = direct["lamps"] + direct["other"]
+        if self.settings.bounces == 0:
+            return np.zeros_like(albedo)
+        numbers = np.maximum((links != INSIDE).sum(axis=1), 1)[:, None].astype(np.float32)
+        radiosity: Floats = albedo * first
+        for _ in range(self.settings.bounces - 1):
+            padded = np.concatenate((radiosity, np.zeros((2, 3), np.float32)))  # SKY, INSIDE
+            bounced = np.zeros_like(radiosity)
+            for link in range(links.shape[1]):
+                bounced += padded[links[:, link]]
+            radiosity = albedo * (first + bounced / numbers)
+        return radiosity
+
+    def _gather(self, tile: int, radiosity: Floats) -> Arrays:
+        first, last = self._range(tile)
+        count = last - first
+        light = np.zeros((count, 3), dtype=np.float32)
+        halves = np.zeros((count, 2, 3), dtype=np.float32)
+        is_valid = np.zeros(count, dtype=np.bool_)
+        some, places = self._places(first, last)
+        if len(some):
+            random = generator(self.settings.seed, _GATHER, tile)
+            shifts = random.random((count, 4), dtype=np.float32)[some]
+            found = self.gatherer.gather(places, shifts[:, :2], radiosity)
+            aimed = self._aimed(self._emitters, places, shifts[:, 2:])
+            light[some] = found.light + aimed
+            halves[some] = found.halves + aimed[:, None]
+            is_valid[some] = found.is_valid
+        return {"light": light, "halves": halves, "is_valid": is_valid}
+
+
+def _joined(tiles: Iterator[Arrays]) -> Arrays:
+    found = list(tiles)
+    return {key: np.concatenate([one[key] for one in found]) for key in found[0]}

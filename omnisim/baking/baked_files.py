@@ -1,0 +1,112 @@
+"""Folder of a bake: lightmap, unwrapping, probes, and what they are of."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from omnisim.atomic_file import atomic_folder, check_new_folder
+from omnisim.baking.bake import Bake
+from omnisim.baking.denoising import denoised
+from omnisim.baking.lightmap import lightmap
+from omnisim.baking.settings import BakeSettings
+from omnisim.baking.tiles import Arrays, Progress, TileFolder, no_progress, write_arrays
+from omnisim.extras import require_extra
+from omnisim.image_files import write_radiance
+from omnisim.scene.baked_fingerprint import baked_fingerprint
+from omnisim.scene.model import Scene
+from omnisim.version import __version__
+
+VERSION = 1
+
+
+class Baked(NamedTuple):
+    """Sizes of a bake.
+
+    Attributes:
+        atlas_px: width and height.
+        texel_m: width of a texel near the vehicles' places.
+        probes: number of valid ones.
+    """
+
+    atlas_px: tuple[int, int]
+    texel_m: float
+    probes: int
+
+
+_LARGEST_HALF = 65504.0
+
+
+def bake_scene(
+    scene: Scene,
+    output: Path,
+    settings: BakeSettings,
+    jobs: int | None = None,
+    progress: Progress = no_progress,
+) -> Baked:
+    """Bake the light of a scene's static surfaces into a new folder.
+
+    Unfinished work stays in a folder beside it, and the same bake goes on with it.
+
+    Args:
+        scene: its dynamic objects are left out.
+        output: the folder.
+        settings: of the bake.
+        jobs: threads; None: one for each core. The files do not depend on them.
+        progress: of each stage.
+
+    Raises:
+        OmnisimError: a package is missing, texels are too small, or nothing can be written.
+    """
+    require_extra("bake", "baking light")
+    check_new_folder(output)
+    fingerprint = baked_fingerprint(scene)
+    bake = Bake(scene, settings)
+    plan = {
+        "omnisim": __version__,
+        "fingerprint": fingerprint,
+        "texel_m": bake.texel_m,
+        "samples": settings.samples,
+        "bounces": settings.bounces,
+        "seed": settings.seed,
+    }
+    folder = TileFolder(output, plan)
+    found = bake.run(folder, jobs, progress)
+    grid, probes = bake.probes(folder, found, jobs, progress)
+    gathered = denoised(bake.patches, found) if settings.denoises else found.gathered
+    pixels = lightmap(bake.patches, found.lamps + gathered, found.is_valid)
+    document = plan | {
+        "version": VERSION,
+        "exposure": scene.lighting.exposure,
+        "atlas_px": list(bake.atlas.size_px),
+        "rects": {str(index): rect for index, rect in bake.atlas.rects().items()},
+        "probes": {
+            "origin_m": grid.origin_m.tolist(),
+            "spacing_m": grid.spacing_m.tolist(),
+            "shape": list(grid.shape),
+        },
+    }
+    with atomic_folder(output) as partial:
+        write_radiance(
+            partial / "irradiance.exr", np.clip(pixels, 0.0, _LARGEST_HALF).astype(np.float16)
+        )
+        with (partial / "probes.npz").open("wb") as file:
+            write_arrays(file, probes, is_compressed=True)
+        unwrapping: Arrays = {
+            f"{key}_{mesh}": values
+            for mesh, page in sorted(bake.atlas.unwrappings.items())
+            for key, values in (
+                ("vertex_of", page.vertex_of),
+                ("triangles", page.triangles),
+                ("uv", page.uv),
+            )
+        }
+        with (partial / "unwrapping.npz").open("wb") as file:
+            write_arrays(file, unwrapping, is_compressed=True)
+        text = json.dumps(document, indent=1) + "\n"
+        (partial / "baked.json").write_text(text, encoding="utf-8", newline="\n")
+    folder.remove()
+    return Baked(bake.atlas.size_px, bake.texel_m, int(probes["valid"].sum()))

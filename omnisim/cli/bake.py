@@ -1,0 +1,48 @@
+"""`omnisim bake`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+from omnisim.atomic_file import check_distinct, check_new_folder
+from omnisim.cli.bake_requests import BakeRequest
+from omnisim.cli.console import out, print_note, track
+from omnisim.extras import require_extra
+from omnisim.scene import load_scene
+from omnisim.scene.source import resolve_source
+
+
+def run(request: BakeRequest) -> None:
+    """Bake a scene's light, and print its size."""
+    require_extra("bake", "omnisim bake")
+    from omnisim.baking.baked_files import bake_scene
+    from omnisim.baking.settings import BakeSettings
+
+    check_new_folder(request.output)
+    source = resolve_source(request.scene)
+    check_distinct(
+        {"the baked light": request.output},
+        {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
+    )
+    scene = load_scene(
+        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+    )
+    for notice in scene.notices:
+        print_note(notice)
+    if scene.objects:
+        print_note("dynamic objects are left out: probes light them")
+    settings = BakeSettings(request.texel_m, request.samples, request.bounces, request.seed)
+    began_s = time.monotonic()
+    baked = bake_scene(scene, request.output, settings, request.jobs, _progress)
+    width, height = baked.atlas_px
+    size_mb = sum(path.stat().st_size for path in request.output.iterdir()) / 1e6
+    out.print(
+        f"{request.output}: {width} × {height} texels of {baked.texel_m:g} m, "
+        f"{baked.probes} probes, {size_mb:.1f} MB, {time.monotonic() - began_s:.0f} s",
+        markup=False,
+    )
+
+
+def _progress(description: str, total: int) -> Callable[[Iterable[int]], Iterable[int]]:
+    return lambda steps: track(steps, description, total)
