@@ -100,17 +100,10 @@ class Shading:
 
     def emitted(self, hits: RayHits) -> NDArray[np.float32]:
         """Light (n, 3), linear RGB, that surfaces show without any on them; all rays hit."""
-        surfaces, nowhere = self.surfaces(hits), np.zeros((len(hits.triangles), 3))
+        nowhere = np.zeros((len(hits.triangles), 3))
         rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
-        view = _View(rays, hits, (), None)
-
-        def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
-            table = self.table.maps[slot]
-            return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
-
-        light = self.table.values(surfaces, sampled).emissive.astype(np.float32)
-        light[self.table.is_matte[surfaces]] = 0.0
-        unlit = np.flatnonzero(self.is_unlit[surfaces])
+        light = self.materials(View(rays, hits, (), None))[:, 2:]
+        unlit = np.flatnonzero(self.is_unlit[self.surfaces(hits)])
         light[unlit] = self.base_colors(rays.take(unlit), hits.take(unlit))[:, :3]
         return light
 
