@@ -135,6 +135,26 @@ SensorOption = Annotated[
         rich_help_panel=CAMERA,
     ),
 ]
+OpticsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--optics",
+        metavar="FILE",
+        help="Optics file instead of a sensor file: mirrors and refracting surfaces in front "
+        "of a camera.",
+        rich_help_panel=CAMERA,
+    ),
+]
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--camera",
+        metavar="FILE",
+        help="Calibration file instead of a sensor file: Kalibr, OpenCV, COLMAP, … "
+        "(`omnisim calibration formats`), or KITTI-360's folder.",
+        rich_help_panel=CAMERA,
+    ),
+]
 SizeOption = Annotated[
     int | None,
     typer.Option(
@@ -161,6 +181,17 @@ UnlitOption = Annotated[
 ]
 NoShadowsOption = Annotated[
     bool, typer.Option("--no-shadows", help="Let the light of lamps pass through surfaces.")
+]
+SkyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sky",
+        metavar="clear|FILE",
+        autocompletion=one_of("clear"),
+        help="Sky that lights the scene instead of its own: a clear one, or an environment map, "
+        ".hdr or .exr.",
+        show_default="the scene's",
+    ),
 ]
 UpOption = Annotated[
     str | None,

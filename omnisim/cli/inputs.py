@@ -170,7 +170,7 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
     is_labelled = request.boxes_3d or not LABELLED.isdisjoint(channels)
     if request.labels is not None and not is_labelled:
         raise OutputError("--labels: requires --also semantic")
-    scene = load_requested_scene(request)
+    scene = load_requested_scene(request, request.sky)
     if request.no_shadows:
         scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     if request.labels is not None:
@@ -180,14 +180,16 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
     return scene
 
 
-def load_requested_scene(request: RenderRequest | ScanRequest | DriveRequest) -> Scene:
+def load_requested_scene(
+    request: RenderRequest | ScanRequest | DriveRequest, sky: str | None = None
+) -> Scene:
     """Load a scene in the axes and the unit of the options; print its notices.
 
     Raises:
         SceneError: it cannot be read.
     """
     scene = load_scene(
-        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+        request.scene, request.up_axis, request.meters_per_unit, request.resources or (), sky=sky
     )
     for notice in scene.notices:
         print_note(notice)

@@ -7,11 +7,12 @@ from typing import Annotated
 import typer
 
 from omnisim.cli.arguments import (
-    CAMERA,
     AtOption,
+    CalibrationOption,
     CameraNameOption,
     DeviceOption,
     MirroredOption,
+    OpticsOption,
     PresetOption,
     ResourcesOption,
     SensorOption,
@@ -55,24 +56,8 @@ class LiveRequest:
         ),
     ] = None
     sensor: SensorOption = None
-    optics: Annotated[
-        Path | None,
-        typer.Option(
-            "--optics",
-            metavar="FILE",
-            help="Optics file instead of a sensor file: .toml.",
-            rich_help_panel=CAMERA,
-        ),
-    ] = None
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            "--camera",
-            metavar="FILE",
-            help="Calibration file instead of a sensor file.",
-            rich_help_panel=CAMERA,
-        ),
-    ] = None
+    optics: OpticsOption = None
+    camera: CalibrationOption = None
     camera_name: CameraNameOption = None
     mirrored: MirroredOption = None
     preset: PresetOption = None

@@ -16,12 +16,14 @@ from omnisim.cli.arguments import (
     Backend,
     BackendOption,
     Boxes3dOption,
+    CalibrationOption,
     ChannelFormatOption,
     DeviceOption,
     ForceOption,
     LabelsOption,
     MirroredOption,
     NoShadowsOption,
+    OpticsOption,
     PictureOption,
     PitchOption,
     PolygonsOption,
@@ -32,6 +34,7 @@ from omnisim.cli.arguments import (
     SceneArgument,
     SensorOption,
     SizeOption,
+    SkyOption,
     TimeOption,
     UnitOption,
     UnlitOption,
@@ -55,26 +58,8 @@ class RenderRequest:
     scene: SceneArgument
     output: PictureOrRunOption
     sensor: SensorOption = None
-    optics: Annotated[
-        Path | None,
-        typer.Option(
-            "--optics",
-            metavar="FILE",
-            help="Optics file instead of a sensor file: mirrors and refracting surfaces in front "
-            "of a camera.",
-            rich_help_panel=CAMERA,
-        ),
-    ] = None
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            "--camera",
-            metavar="FILE",
-            help="Calibration file instead of a sensor file: Kalibr, OpenCV, COLMAP, … "
-            "(`omnisim calibration formats`), or KITTI-360's folder.",
-            rich_help_panel=CAMERA,
-        ),
-    ] = None
+    optics: OpticsOption = None
+    camera: CalibrationOption = None
     camera_name: RigCameraOption = None
     mirrored: MirroredOption = None
     robot: Annotated[
@@ -103,6 +88,7 @@ class RenderRequest:
     quality: QualityOption = None
     unlit: UnlitOption = False
     no_shadows: NoShadowsOption = False
+    sky: SkyOption = None
     faces: Annotated[
         Path | None,
         typer.Option(

@@ -163,6 +163,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
             "the sensor file": request.sensor,
             "the optics file": request.optics,
             "the labels' file": request.labels,
+            "the sky": None if request.sky is None else Path(request.sky),
         },
     )
     channels = () if request.also is None else parse_channels(request.also)

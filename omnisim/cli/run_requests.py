@@ -26,6 +26,7 @@ from omnisim.cli.arguments import (
     RunSceneOption,
     SceneArgument,
     SizeOption,
+    SkyOption,
     UnitOption,
     UnlitOption,
     UpOption,
@@ -143,6 +144,7 @@ class DriveRequest:
     quality: QualityOption = None
     unlit: UnlitOption = False
     no_shadows: NoShadowsOption = False
+    sky: SkyOption = None
     also: AlsoOption = None
     channel_format: ChannelFormatOption = None
     boxes_3d: Boxes3dOption = False

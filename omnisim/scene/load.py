@@ -17,6 +17,7 @@ from omnisim.scene.file_axes import FileAxes, overruled
 from omnisim.scene.gltf.animations import NO_ANIMATION
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
+from omnisim.scene.light_tables import SkyTable
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
 from omnisim.scene.lit_scene import lit_scene
 from omnisim.scene.model import (
@@ -32,7 +33,7 @@ from omnisim.scene.model import (
 )
 from omnisim.scene.readers import check_format, read_file
 from omnisim.scene.scene_file import SceneFile
-from omnisim.scene.source import SceneSource, resolve_source
+from omnisim.scene.source import SceneSource, resolve_source, sky_table
 from omnisim.scene.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
@@ -44,6 +45,7 @@ def load_scene(
     meters_per_unit: float | None = None,
     resources: Sequence[str | Path] = (),
     animation: str | None = None,
+    sky: str | Path | None = None,
 ) -> Scene:
     """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
 
@@ -59,11 +61,17 @@ def load_scene(
             environment.
         animation: name of the animation of a glTF file that is played, "none" for none; by default
             that of its TOML, or else the first. What it moves are dynamic objects.
+        sky: "clear", or an environment map (.hdr, .exr), instead of the sky of its TOML.
 
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
     """
-    options = _Options(FileAxes(up_axis, meters_per_unit), tuple(map(Path, resources)), animation)
+    options = _Options(
+        FileAxes(up_axis, meters_per_unit),
+        tuple(map(Path, resources)),
+        animation,
+        sky=None if sky is None else sky_table(sky),
+    )
     return _load_source(source, options, ())
 
 
@@ -72,12 +80,14 @@ class _Options(NamedTuple):
 
     Attributes:
         is_shape: of an object, in which nobody stands and nothing moves.
+        sky: instead of those of the TOMLs.
     """
 
     axes: FileAxes
     resources: tuple[Path, ...]
     animation: str | None
     is_shape: bool = False
+    sky: SkyTable | None = None
 
 
 def _load_source(
@@ -90,8 +100,11 @@ def _load_source(
         found = resolve_source(source)
     except OSError as reason:  # a name too long, a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+    if options.sky is not None:  # of the outermost file, over all that it extends
+        found = found.under(None if outer else options.sky)
+    folder = Path() if options.sky is not None or found.toml is None else found.toml.parent
     if found.toml is None:
-        return _load_mesh_file(source, found, options)
+        return _under_sky(_load_mesh_file(source, found, options), found, folder)
     path = found.toml.resolve()
     if path in outer:
         raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
@@ -101,11 +114,7 @@ def _load_source(
     else:
         scene = _load_extended(str(source), found, options, outer)
 
-    scene = lit_scene(scene, found.settings)
-    if found.settings.sky is not None:
-        from omnisim.scene.sky import under_sky  # reads pictures, slow to import
-
-        scene = under_sky(scene, found.settings, found.toml)
+    scene = _under_sky(lit_scene(scene, found.settings), found, folder)
 
     def load_shape(path: Path, axis: str | None) -> Scene:
         still = _Options(FileAxes(axis), options.resources, NO_ANIMATION, is_shape=True)
@@ -116,6 +125,15 @@ def _load_source(
     except SceneError as reason:
         raise SceneError(f"{found.toml}: {reason}") from None
     return with_objects(scene, objects, str(found.toml))
+
+
+def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
+    """Scene under the sky of its settings, if they have one, whose map is beside a folder."""
+    if found.settings.sky is None:
+        return scene
+    from omnisim.scene.sky import under_sky  # reads pictures, slow to import
+
+    return under_sky(scene, found.settings, str(found.toml or found.mesh_file), folder)
 
 
 def _load_extended(

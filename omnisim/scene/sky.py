@@ -26,8 +26,14 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
-def under_sky(scene: Scene, settings: SceneFile, toml: Path) -> Scene:
+def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
     """Scene under the sky of its TOML, instead of even light; its lamps go on shining.
+
+    Args:
+        scene: without it.
+        settings: of the TOML.
+        toml: its path, for messages.
+        folder: that a map's path is relative to.
 
     Raises:
         SceneError: a map that cannot be read, or is none; or a clear sky at night.
@@ -42,10 +48,10 @@ def under_sky(scene: Scene, settings: SceneFile, toml: Path) -> Scene:
         lights=() if is_even else before.lights,
     )
     if table.file is not None:
-        path = find_beside(toml.parent, table.file, f"{toml}: sky.file", SceneError)
+        path = find_beside(folder, table.file, f"{toml}: sky.file", SceneError)
         lighting = _with_map(lighting, _turned(_read_map(path), table.yaw_deg), table.brightness)
     elif settings.sun is not None:
-        lighting = _around_sun(lighting, table, settings.sun, settings.light, str(toml))
+        lighting = _around_sun(lighting, table, settings.sun, settings.light, toml)
     else:
         lighting = _with_own_sun(lighting, table, settings.light.shadows is not False)
     return replace(scene, lighting=lighting)

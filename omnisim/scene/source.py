@@ -7,8 +7,11 @@ from typing import NamedTuple
 
 from omnisim.errors import SceneError, did_you_mean
 from omnisim.resources import SCENES, built_in
+from omnisim.scene.light_tables import SkyTable
 from omnisim.scene.scene_file import SceneFile
 from omnisim.toml_file import find_beside, read_toml
+
+CLEAR_SKY = "clear"
 
 
 def builtin_scenes() -> list[str]:
@@ -28,6 +31,27 @@ class SceneSource(NamedTuple):
     mesh_file: Path | None
     settings: SceneFile
     toml: Path | None
+
+    def under(self, sky: SkyTable | None) -> SceneSource:
+        """Source with another sky, or without one."""
+        return self._replace(settings=self.settings.model_copy(update={"sky": sky}))
+
+
+def sky_table(sky: str | Path) -> SkyTable:
+    """Table of a sky by its name, "clear", or by the path of an environment map.
+
+    Raises:
+        SceneError: neither.
+    """
+    if sky == CLEAR_SKY:
+        return SkyTable()
+    path = Path(sky)
+    if not path.is_file():
+        raise SceneError(
+            f"sky {str(sky)!r}: expected {CLEAR_SKY!r} or an environment map (.hdr, .exr), got no "
+            "file"
+        )
+    return SkyTable(file=str(path))
 
 
 def resolve_source(source: str | Path) -> SceneSource:

@@ -26,6 +26,37 @@ def _write(path, pixels):
     out.close()
 
 
+def test_a_sky_over_any_scene_is_that_of_a_toml(tmp_path):
+    map_file = tmp_path / "map.exr"
+    _write(map_file, np.random.default_rng(1).uniform(0.0, 2.0, (16, 32, 3)))
+    mesh = tmp_path / "a.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for sky, table in (("clear", ""), (map_file, 'file = "map.exr"')):
+        expected = _load(tmp_path, table).lighting
+        dull = tmp_path / "dull.toml"  # which has another sky
+        dull.write_text('extends = "rings"\n[sky]\nturbidity = 9.0\n')
+        for lighting in (load_scene("rings", sky=sky).lighting, load_scene(dull, sky=sky).lighting):
+            np.testing.assert_array_equal(
+                lighting.environment.radiance, expected.environment.radiance
+            )
+            assert len(lighting.lights) == len(expected.lights)
+        under = load_scene(mesh, sky=sky).lighting
+        assert under.ambient == (0.0, 0.0, 0.0)
+        assert under.environment is not None
+
+
+def test_a_sky_over_a_sun_of_a_toml_has_its_time(tmp_path):
+    sunny = tmp_path / "sunny.toml"
+    sun = "[sun]\ntime = 2026-06-21T12:00:00+02:00\nlatitude_deg = 52.0\nlongitude_deg = 5.0\n"
+    sunny.write_text(f'extends = "rings"\n{sun}')
+    given = load_scene(sunny, sky="clear").lighting
+    sunny.write_text(f'extends = "rings"\n{sun}[sky]\n')
+    expected = load_scene(sunny).lighting
+    assert given.exposure == expected.exposure
+    assert len(given.lights) == 1
+    np.testing.assert_array_equal(given.environment.radiance, expected.environment.radiance)
+
+
 def _towards(elevation_deg):
     angle = np.radians(elevation_deg)
     return np.array([np.cos(angle), 0.0, np.sin(angle)])

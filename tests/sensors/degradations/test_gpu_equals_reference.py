@@ -22,6 +22,7 @@ from omnisim.sensors.degradations import (
 )
 from omnisim.sensors.degradations.development import developed, exposed, mean_luminance
 from omnisim.sensors.degradations.effect import Shot
+from omnisim.sensors.degradations.encoding import neutral
 from omnisim.sensors.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from tests.sensors.degradations.pictures import GEOMETRY, on_gpu, random_picture
 
@@ -166,7 +167,10 @@ def test_whole_chain_of_a_preset_equals_the_reference(context, name):
     assert np.sqrt(np.mean((drawn - expected) ** 2)) < 1e-3
 
 
-@pytest.mark.parametrize("encoding", [Encoding(), Encoding(2.2, 5), Encoding(1.0, 1)])
+@pytest.mark.parametrize(
+    "encoding",
+    [Encoding(), Encoding(2.2, 5), Encoding(1.0, 1), Encoding("srgb", 8, "neutral")],
+)
 def test_encoding_equals_its_reference(context, encoding):
     picture = random_picture()
     height, width = picture.shape[:2]
@@ -181,6 +185,23 @@ def test_encoding_equals_its_reference(context, encoding):
     assert np.mean(drawn != expected) < 1e-3  # ties
     assert np.abs(drawn.astype(int) - expected).max() <= step + 1
     assert len(np.unique(drawn[..., :3])) <= 2**encoding.bit_depth
+
+
+def test_the_neutral_curve_is_khronos_s():
+    """By the specification's own values: base colours less the gloss's 4 %, then a shoulder."""
+    grey = np.array([0.0, 0.02, 0.08, 0.5, 0.8, 1.0, 3.0, 1e4])
+    expected = [0.0, 6.25 * 0.02**2, 0.04, 0.46, 0.76]
+    expected += [1.0 - 0.24**2 / (level - 0.04 + 0.24 - 0.76) for level in (1.0, 3.0, 1e4)]
+    found = neutral(np.repeat(grey[:, None], 3, axis=1))
+    np.testing.assert_allclose(found, np.repeat(np.array(expected)[:, None], 3, axis=1), atol=1e-12)
+    red = neutral(np.array([[0.7, 0.3, 0.1], [9.0, 0.3, 0.1]]))
+    np.testing.assert_allclose(red[0], [0.66, 0.26, 0.06])  # keeps its hue
+    assert red[1, 0] > 0.99  # a bright one pales
+    assert red[1, 1] == pytest.approx(red[1, 2], abs=0.02)
+    assert red[1, 1] > 0.5
+    levels = neutral(np.linspace(0.0, 5.0, 5001)[:, None] * (1.0, 0.6, 0.3))
+    assert (np.diff(levels, axis=0) > 0.0).all()
+    assert np.abs(np.diff(levels, axis=0)).max() < 2e-3  # and has no step
 
 
 def test_meter_is_the_mean_luminance(context):
