@@ -6,6 +6,7 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+_EXPANDED = (".sdf", ".world", ".urdf", ".xml")  # suffixes below .xacro
 SOURCE, TARGET = "{source}", "{target}"  # of a conversion's command
 
 
@@ -29,7 +30,9 @@ class Conversion:
 
     def command_for(self, source: Path) -> str:
         """Command that converts a file into one beside it."""
-        target = source.with_suffix(self.target_suffix)
+        target = source.with_suffix("")  # robot.urdf.xacro becomes robot.urdf
+        if target.suffix.lower() not in _EXPANDED:
+            target = source.with_suffix(self.target_suffix)
         command = self.command.replace(SOURCE, shlex.quote(str(source)))
         return command.replace(TARGET, shlex.quote(str(target)))
 
@@ -68,7 +71,7 @@ CONVERSIONS = (
     Conversion((".c4d",), "Cinema 4D", "export it from Cinema 4D as glTF"),
     Conversion((".skp",), "SketchUp", "export it from SketchUp as glTF"),
     Conversion((".umap", ".uasset"), "Unreal", "export it with Unreal Editor's glTF exporter"),
-    Conversion((".xacro",), "xacro", "expand it to URDF", f"xacro {SOURCE} > {TARGET}", ".urdf"),
+    Conversion((".xacro",), "xacro", "expand it", f"xacro {SOURCE} > {TARGET}", ".urdf"),
     Conversion(
         (".step", ".stp"),
         "STEP",

@@ -41,8 +41,8 @@ def check_format(path: Path) -> None:
         if hint := conversion_hint(path):
             raise SceneError(f"{path}: {hint}")
         raise SceneError(
-            f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae .sdf .xml "
-            f".usd, or a scene's .toml, got {path.suffix or '(no suffix)'!r}"
+            f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae .sdf "
+            f".world .urdf .xml .usd, or a scene's .toml, got {path.suffix or '(no suffix)'!r}"
         )
 
 

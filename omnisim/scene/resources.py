@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -59,6 +59,15 @@ class ResourcePath:
                 if found is not None:
                     return found
         return None
+
+    def used(self, uris: Iterable[str]) -> tuple[Path, ...]:
+        """Folders in which URIs are found, of those given, the environment's and the home's."""
+        found = [path.absolute() for uri in uris if (path := self.find(uri)) is not None]
+        return tuple(
+            folder
+            for folder in self._stated
+            if any(path.is_relative_to(folder.absolute()) for path in found)
+        )
 
     def _places(self, uri: str, *beside: Path) -> Iterator[tuple[Path, str]]:
         """Folders, and the path in each."""

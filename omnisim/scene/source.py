@@ -68,7 +68,7 @@ def resolve_source(source: str | Path) -> SceneSource:
     if not path.is_file() and name in builtin_scenes():
         path = SCENES / name / "scene.toml"
     if path.is_dir():
-        raise SceneError(f"{path}: expected a scene file, got a folder without a scene.toml")
+        path = _gazebo_model(path)
     if not path.exists():
         names = builtin_scenes()
         hint = did_you_mean(name, names, "built-in:")
@@ -82,3 +82,16 @@ def resolve_source(source: str | Path) -> SceneSource:
         return SceneSource(None, settings, path)
     mesh_file = find_beside(path.parent, settings.file, f"{path}: file", SceneError)
     return SceneSource(mesh_file, settings, path)
+
+
+def _gazebo_model(folder: Path) -> Path:
+    """File of a folder with a model of Gazebo."""
+    from omnisim.scene.sdf.model_folder import MANIFESTS, model_file  # with an XML parser
+
+    manifests = (*MANIFESTS, "model.sdf")
+    found = model_file(folder) if any((folder / name).is_file() for name in manifests) else None
+    if found is None:
+        raise SceneError(
+            f"{folder}: expected a scene file, got a folder without a scene.toml or model.config"
+        )
+    return found

@@ -48,3 +48,9 @@ def test_a_scene_file_of_such_a_mesh(tmp_path):
     (tmp_path / "a.toml").write_text('file = "a.fbx"\n')
     with pytest.raises(SceneError, match=r"a\.fbx: is not read \(FBX\): convert it to glTF with"):
         load_scene(tmp_path / "a.toml")
+
+
+def test_a_world_of_xacro_becomes_a_world(tmp_path):
+    (tmp_path / "a.sdf.xacro").write_bytes(b"<sdf/>")
+    with pytest.raises(SceneError, match=r"expand it: xacro \S+a\.sdf\.xacro > \S+a\.sdf$"):
+        load_scene(tmp_path / "a.sdf.xacro")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import did_you_mean
+from omnisim.errors import SceneError, did_you_mean
 from omnisim.poses import inverse
 from omnisim.scene.sdf.element import SdfElement
 
@@ -33,11 +33,16 @@ class _Frame(NamedTuple):
     placement: str
 
 
+class UnplacedError(SceneError):
+    """Error of a pose that is relative to a model that is not found."""
+
+
 class Scope:
     """Named frames of the world, or of a model; the empty name is its own frame."""
 
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
+        self._missing: set[str] = set()
         self._poses: dict[str, NDArray[np.float64]] = {}
         self._aliases: dict[str, str] = {}
         self._active: list[str] = []
@@ -63,6 +68,10 @@ class Scope:
         """
         self._frames.setdefault(name, _Frame(element, "", inner, placement))
 
+    def add_missing(self, name: str) -> None:
+        """Add a nested model that is not found: what is relative to it has no pose."""
+        self._missing.add(name)
+
     def add_alias(self, name: str, frame: str) -> None:
         """Make a frame of a merged model known by its own name."""
         self._aliases.setdefault(name, frame)
@@ -79,6 +88,7 @@ class Scope:
             default: frame of that pose where it names none.
 
         Raises:
+            UnplacedError: a frame of a model that is not found.
             SceneError: a frame that is not there, or that is relative to itself.
         """
         pose: NDArray[np.float64] = (
@@ -114,6 +124,8 @@ class Scope:
         name = self._aliases.get(name, name)
         outer, separator, rest = name.partition("::")
         frame = self._frames.get(outer)
+        if frame is None and outer in self._missing:
+            raise UnplacedError(f"{asking.place}: its pose is relative to {outer!r}, not found")
         if not separator or frame is None or frame.inner is None:
             hint = did_you_mean(name, self._frames, "there are")
             raise asking.error(f"the name of a frame; {hint}", name)

@@ -19,13 +19,15 @@ from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf.builtin_models import BUILTIN_MODELS
 from omnisim.scene.sdf.document import parse_xml
 from omnisim.scene.sdf.element import Omissions, SdfElement
-from omnisim.scene.sdf.frames import Scope
+from omnisim.scene.sdf.frames import Scope, UnplacedError
+from omnisim.scene.sdf.model_folder import model_file, read_xml
 from omnisim.scene.sdf.shapes import ROUND
 from omnisim.short_repr import counted
 
 _DEEPEST = 24  # models in models
 _MOST = 200_000  # models of a world: a few files that include each other twice make billions
 _SHOWN = 4  # names in a notice
+UNPLACED = "left out with the models that they are posed relative to"
 ENTITIES = ("model", "light", "actor")
 
 
@@ -87,6 +89,23 @@ class ModelLibrary:
         ]
         return notices
 
+    def drop_unplaced(self, model: Model) -> None:
+        """Take out the models in a model whose poses are relative to one that is not found."""
+        for inner in list(model.models):
+            try:
+                model.scope.model_pose(inner.name)
+            except UnplacedError:
+                model.models.remove(inner)
+                self.omissions.add(UNPLACED, "model")
+            else:
+                self.drop_unplaced(inner)
+
+    def used_folders(self, root: SdfElement) -> tuple[Path, ...]:
+        """Folders that a file and its models need, but for those around it."""
+        roots = (root.element, *self._files.values())
+        texts = {(one.text or "").strip() for each in roots for one in each.iter()}
+        return self.resources.used(sorted(text for text in texts if "://" in text))
+
     def miss(self, uri: str) -> None:
         """Count an object that is not found."""
         (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
@@ -124,6 +143,7 @@ class ModelLibrary:
     def _include(self, model: Model, include: SdfElement, taken: set[str], depth: int) -> None:
         found = self._included(include)
         if found is None:
+            model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
             return
         if found.element.tag != "model":
             posed = include if include.find("pose") is not None else found
@@ -148,7 +168,7 @@ class ModelLibrary:
             raise include.error("a <uri>", "none")
         path = self.resources.find(uri, include.file.parent)
         if path is not None and path.is_dir():
-            path = self._model_file(path)
+            path = model_file(path)
         if path is None:
             return self._substitute(uri)
         root = self._root(path)
@@ -161,7 +181,7 @@ class ModelLibrary:
 
     def _substitute(self, uri: str) -> SdfElement | None:
         """Model of omnisim's own, for those that every world of Gazebo Classic includes."""
-        name = unquote(uri.strip("/").rpartition("/")[2]).lower().replace(" ", "_")
+        name = _last_part(uri).lower().replace(" ", "_")
         if name not in BUILTIN_MODELS:
             self.miss(uri)
             return None
@@ -171,34 +191,17 @@ class ModelLibrary:
 
     def _root(self, path: Path) -> Element:
         if path not in self._files:
-            try:
-                self._files[path] = parse_xml(path.read_bytes())
-            except OSError as reason:
-                raise SceneError(f"{path}: cannot be read: {reason.strerror}") from None
-            except SceneError as reason:
-                raise SceneError(f"{path}: {reason}") from None
+            self._files[path] = read_xml(path)
         return self._files[path]
 
-    def _model_file(self, folder: Path) -> Path | None:
-        """SDF file of a model's folder: of the latest version that its `model.config` names."""
-        manifests = [folder / name for name in ("model.config", "manifest.xml")]
-        manifest = next((path for path in manifests if path.is_file()), None)
-        named = []
-        if manifest is not None:
-            entries = [entry for entry in self._root(manifest).iter("sdf") if entry.text]
-            entries.sort(key=lambda entry: _version(entry.get("version")), reverse=True)
-            named = [(entry.text or "").strip() for entry in entries]
-        for name in (*named, "model.sdf"):
-            if (folder / name).is_file():
-                return folder / name
-        return next(iter(sorted(folder.glob("*.sdf"))), None)
 
-
-def _names(counts: Counter[str]) -> str:
+def _names(uris: Counter[str]) -> str:
     """The most frequent of some URIs, with how many more there are."""
+    counts: Counter[str] = Counter()
+    for uri, count in uris.items():
+        counts[_short(uri)] += count
     shown = [
-        _short(uri) if count == 1 else f"{_short(uri)} × {count}"
-        for uri, count in counts.most_common(_SHOWN)
+        name if count == 1 else f"{name} × {count}" for name, count in counts.most_common(_SHOWN)
     ]
     more = len(counts) - len(shown)
     return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
@@ -217,8 +220,9 @@ def _short(uri: str) -> str:
     return uri if found is None else f"{found[1]}/{unquote(found[2])}"
 
 
-def _version(text: str | None) -> tuple[int, ...]:
-    return tuple(int(part) for part in (text or "").split(".") if part.isdecimal())
+def _last_part(uri: str) -> str:
+    """Name of the folder or file of a URI."""
+    return unquote(uri.strip("/").rpartition("/")[2])
 
 
 def unique_name(name: str, taken: set[str]) -> str:

@@ -15,12 +15,14 @@ from omnisim.scene.parts import Instance, Light, Mesh
 from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf import shapes
 from omnisim.scene.sdf.element import Omissions, SdfElement
+from omnisim.scene.sdf.frames import UnplacedError
 from omnisim.scene.sdf.heightmaps import read_levels, terrain
 from omnisim.scene.sdf.lights import read_light
 from omnisim.scene.sdf.materials import MaterialReader
 from omnisim.scene.sdf.meshes import MeshLibrary, centre, submesh
 from omnisim.scene.sdf.models import (
     ENTITIES,
+    UNPLACED,
     ModelLibrary,
     PlacedModel,
     placed_models,
@@ -84,6 +86,7 @@ class _Reader:
             raise SceneError("expected a <world>, <model> or <light>, got none")
         world = self._library.tree(outer, "")
         apply_state(world, self._omissions)
+        self._library.drop_unplaced(world)
         scene = outer.find("scene")
         background = None if scene is None else self._read_scene(scene)
         for placed in placed_models(world):
@@ -116,27 +119,39 @@ class _Reader:
             if other.element.tag == "actor":
                 self._omissions.add(_LEFT_OUT["actor"], "actor")
             else:
-                self._read_light(other, placed.pose_of(other))
+                self._read_light(other, self._pose_of(placed, other))
         for link in placed.model.element.children("link"):
             for visual in link.children("visual"):
                 name = f"{placed.path}{link.name or 'link'}/{visual.name or 'visual'}"
-                self._read_visual(visual, placed.pose_of(visual, link.name), name)
+                self._read_visual(visual, self._pose_of(placed, visual, link.name), name)
             for light in link.children("light"):
-                self._read_light(light, placed.pose_of(light, link.name))
+                self._read_light(light, self._pose_of(placed, light, link.name))
             for extra in link.children("projector", "particle_emitter"):
                 self._omissions.add(f"{extra.element.tag}s are not drawn", "element")
 
-    def _read_light(self, element: SdfElement, file_from_light: NDArray[np.float64]) -> None:
+    def _pose_of(
+        self, placed: PlacedModel, element: SdfElement, default: str = ""
+    ) -> NDArray[np.float64] | None:
+        """Pose of an element; None, with a notice, where it depends on a missing model."""
+        try:
+            return placed.pose_of(element, default)
+        except UnplacedError:
+            self._omissions.add(UNPLACED, element.element.tag)
+            return None
+
+    def _read_light(self, element: SdfElement, file_from_light: NDArray[np.float64] | None) -> None:
+        if file_from_light is None:
+            return
         light = read_light(element, self._world_from_file @ file_from_light, self._omissions)
         if light is not None:
             self._lights.append(light)
 
     def _read_visual(
-        self, visual: SdfElement, file_from_visual: NDArray[np.float64], name: str
+        self, visual: SdfElement, file_from_visual: NDArray[np.float64] | None, name: str
     ) -> None:
         geometry = visual.find("geometry")
         kind = None if geometry is None else next(geometry.children(*shapes.GEOMETRIES), None)
-        if geometry is None or kind is None:
+        if geometry is None or kind is None or file_from_visual is None:
             return
         tag = kind.element.tag
         if tag == "mesh":

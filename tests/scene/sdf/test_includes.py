@@ -3,6 +3,7 @@
 import pytest
 
 from omnisim.errors import SceneError
+from omnisim.scene import load_scene
 from tests.scene.sdf.worlds import BOX, load, model, sdf, visual, world, write_model
 
 CHAIR = model("chair", visual(BOX))
@@ -141,3 +142,27 @@ def test_a_file_that_is_no_world_is_refused(tmp_path, text, message):
         load(tmp_path, text)
     assert message in str(info.value)
     assert str(info.value).startswith(f"{tmp_path / 'test.world'}: ")
+
+
+def test_what_hangs_on_a_missing_model_is_left_out_with_it(tmp_path):
+    frame = "<frame name='plate' attached_to='table::top'/>"
+    ball = model("ball", visual(BOX), "<pose relative_to='plate'>0 0 0.1 0 0 0</pose>")
+    lamp = "<light name='a' type='point'><pose relative_to='table'/></light>"
+    table = INCLUDE.format("model://table")
+    scene = load(tmp_path, world(table + frame + ball + lamp + CHAIR))
+    assert scene.instance_names == ("chair/link/visual",)
+    effect = "test.world: left out with the models that they are posed relative to"
+    assert scene.notices[1:] == (f"{effect} (1 model)", f"{effect} (1 light)")
+
+
+def test_models_of_fuel_in_several_versions_are_one_in_the_notice(tmp_path):
+    includes = INCLUDE.format(f"{FUEL}/1") + INCLUDE.format(f"{FUEL}/2")
+    (notice,) = load(tmp_path, world(includes + CHAIR)).notices
+    assert "2 objects not fetched from the net, and not drawn: OpenRobotics/My Chair × 2:" in notice
+
+
+def test_a_models_folder_is_a_scene(tmp_path):
+    write_model(tmp_path, "chair", CHAIR)
+    assert load_scene(tmp_path / "chair").instance_names == ("chair/link/visual",)
+    with pytest.raises(SceneError, match=r"got a folder without a scene\.toml or model\.config"):
+        load_scene(tmp_path)
