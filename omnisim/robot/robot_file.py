@@ -25,6 +25,7 @@ from omnisim.toml_file import read_toml
 DEFAULT_CLEARANCE_M = 0.05
 
 Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
 Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
@@ -109,6 +110,10 @@ class RobotFile(Table):
     """Name for people; left out: name."""
     body: Name | None = None
     """Mesh file of the body, relative to this file; left out: invisible."""
+    body_offset_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Metres from the base, on the ground, to the origin of the body's file."""
+    resources: tuple[Name, ...] = ()
+    """Folders of models and packages that the body names, relative to this file."""
     kinematics: _KinematicsTable | None = None
     odometry: _OdometryTable = _OdometryTable()
     footprint: _FootprintTable | None = None
@@ -179,6 +184,8 @@ class Robot:
         name: short, as in file names.
         title: what people call it.
         body: name of its mesh file, or None: invisible.
+        body_offset_m: from the base to the origin of the body's file.
+        resources: names of the folders of models and packages that the body names.
         kinematics: its limits, or None: unknown.
         odometry: the errors of its wheels.
         footprint: about its base, or None: unknown.
@@ -191,6 +198,8 @@ class Robot:
     name: str
     title: str
     body: str | None
+    body_offset_m: tuple[float, float, float]
+    resources: tuple[str, ...]
     kinematics: Kinematics | None
     odometry: OdometryErrors
     footprint: Footprint | None
@@ -246,6 +255,8 @@ def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
         name=table.name,
         title=table.title or table.name,
         body=table.body,
+        body_offset_m=table.body_offset_m,
+        resources=table.resources,
         kinematics=kinematics,
         odometry=odometry,
         footprint=footprint,

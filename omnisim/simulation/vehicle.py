@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
 
+import numpy as np
+
 from omnisim.errors import RobotFileError, SceneError, did_you_mean
+from omnisim.poses import pose_from_rotation
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_file import Footprint, Robot, load_robot
@@ -167,13 +170,30 @@ def _load_body(robot: Robot) -> Scene | None:
         return None
     path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
     try:
-        body = load_scene(path, animation="none")
+        folders = [robot.folder / name for name in robot.resources]
+        body = _moved(load_scene(path, resources=folders, animation="none"), robot.body_offset_m)
         # pictures and fingerprints name the body: not by where this machine has it; it is no scene
         # to look around in, and has its middle for a start
         return dataclasses.replace(body, name=robot.body, start=default_start(body.bounds_m()))
     except SceneError as reason:
         words = str(reason).removeprefix(f"{path}: ")
         raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
+
+
+def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
+    """Body by an offset."""
+    if not any(offset_m):
+        return body
+    base_from_file = pose_from_rotation(np.eye(3), offset_m)
+    instances = tuple(
+        dataclasses.replace(
+            one,
+            world_from_mesh=base_from_file @ one.world_from_mesh,
+            world_from_node=base_from_file @ one.world_from_node,
+        )
+        for one in body.instances
+    )
+    return dataclasses.replace(body, instances=instances)
 
 
 def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:

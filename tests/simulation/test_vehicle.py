@@ -77,6 +77,15 @@ def test_the_pioneer():
     assert pioneer.camera().hides == ()
 
 
+def test_a_body_is_put_off_its_files_origin(load, tmp_path):
+    at_origin = load()
+    text = (tmp_path / "robot.toml").read_text()
+    (tmp_path / "robot.toml").write_text(f"{text}body_offset_m = [0.5, 0.0, 1.0]\n")
+    body = Vehicle.load(tmp_path).body
+    np.testing.assert_allclose(body.bounds_m() - at_origin.body.bounds_m(), [(0.5, 0.0, 1.0)] * 2)
+    assert body.instances[0].world_from_node[:3, 3].tolist() == [0.5, 0.0, 1.0]
+
+
 def test_mounts_are_composed(load, tmp_path):
     """A sensor file's own mounting, seen from a mount that is turned to the left."""
     (tmp_path / "s.toml").write_text(

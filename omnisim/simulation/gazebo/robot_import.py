@@ -82,6 +82,8 @@ def import_model(
     body = _body(path, resources, notices) if whole is tree else None
     if body is not None:
         table["body"] = os.path.relpath(path, output.parent)
+        if folders := library.used_folders(root):
+            table["resources"] = [os.path.relpath(folder, output.parent) for folder in folders]
         table["footprint"] = _footprint(body, notices)
     elif whole is not tree:
         notices.append(f"body: left out: {model.name!r} is one of several models of its file")
@@ -174,7 +176,8 @@ def _footprint(body: Scene, notices: list[str]) -> dict[str, float]:
     if abs(low[2]) > _GROUND_M:
         notices.append(f"its lowest point is {low[2]:.3g} m above its origin: expected the ground")
     length, width = (2.0 * float(max(-low[axis], high[axis])) for axis in (0, 1))
-    return {"length_m": length, "width_m": width, "height_m": max(float(high[2]), 0.01)}
+    sizes = {"length_m": length, "width_m": width, "height_m": max(float(high[2]), 0.01)}
+    return {key: round(value, 6) for key, value in sizes.items()}  # bounds are of float32
 
 
 _PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")

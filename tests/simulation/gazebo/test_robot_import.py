@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
@@ -158,3 +159,28 @@ def test_a_sensor_that_is_none_is_named(tmp_path, text, message):
         load_sensors(tmp_path, text)
     assert str(info.value).startswith(f"{tmp_path / 'a.sdf'}: ")
     assert "sensor[s]" in str(info.value)
+
+
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_what_is_found_at_the_import_is_found_later(tmp_path, monkeypatch, is_stated):
+    models = tmp_path / "far" / "away" / "models"
+    (models / "parts" / "meshes").mkdir(parents=True)
+    trimesh.creation.box((0.6, 0.4, 0.3)).export(models / "parts" / "meshes" / "hull.stl")
+    mesh = visual("<mesh><uri>model://parts/meshes/hull.stl</uri></mesh>", "hull")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "a.sdf").write_text(sdf(model("m", visual(BOX) + mesh)))
+    options = {"resources": [models]} if is_stated else {}
+    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", "" if is_stated else str(models))
+    _, imported = load(tmp_path / "own" / "a.sdf", tmp_path, **options)
+    monkeypatch.delenv("GZ_SIM_RESOURCE_PATH")
+    assert tomllib.loads(imported.text)["resources"] == [str(Path("far", "away", "models"))]
+    vehicle = Vehicle.load(tmp_path / "robot.toml")
+    assert vehicle.body.instance_names == ("m/link/visual", "m/link/hull")
+    assert vehicle.body.notices == ()
+
+
+def test_folders_that_a_model_does_not_need_are_not_named(tmp_path):
+    (tmp_path / "models").mkdir()
+    (tmp_path / "a.sdf").write_text(sdf(model("m", visual(BOX))))
+    _, imported = load(tmp_path / "a.sdf", tmp_path, resources=[tmp_path / "models"])
+    assert "resources" not in tomllib.loads(imported.text)
