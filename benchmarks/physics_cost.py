@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from unittest.mock import patch
 
@@ -25,7 +26,9 @@ def main(scene: str, robot: str, path: str) -> None:
     """Print the times of the steps, of the plan with them, and of the drive."""
     advance, spent_s = SimulatedWorld.advance, 0.0
 
-    def timed(world: SimulatedWorld, time_s: float, rates_radps: tuple[float, float]) -> None:
+    def timed(
+        world: SimulatedWorld, time_s: float, rates_radps: Sequence[tuple[float, float]]
+    ) -> None:
         nonlocal spent_s
         begun_s = time.process_time()
         advance(world, time_s, rates_radps)

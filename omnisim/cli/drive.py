@@ -13,7 +13,7 @@ from omnisim.extras import require_extra
 from omnisim.robot import Robot, load_robot
 from omnisim.robot.sensor_names import FOLDER_NAME, folder_name
 from omnisim.simulation.contacts import NO_SIZE, check_no_contact
-from omnisim.simulation.drive import Drive, PlannedDrive, drive_together
+from omnisim.simulation.drive import PlannedDrive, drive_together, plan_together
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -27,18 +27,18 @@ def run(request: DriveRequest) -> None:
     _check_cameras(request, vehicles)
     routes = [_route(request, path) for path in request.paths]
     first = drive_of(request, next(iter(vehicles.values())), routes[0])
-    plans = {
-        name: _plan(
-            dataclasses.replace(
-                first,
-                vehicle=as_requested(vehicle, request),
-                route=route,
-                physics=None if request.physics is None else robots[name].chassis,
-            ),
-            request.no_contact,
+    drives = {
+        name: dataclasses.replace(
+            first,
+            vehicle=as_requested(vehicle, request),
+            route=route,
+            physics=None if request.physics is None else robots[name].chassis,
         )
         for (name, vehicle), route in zip(vehicles.items(), routes, strict=True)
     }
+    plans = plan_together(drives, print_note)
+    for name, plan in plans.items():
+        _report(plan, f"{name}: " if len(plans) > 1 else "", request.no_contact)
     if len(plans) == 1:
         record(next(iter(plans.values())), request.output, request.force)
         return
@@ -50,8 +50,6 @@ def run(request: DriveRequest) -> None:
 def _load_robots(request: DriveRequest) -> dict[str, Robot]:
     """Robots by name, which is also that of their folder."""
     if request.physics is not None:
-        if len(request.robots) > 1:
-            raise RunError(f"--physics: expected one --robot, got {len(request.robots)}")
         require_extra("mujoco", "--physics", RunError)
     if len(request.paths) != len(request.robots):
         raise RunError(
@@ -91,18 +89,16 @@ def _route(request: DriveRequest, path: str) -> Route:
     )
 
 
-def _plan(drive: Drive, no_contact: bool) -> PlannedDrive:
-    """Plan a drive, and print what it meets."""
-    plan = drive.plan(print_note)
+def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
+    """Print what a planned drive meets."""
     if no_contact:
-        check_no_contact(plan.contacts, drive.route.path)
+        check_no_contact(plan.contacts, plan.drive.route.path)
     if plan.contacts is None:
-        print_note(NO_SIZE)
+        print_note(f"{whose}{NO_SIZE}")
     for contact in (plan.contacts or ())[:MOST_CONTACTS]:
-        print_note(str(contact))
+        print_note(f"{whose}{contact}")
     if plan.motion is not None:
-        print_note(f"{plan.motion.engine}: {plan.motion.slip}")
-    return plan
+        print_note(f"{whose}{plan.motion.engine}: {plan.motion.slip}")
 
 
 def _make_folder(folder: Path) -> None:

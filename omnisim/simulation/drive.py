@@ -31,7 +31,7 @@ from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
 from omnisim.simulation.physics.rover import Rover
 from omnisim.simulation.physics.simulated_motion import SimulatedMotion
-from omnisim.simulation.route import Route, plan_route
+from omnisim.simulation.route import PlannedRoute, Route, plan_route
 from omnisim.simulation.run_channels import write_boxes, write_labels
 from omnisim.simulation.run_folder import (
     GROUND_TRUTH,
@@ -94,33 +94,27 @@ class Drive:
             OmnisimError: physics without its extra.
             RunError: an impossible seed, or an exposure longer than a step.
         """
+        return plan_together({BODY: self}, print_note)[BODY]
+
+    def _plan_route(self, print_note: Callable[[str], None] | None) -> PlannedRoute:
         self._check_seed()
-        if self.physics is not None:
-            require_extra("mujoco", "--physics")
-            return self._in_physics(self.physics, print_note)
-        planned = plan_route(self.scene, self.vehicle, self.route, print_note)
+        if self.physics is not None and self.route.ground_m is not None:
+            raise TrajectoryError("--ground: expected wheels on the scene's floor with --physics")
+        return plan_route(self.scene, self.vehicle, self.route, print_note)
+
+    def _as_planned(self, planned: PlannedRoute) -> PlannedDrive:
+        """Drive along a planned route as it is."""
         truth, box = planned.trajectory, BodyBoxes.of(self.vehicle)
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
         return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
 
-    def _in_physics(
-        self, chassis: Chassis, print_note: Callable[[str], None] | None
-    ) -> PlannedDrive:
-        """Drive in MuJoCo along the planned trajectory."""
-        from omnisim.simulation.physics.simulation import simulate  # an extra
-
-        if self.route.ground_m is not None:
-            raise TrajectoryError("--ground: expected wheels on the scene's floor with --physics")
-        rover = Rover.of(self.vehicle, chassis)
-        planned = plan_route(self.scene, self.vehicle, self.route, print_note)
+    def _as_simulated(self, planned: PlannedRoute, motion: SimulatedMotion) -> PlannedDrive:
+        """Drive as physics has simulated it."""
         times_s = planned.trajectory.times_s
-        motion = simulate(
-            self.scene, rover, planned.trajectory, self.route.path, self.route.ignore_limits
-        )
         truth = motion.at(times_s)
-        self._check_sensors(truth)
+        self._check_sensors(planned.trajectory)  # whose turns between steps no contact widens
         # wheels that skid do so by themselves
         errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
         odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
@@ -324,13 +318,52 @@ class PlannedDrive:
                 )
 
 
+def plan_together(
+    drives: Mapping[str, Drive], print_note: Callable[[str], None] | None = None
+) -> dict[str, PlannedDrive]:
+    """Plan drives through one scene, by the names of their vehicles; in physics they meet.
+
+    Raises:
+        TrajectoryError: a path that cannot be driven.
+        OmnisimError: physics without its extra.
+        RunError: an impossible seed, or an exposure longer than a step.
+    """
+    if any(drive.physics for drive in drives.values()):
+        require_extra("mujoco", "--physics")
+        return _plan_in_physics(drives, print_note)
+    return {name: one._as_planned(one._plan_route(print_note)) for name, one in drives.items()}
+
+
+def _plan_in_physics(
+    drives: Mapping[str, Drive], print_note: Callable[[str], None] | None
+) -> dict[str, PlannedDrive]:
+    """Drive in MuJoCo along the planned trajectories."""
+    from omnisim.simulation.physics.driver import Driver
+    from omnisim.simulation.physics.simulation import simulate  # an extra
+
+    rovers = {name: Rover.of(one.vehicle, one.physics or Chassis()) for name, one in drives.items()}
+    planned = {name: one._plan_route(print_note) for name, one in drives.items()}
+    drivers = {
+        name: Driver(
+            rovers[name], planned[name].trajectory, one.route.path, one.route.ignore_limits
+        )
+        for name, one in drives.items()
+    }
+    scene = next(iter(drives.values())).scene
+    motions = simulate(scene, drivers)
+    return {name: one._as_simulated(planned[name], motions[name]) for name, one in drives.items()}
+
+
 def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]:
     """Put planned drives, by the names of their vehicles, into one world: each sees the others.
 
     All begin at the time 0 s of their trajectories.
     """
     vehicles = {
-        name: OtherVehicle(plan.drive.vehicle.body, plan.truth) for name, plan in plans.items()
+        name: OtherVehicle(
+            plan.drive.vehicle.body, plan.truth if plan.motion is None else plan.motion.base
+        )
+        for name, plan in plans.items()
     }
     together = {}
     for name, plan in plans.items():

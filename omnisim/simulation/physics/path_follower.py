@@ -38,6 +38,7 @@ class PathFollower:
         stamps = np.concatenate((ends[:1], trajectory.times_s, ends[1:]))
         planar = np.column_stack((trajectory.positions_m[:, :2], np.unwrap(trajectory.yaw_rad)))
         planar = np.concatenate((planar[:1], planar, planar[-1:]))
+        times_s = np.clip(times_s, *ends)
         curve = scipy.interpolate.CubicHermiteSpline(stamps, planar, _slopes(stamps, planar))
         self._poses = curve(times_s)
         self._rates = curve(times_s, 1)

@@ -1,8 +1,8 @@
-"""World in MuJoCo: a compiled model, its state, and what its robot touches."""
+"""World in MuJoCo: a compiled model, its state, and what its robots touch."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import mujoco
@@ -13,8 +13,6 @@ from omnisim.poses import quaternion_from_rotation
 from omnisim.scene.object_motion import ObjectMotion
 from omnisim.simulation.physics.rover import Rover
 from omnisim.simulation.physics.world_model import (
-    CASTOR,
-    PART,
     ROBOT,
     SERVO_RADPS,
     STEP_S,
@@ -36,11 +34,11 @@ DIVERGED = (
 
 
 class SimulatedWorld:
-    """World of a robot that is driven by its wheels.
+    """World of robots that are driven by their wheels.
 
     Args:
         model: to compile.
-        rover: its robot.
+        rovers: its robots by name.
         motions: of the objects that move as the scene says, by name.
         free: names of the objects that are free to move.
 
@@ -51,7 +49,7 @@ class SimulatedWorld:
     def __init__(
         self,
         model: WorldModel,
-        rover: Rover,
+        rovers: Mapping[str, Rover],
         motions: Mapping[str, ObjectMotion],
         free: list[str],
     ):
@@ -61,40 +59,44 @@ class SimulatedWorld:
             (int(compiled.body(f"object {name}").mocapid[0]), motion)
             for name, motion in motions.items()
         ]
-        wheels = [f"{WHEEL} {number}" for number in range(len(rover.wheels_m))]
-        self._wheels = [self._address(name) for name in wheels]
-        self._turned_rad = np.zeros(len(wheels))
-        bodies = [self._address(name) for name in (ROBOT, *(f"object {name}" for name in free))]
-        self._bodies = np.array(bodies)[:, None] + np.arange(7)
+        wheels = [
+            [self._address(WHEEL.format(name, number)) for number in range(len(rover.wheels_m))]
+            for name, rover in rovers.items()
+        ]
+        self._wheels = [np.array(numbers).reshape(2, -1) for numbers in wheels]
+        self._turned_rad = np.zeros(sum(map(len, wheels)))
+        joints = [*(ROBOT.format(name) for name in rovers), *(f"object {name}" for name in free)]
+        self._bodies = np.array([self._address(name) for name in joints])[:, None] + np.arange(7)
         names = [compiled.geom(number).name for number in range(compiled.ngeom)]
-        self._owners = [model.owners.get(name) for name in names]
-        self._is_part = np.array([name.startswith(PART) for name in names])
-        self._is_round = np.array([name.startswith((WHEEL, CASTOR)) for name in names])
+        self._owners = [model.owners[name] for name in names]
+        robots = {name: number for number, name in enumerate(rovers)}
+        self._robots = np.array([robots.get(model.robots.get(name, ""), -1) for name in names])
+        self._is_round = np.array([name in model.rounds for name in names])
 
     def _address(self, joint: str) -> int:
         return int(self._model.joint(joint).qposadr[0])
 
     @property
     def bodies(self) -> NDArray[np.float64]:
-        """Positions and quaternions wxyz (n, 7) of the robot's base and of the free objects."""
+        """Positions and quaternions wxyz (n, 7) of the robots' bases and of the free objects."""
         found: NDArray[np.float64] = self._data.qpos[self._bodies]
         return found
 
     @property
     def wheels_rad(self) -> NDArray[np.float64]:
-        """Angles (2,) that the left and the right wheels have turned: means of each side."""
-        angles: NDArray[np.float64] = self._data.qpos[self._wheels]
-        means: NDArray[np.float64] = angles.reshape(2, -1).mean(axis=1)
-        return means
+        """Angles (n, 2) that the robots' left and right wheels have turned: means of each side."""
+        angles: NDArray[np.float64] = self._data.qpos
+        return np.array([angles[numbers].mean(axis=1) for numbers in self._wheels])
 
-    def advance(self, time_s: float, rates_radps: tuple[float, float]) -> None:
+    def advance(self, time_s: float, rates_radps: Sequence[tuple[float, float]]) -> None:
         """Advance by a period.
 
         Args:
             time_s: at its end, by which objects move as the scene says.
-            rates_radps: of the left and the right wheels.
+            rates_radps: of the left and the right wheels, by robot.
         """
-        rates = np.repeat(rates_radps, len(self._wheels) // 2)
+        sides = zip(rates_radps, self._wheels, strict=True)
+        rates = np.concatenate([np.repeat(rate, wheels.shape[1]) for rate, wheels in sides])
         for number, motion in self._motions:
             pose = motion.pose_at(time_s)
             self._data.mocap_pos[number] = pose[:3, 3]
@@ -131,14 +133,17 @@ class SimulatedWorld:
         wanted[rows + 1] *= share
         wanted[rows + 2] *= share
 
-    def touched(self) -> set[str]:
-        """Names of what the robot's body touches, or its wheels from the side."""
+    def touched(self) -> list[set[str]]:
+        """Names of what each robot's body touches, or its wheels from the side."""
         contact = self._data.contact
-        geoms = contact.geom
+        geoms: NDArray[np.int32] = contact.geom
+        robots = self._robots[geoms]
         aslant = np.abs(contact.frame[:, 2]) < SIDE_COSINE
-        hits = self._is_part[geoms].any(axis=1) | (self._is_round[geoms].any(axis=1) & aslant)
-        owners = (self._owners[number] for number in geoms[hits].ravel().tolist())
-        return {owner for owner in owners if owner is not None}
+        hits = (robots >= 0) & (~self._is_round[geoms] | aslant[:, None])
+        found: list[set[str]] = [set() for _ in self._wheels]
+        for row, side in np.argwhere(hits & (robots != robots[:, ::-1])).tolist():
+            found[int(robots[row, side])].add(self._owners[int(geoms[row, 1 - side])])
+        return found
 
     @property
     def has_diverged(self) -> bool:

@@ -1,19 +1,19 @@
-"""Surroundings of a robot's path, as physics has them: static pieces and objects."""
+"""Surroundings of robots' paths, as physics has them: static pieces and objects."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
 from omnisim.scene import Scene
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.object_motion import FreeBody
 from omnisim.simulation.physics.convex_pieces import ConvexPiece, Region, convex_pieces, hull_of
-from omnisim.simulation.physics.rover import Rover
+from omnisim.simulation.physics.driver import Driver
 from omnisim.simulation.physics.world_model import SolidObject
-from omnisim.trajectories import Trajectory
 
 # Within which the scene collides: about the path, beside half of the robot's diagonal; and about
 # objects that are free to move.
@@ -32,28 +32,40 @@ def solid_objects(scene: Scene) -> dict[str, SolidObject]:
 
 
 def static_pieces(
-    scene: Scene, rover: Rover, planned: Trajectory, objects: Mapping[str, SolidObject]
+    scene: Scene, drivers: Collection[Driver], objects: Mapping[str, SolidObject]
 ) -> list[ConvexPiece]:
-    """Pieces of a scene within reach of a planned trajectory and of the objects that are free.
+    """Pieces of a scene within reach of robots' trajectories and of the objects that are free.
 
     Raises:
         TrajectoryError: too many.
     """
-    reach_m = PATH_REACH_M + 0.5 * float(np.hypot(*rover.size_m[:2]))
-    places, top_m = planned.positions_m, float(rover.size_m[2]) + HEADROOM_M
-    low, high = places.min(axis=0) - reach_m, places.max(axis=0) + (reach_m, reach_m, top_m)
+    bounds = [_bounds(one) for one in drivers]
+    low = np.min([lowest for lowest, _ in bounds], axis=0)
+    high = np.max([highest for _, highest in bounds], axis=0)
     for one in objects.values():
         if one.mass_kg is not None:
             low = np.minimum(low, one.pose[:3, 3] - OBJECT_REACH_M)
             high = np.maximum(high, one.pose[:3, 3] + OBJECT_REACH_M)
-    middles = places + planned.world_from_base[:, :3, 2] * 2.0 * rover.wheel_radius_m
-    pieces = convex_pieces(scene, Region(low, high, middles))
+    middles = [
+        one.planned.positions_m
+        + one.planned.world_from_base[:, :3, 2] * 2.0 * one.rover.wheel_radius_m
+        for one in drivers
+    ]
+    pieces = convex_pieces(scene, Region(low, high, np.concatenate(middles)))
     if len(pieces) > MOST_PIECES:
         raise TrajectoryError(
             f"{scene.name}: expected at most {MOST_PIECES} convex pieces about the path with "
             f"--physics, got {len(pieces)}"
         )
     return pieces
+
+
+def _bounds(driver: Driver) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of the box within reach of a robot."""
+    size_m, places = driver.rover.size_m, driver.planned.positions_m
+    reach_m = PATH_REACH_M + 0.5 * float(np.hypot(*size_m[:2]))
+    top_m = float(size_m[2]) + HEADROOM_M
+    return places.min(axis=0) - reach_m, places.max(axis=0) + (reach_m, reach_m, top_m)
 
 
 def _solid(one: DynamicObject) -> SolidObject:

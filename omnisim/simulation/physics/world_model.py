@@ -18,7 +18,8 @@ from omnisim.simulation.physics.shapes import Shape
 from omnisim.world import Pose
 
 STEP_S = 1e-3
-ROBOT, PART, WHEEL, CASTOR = "robot", "robot part", "robot wheel", "robot castor"  # names
+# Names: of a robot, and of its parts after that.
+ROBOT, PART, WHEEL, CASTOR = "robot {}", "robot {} part {}", "robot {} wheel {}", "robot {} castor"
 LARGEST_HULL = 64  # vertices that are kept
 # Contacts yield by less than 0.2 mm under a robot's weight, without bouncing.
 CONTACT_S, IMPEDANCE = 0.005, 0.3
@@ -57,11 +58,15 @@ class WorldModel:
 
     Attributes:
         spec: to compile.
-        owners: names of the instances and objects, by those of their geoms.
+        owners: names of the instances, objects and robots, by those of their geoms.
+        robots: names of the robots, by those of their geoms.
+        rounds: names of the geoms that are wheels or castors.
     """
 
     spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)
     owners: dict[str, str] = field(default_factory=dict)
+    robots: dict[str, str] = field(default_factory=dict)
+    rounds: set[str] = field(default_factory=set)
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.owners), "piece"))
@@ -71,10 +76,9 @@ class WorldModel:
         cls,
         pieces: Sequence[ConvexPiece],
         objects: Mapping[str, SolidObject],
-        rover: Rover,
-        pose: Pose,
+        rovers: Mapping[str, tuple[Rover, Pose]],
     ) -> WorldModel:
-        """Model of static pieces, objects by name, and a robot at a pose of its base."""
+        """Model of static pieces, objects by name, and robots by name at poses of their bases."""
         model = cls()
         contacts = model.spec.default.geom
         contacts.solref = (CONTACT_S, 1.0)
@@ -92,7 +96,8 @@ class WorldModel:
             model._add_piece(model.spec.worldbody, piece.name, piece.shape)
         for name, one in objects.items():
             model._add_object(name, one)
-        model._add_rover(rover, pose)
+        for name, (rover, pose) in rovers.items():
+            model._add_rover(name, rover, pose)
         return model
 
     def _add_piece(
@@ -134,11 +139,12 @@ class WorldModel:
             share_kg = (solid.mass_kg or 0.0) / len(solid.pieces)
             self._add_piece(body, name, piece.shape, share_kg)
 
-    def _add_rover(self, rover: Rover, pose: Pose) -> None:
+    def _add_rover(self, owner: str, rover: Rover, pose: Pose) -> None:
+        robot = ROBOT.format(owner)
         base = self.spec.worldbody.add_body(
-            name=ROBOT, pos=pose[:3, 3], quat=_quaternion(pose[:3, :3])
+            name=robot, pos=pose[:3, 3], quat=_quaternion(pose[:3, :3])
         )
-        base.add_freejoint(name=ROBOT)
+        base.add_freejoint(name=robot)
         wheel_kg = WHEEL_MASS * rover.mass_kg
         base.explicitinertial = True
         base.mass = rover.mass_kg - wheel_kg * len(rover.wheels_m)
@@ -146,15 +152,19 @@ class WorldModel:
         squares = rover.size_m**2
         base.inertia = base.mass / 12.0 * (squares.sum() - squares)
         for number, (low, high) in enumerate(rover.parts_m):
+            part = PART.format(owner, number)
+            self._own(part, owner)
             base.add_geom(
-                name=f"{PART} {number}",
+                name=part,
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 pos=0.5 * (low + high),
                 size=np.maximum(0.5 * (high - low), 1e-4),
             )
         if rover.castor_m is not None:
+            castor = CASTOR.format(owner)
+            self._own(castor, owner, is_round=True)
             base.add_geom(
-                name=CASTOR,
+                name=castor,
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
                 pos=rover.castor_m,
                 size=np.full(3, rover.castor_m[2]),
@@ -162,7 +172,14 @@ class WorldModel:
                 priority=CASTOR_PRIORITY,
             )
         for number, middle_m in enumerate(rover.wheels_m):
-            self._add_wheel(base, f"{WHEEL} {number}", rover, middle_m, wheel_kg)
+            wheel = WHEEL.format(owner, number)
+            self._own(wheel, owner, is_round=True)
+            self._add_wheel(base, wheel, rover, middle_m, wheel_kg)
+
+    def _own(self, geom: str, robot: str, is_round: bool = False) -> None:
+        self.owners[geom] = self.robots[geom] = robot
+        if is_round:
+            self.rounds.add(geom)
 
     def _add_wheel(
         self,

@@ -130,7 +130,7 @@ def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two
         "soup", corners.reshape(-1, 3), np.arange(600).reshape(-1, 3), double_sided=two_sided
     )
     pieces = convex_pieces(soup, Region.everywhere())
-    model = WorldModel.of(pieces, {}, rover(), np.eye(4)).spec.compile()
+    model = WorldModel.of(pieces, {}, {"cart": (rover(), np.eye(4))}).spec.compile()
     mujoco.mj_step(model, mujoco.MjData(model))
     assert capfd.readouterr() == ("", "")
 

@@ -13,7 +13,7 @@ from omnisim.errors import OmnisimError, RunError, TrajectoryError
 from omnisim.poses import rotation_angles
 from omnisim.scene.model import DynamicObject, ScenePath
 from omnisim.scene.object_motion import Rest, Shuttle
-from omnisim.simulation.drive import Drive
+from omnisim.simulation.drive import Drive, drive_together, plan_together
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import Trajectory, write_trajectory
@@ -224,3 +224,57 @@ def test_a_robot_hits_an_object_that_rests_without_a_mass():
     scene = dataclasses.replace(hall(), objects=(post,))
     with pytest.raises(TrajectoryError, match="cannot follow against post"):
         _drive(scene, SQUARE[:2]).plan()
+
+
+def test_robots_meet_each_other_in_one_world():
+    """Head-on at the same speed, robots of the same mass stop each other half-way."""
+    scene = dataclasses.replace(
+        hall(),
+        paths=(
+            ScenePath("east", ((-2.0, 0.0), (2.0, 0.0)), None),
+            ScenePath("west", ((2.0, 0.0), (-2.0, 0.0)), None),
+        ),
+    )
+    found = robot("differential")
+    vehicle = Vehicle.from_robot(found)
+    drives = {
+        name: Drive(scene, vehicle, Route(name, ignore_limits=True), physics=found.chassis)
+        for name in ("east", "west")
+    }
+    plans = plan_together(drives)
+    east, west = plans["east"], plans["west"]
+    np.testing.assert_array_equal(east.motion.base.times_s, west.motion.base.times_s)
+    for plan, other in ((east, "west"), (west, "east")):
+        (contact,) = plan.contacts
+        assert contact.object == other
+        assert abs(contact.position_m[0]) == pytest.approx(0.3, abs=0.02)  # half of a length
+    gap_m = west.truth.positions_m[-1, 0] - east.truth.positions_m[-1, 0]
+    assert gap_m == pytest.approx(0.6, abs=0.02)
+    # each is where it was simulated in the other's pictures
+    worlds = {name: plan.world for name, plan in drive_together(plans).items()}
+    for time_s in (0.0, 2.505, 4.0):
+        states = [world.state_at(time_s).world_from_object for world in worlds.values()]
+        for name, plan in plans.items():
+            for state in states:
+                np.testing.assert_array_equal(state[name], plan.motion.base.pose_at(time_s))
+
+
+def test_a_robot_alone_drives_as_beside_one_that_is_far_away():
+    scene = dataclasses.replace(
+        hall(),
+        paths=(
+            ScenePath("near", ((0.0, 0.0), (1.0, 0.0)), None),
+            ScenePath("far", ((0.0, 6.0), (3.0, 6.0)), None),
+        ),
+    )
+    found = robot()
+    near, far = (
+        Drive(scene, Vehicle.from_robot(found), Route(name), physics=found.chassis)
+        for name in ("near", "far")
+    )
+    alone, beside = near.plan(), plan_together({"a": near, "b": far})["a"]
+    assert beside.motion.base.times_s[-1] > alone.motion.base.times_s[-1] + 1.0
+    np.testing.assert_allclose(beside.truth.world_from_base, alone.truth.world_from_base, atol=1e-4)
+    # it rests when it has arrived
+    end = beside.motion.base.positions_m[len(alone.motion.base) :]
+    assert np.abs(end - end[0]).max() < 1e-3

@@ -19,15 +19,16 @@ FAR = np.eye(4) + np.pad([[40.0], [40.0], [0.0]], ((0, 1), (3, 0)))  # the robot
 
 
 def _world(pieces, objects=None, robot=None, pose=FAR):
-    model = WorldModel.of(pieces, objects or {}, robot or rover(), pose)
-    return SimulatedWorld(model, robot or rover(), {}, list(objects or {}))
+    found = robot or rover()
+    model = WorldModel.of(pieces, objects or {}, {"cart": (found, pose)})
+    return SimulatedWorld(model, {"cart": found}, {}, list(objects or {}))
 
 
 def _run(world, seconds, rates=(0.0, 0.0)):
     """Bodies at the end of each period."""
     rows = []
     for _ in range(round(seconds / PERIOD_S)):
-        world.advance(0.0, rates)
+        world.advance(0.0, [rates])
         rows.append(world.bodies)
     return np.array(rows)
 
@@ -80,9 +81,9 @@ def test_straight_wheels_drive_as_far_as_they_turn(drive):
     robot = rover(drive)
     world = _world([ground()], robot=robot, pose=np.eye(4))
     rows = _run(world, 1.0, (1.0, 1.0))
-    turned_rad = world.wheels_rad
+    turned_rad = world.wheels_rad[0]
     rows = _run(world, 2.0, (1.0, 1.0))[:, 0]
-    way_m = (world.wheels_rad - turned_rad).mean() * robot.wheel_radius_m
+    way_m = (world.wheels_rad[0] - turned_rad).mean() * robot.wheel_radius_m
     driven_m = rows[-1, 0] - rows[0, 0] + (rows[1, 0] - rows[0, 0])
     assert driven_m == pytest.approx(way_m, rel=2e-3)  # tyres are pressed flat a little
     assert abs(rows[-1, 1]) < 1e-3
@@ -95,10 +96,10 @@ def test_turns_on_the_spot_have_the_effective_track(drive, rate):
     robot = rover(drive)
     world = _world([ground()], robot=robot, pose=np.eye(4))
     _run(world, 1.0, (-rate, rate))
-    wheels, rows = world.wheels_rad, _run(world, 2.0, (-rate, rate))[:, 0]
+    wheels, rows = world.wheels_rad[0], _run(world, 2.0, (-rate, rate))[:, 0]
     yaw = np.unwrap(2.0 * np.arctan2(rows[:, 6], rows[:, 3]), period=2.0 * math.pi)
     turned = (yaw[-1] - yaw[0]) * len(yaw) / (len(yaw) - 1)
-    left_m, right_m = (world.wheels_rad - wheels) * robot.wheel_radius_m
+    left_m, right_m = (world.wheels_rad[0] - wheels) * robot.wheel_radius_m
     assert (right_m - left_m) / robot.effective_track_m == pytest.approx(turned, rel=5e-3)
     expected = robot.track_m * (1.0 + (0.3 / 0.4) ** 2 if drive == "skid_steer" else 1.0)
     assert robot.effective_track_m == pytest.approx(expected)

@@ -1,0 +1,29 @@
+"""Robots with the trajectories that they are to follow in physics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omnisim.short_repr import short_repr
+from omnisim.simulation.physics.rover import Rover
+from omnisim.trajectories import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """Robot that follows a planned trajectory.
+
+    Attributes:
+        rover: that drives.
+        planned: trajectory; the robot begins at its first pose, and rests before and after.
+        where: the path's name in messages.
+        ignores_limits: goes on where it leaves its path or tips over.
+    """
+
+    rover: Rover
+    planned: Trajectory
+    where: str
+    ignores_limits: bool = False
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.rover), repr(self.where))
