@@ -11,6 +11,7 @@ from omnisim.errors import SceneError
 from omnisim.resources import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
+from omnisim.scene.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.simulation.fingerprint import fingerprint
 from tests.scene.gltf_builder import GltfBuilder
 
@@ -169,6 +170,10 @@ def _extension(name, **values):
     return lambda plain: plain.extend(plain.material, name, **values)
 
 
+def _requiring(name):
+    return lambda plain: plain.require(name)
+
+
 def _quantized(plain):
     corners = np.array([[0, 0, 0], [32767, 0, 0], [0, 16384, 0]], "<i2")
     plain.attribute("POSITION", corners, "VEC3", normalized=True)
@@ -254,6 +259,8 @@ USES = {
     "KHR_materials_transmission": _extension("KHR_materials_transmission", transmissionFactor=1),
     "KHR_materials_volume": _extension("KHR_materials_volume", thicknessFactor=1),
     "KHR_materials_variants": lambda p: p.extend(p.primitive, "KHR_materials_variants"),
+    **{name: _requiring(name) for name in OTHER_IMAGES},
+    **{name: _extension(name.split(", ")[-1]) for name in (*LEFT_OUT, *IGNORED)},
 }
 # What a feature's use is compared with, where that is not the plain triangle.
 WITHOUT = {
@@ -326,7 +333,9 @@ def test_feature(feature, tmp_path):
     is_applied = feature.support is Support.APPLIED
     assert (_contents(scene) != _contents(without)) == is_applied
     notice = f"a.glb: {feature.effect} (1 "
-    if is_applied or not feature.group:
+    if feature.name in LEFT_OUT:
+        assert scene.notices == (f"a.glb: {feature.extensions[-1]} is not read",)
+    elif is_applied or not feature.group:
         assert scene.notices == ()
     else:
         assert [line[: len(notice)] for line in scene.notices].count(notice) == 1
@@ -361,9 +370,46 @@ def test_a_damaged_value_of_a_feature_that_is_left_out_is_no_error(tmp_path):
 
 def test_a_required_extension_is_refused_unless_it_is_applied(tmp_path):
     for feature in FEATURES:
-        if feature.is_extension and feature.name not in SUPPORTED_EXTENSIONS:
-            with pytest.raises(SceneError, match=rf"{feature.name}, which omnisim does not read"):
-                _load(tmp_path, lambda plain, name=feature.name: plain.require(name))
+        for name in set(feature.extensions) - SUPPORTED_EXTENSIONS:
+            with pytest.raises(SceneError, match=rf"{name}, which omnisim does not read"):
+                _load(tmp_path, _requiring(name))
+
+
+def test_an_extension_without_an_effect_may_be_required(tmp_path):
+    for names in IGNORED:
+        for name in names.split(", "):
+            assert _load(tmp_path, _requiring(name)).notices == ()
+
+
+# Folders of extensions/2.0 of https://github.com/KhronosGroup/glTF on 17 July 2026: Khronos, Vendor
+# and Archived.
+REGISTRY = """
+KHR_animation_pointer KHR_draco_mesh_compression KHR_gaussian_splatting KHR_interactivity
+KHR_lights_punctual KHR_materials_anisotropy KHR_materials_clearcoat
+KHR_materials_diffuse_transmission KHR_materials_dispersion KHR_materials_emissive_strength
+KHR_materials_ior KHR_materials_iridescence KHR_materials_sheen KHR_materials_specular
+KHR_materials_transmission KHR_materials_unlit KHR_materials_variants KHR_materials_volume
+KHR_mesh_quantization KHR_meshopt_compression KHR_node_hoverability KHR_node_selectability
+KHR_node_visibility KHR_texture_basisu KHR_texture_transform KHR_xmp_json_ld
+
+ADOBE_materials_clearcoat_specular ADOBE_materials_clearcoat_tint
+ADOBE_materials_thin_transparency AGI_articulations AGI_stk_metadata CESIUM_primitive_outline
+EXT_lights_ies EXT_lights_image_based EXT_mesh_gpu_instancing EXT_mesh_manifold
+EXT_mesh_primitive_edge_visibility EXT_mesh_primitive_restart EXT_meshopt_compression
+EXT_texture_astc EXT_texture_webp FB_geometry_metadata GODOT_single_root GRIFFEL_bim_data
+MPEG_accessor_timed MPEG_animation_timing MPEG_audio_spatial MPEG_buffer_circular MPEG_media
+MPEG_mesh_linking MPEG_scene_dynamic MPEG_texture_video MPEG_viewport_recommended MSFT_lod
+MSFT_packing_normalRoughnessMetallic MSFT_packing_occlusionRoughnessMetallic MSFT_texture_dds
+NV_materials_mdl
+
+KHR_materials_pbrSpecularGlossiness KHR_techniques_webgl KHR_xmp
+"""
+
+
+def test_every_extension_of_khronos_s_registry_has_its_line():
+    lines = [name for feature in FEATURES for name in feature.extensions]
+    assert len(lines) == len(set(lines))
+    assert set(REGISTRY.split()) <= set(lines)
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*/*.glb")), ids=lambda path: path.stem)

@@ -5,11 +5,13 @@ The notices, the table in the documentation and its tests are made from `FEATURE
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 from omnisim.errors import SceneError
+from omnisim.scene.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 from omnisim.short_repr import counted
@@ -23,6 +25,7 @@ class Support(Enum):
 
     APPLIED = "applied"
     LEFT_OUT = "left out"
+    IGNORED = "ignored"
     REFUSED = "refused"
 
 
@@ -34,7 +37,8 @@ class Feature:
         name: as in the file, or several of one purpose.
         support: treatment.
         effect: the notice of a feature that is left out, and its words in the documentation.
-        group: objects that have it, a name of `DrawnObjects`; empty: it gets no notice.
+        group: objects that have it, a name of `DrawnObjects`; empty: an extension that is left
+            out is noted by its name, another feature is not.
         is_used: true for an object of the group that the feature would change.
     """
 
@@ -45,9 +49,10 @@ class Feature:
     is_used: Callable[[JsonObject], bool] = lambda _: False
 
     @property
-    def is_extension(self) -> bool:
-        """True for an extension."""
-        return self.name.startswith(("KHR_", "EXT_"))
+    def extensions(self) -> tuple[str, ...]:
+        """Names of the extensions that it is; empty: it is a property."""
+        names = self.name.split(", ")
+        return tuple(name for name in names if re.match(r"[A-Z]+_[a-z]", name))
 
 
 @dataclass(frozen=True)
@@ -87,8 +92,12 @@ def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list
             if count:
                 noun = "node" if feature.group in _GROUPS_OF_NODES else feature.group[:-1]
                 notices.append(f"{feature.effect} ({counted(count, noun)})")
-    known = {feature.name for feature in FEATURES} | _INVISIBLE_EXTENSIONS
+    known = {name for one in FEATURES if not _is_noted_by_name(one) for name in one.extensions}
     return notices + [f"{name} is not read" for name in used_extensions if name not in known]
+
+
+def _is_noted_by_name(feature: Feature) -> bool:
+    return feature.support is Support.LEFT_OUT and not feature.group
 
 
 def _uses(entry: JsonObject, feature: Feature) -> bool:
@@ -218,7 +227,7 @@ FEATURES = (
         _has_extension("EXT_mesh_gpu_instancing"),
     ),
     Feature("KHR_node_visibility", _LEFT_OUT, "hidden nodes are drawn", "nodes", _is_hidden),
-    Feature("KHR_lights_punctual", _APPLIED, "directional, point and spot, without shadows"),
+    Feature("KHR_lights_punctual", _APPLIED, "directional, point and spot"),
     Feature("KHR_materials_unlit", _APPLIED, "its other properties do not count"),
     Feature("KHR_materials_pbrSpecularGlossiness", _APPLIED, "as a dielectric"),
     Feature(
@@ -259,17 +268,17 @@ FEATURES = (
         "KHR_materials_variants", _LEFT_OUT, "variants of materials are not used: the default is",
         "primitives", _has_extension("KHR_materials_variants"),
     ),
+    *(
+        Feature(name, _REFUSED, "where not required, the plain image is read")
+        for name in OTHER_IMAGES
+    ),
+    *(Feature(name, _LEFT_OUT, effect) for name, effect in LEFT_OUT.items()),
+    *(Feature(name, Support.IGNORED, effect) for name, effect in IGNORED.items()),
 )  # fmt: skip
+# That a file may require.
 SUPPORTED_EXTENSIONS = frozenset(
-    feature.name for feature in FEATURES if feature.is_extension and feature.support is _APPLIED
+    name
+    for feature in FEATURES
+    if feature.support in (_APPLIED, Support.IGNORED)
+    for name in feature.extensions
 )
-# Metadata, behaviour, and parts of what has its own notice.
-_INVISIBLE_EXTENSIONS = frozenset(
-    (
-        "EXT_mesh_features", "EXT_structural_metadata", "EXT_texture_avif",
-        "EXT_instance_features", "KHR_audio_emitter",
-        "KHR_implicit_shapes", "KHR_interactivity", "KHR_node_hoverability",
-        "KHR_node_selectability", "KHR_physics_rigid_bodies", "KHR_xmp", "KHR_xmp_json_ld",
-        "MSFT_lod", "MSFT_texture_dds",
-    )
-)  # fmt: skip
