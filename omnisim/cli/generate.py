@@ -96,14 +96,14 @@ def _preview(request: GenerateRequest, count: int) -> None:
         raise OutputError("-o: expected a .png or .jpg for the preview's sheet")
     check_target(request.output)
     prepared = PreparedPlan.read(request.plan)
+    prepared.check_setups()
     count = min(count, prepared.plan.pictures)
     renderer = SampleRenderer(prepared, request.device)
     columns = math.ceil(math.sqrt(count))
     rows: dict[int, list[NDArray[np.uint8]]] = {}
     try:
         for number in track(renderer.order(range(count)), "preview", count):
-            _, frames = renderer.render(number)
-            frame = next(iter(frames.values()))
+            frame = next(iter(renderer.render(number).frames.values()))
             channels = [
                 preview(name, frame.channels[name], frame.labels) for name in frame.channels
             ]

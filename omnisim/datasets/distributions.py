@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 import scipy  # its submodules load when first used
@@ -53,7 +53,7 @@ class Distribution:
             return str(self.numbers[0])
         return numbers if self.kind == "uniform" else f"{{ {self.kind} = {numbers} }}"
 
-    def draw(self, stream: Stream) -> float:
+    def draw(self, stream: Shares) -> float:
         """Draw a number; takes one step of the stream, whatever the distribution."""
         share = stream.share()
         first, *rest = self.numbers
@@ -81,6 +81,24 @@ class Distribution:
     @property
     def _ends(self) -> tuple[float, ...]:
         return self.numbers[:1] if self.kind == "normal" else self.numbers
+
+
+class Shares(Protocol):
+    """Source of numbers in [0, 1)."""
+
+    def share(self) -> float:
+        """Next number."""
+
+
+@dataclass(frozen=True)
+class Even:
+    """One share for all numbers: near 0 and 1 they are at the ends of their distributions."""
+
+    value: float
+
+    def share(self) -> float:
+        """The share."""
+        return self.value
 
 
 class Stream:

@@ -26,10 +26,19 @@ MOST_TRIES = 200  # for a place that keeps its distances
 
 @dataclass(frozen=True)
 class Which:
-    """Numbers of the scene and the rig of a sample, which no later attempt changes."""
+    """Numbers of scene, rig and setup of a sample, which no later attempt changes.
+
+    Attributes:
+        scene: of the plan.
+        rig: of the plan.
+        light: setup of its light; 0: light does not vary.
+        camera: setup of its cameras; 0: they do not vary.
+    """
 
     scene: int
     rig: int
+    light: int
+    camera: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +68,7 @@ class Draw:
         yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
         shift_m: (3,) of the camera on it.
         time_s: of the world.
+        exposure_ev: on top of the camera's.
         colors: linear RGB by instance.
         objects: that are placed.
     """
@@ -72,6 +82,7 @@ class Draw:
     roll_deg: float
     shift_m: tuple[float, float, float]
     time_s: float
+    exposure_ev: float
     colors: dict[str, tuple[float, float, float]]
     objects: tuple[Placed, ...]
 
@@ -81,7 +92,9 @@ def draw_which(plan: Plan, number: int) -> Which:
     stream = Stream(plan.seed, number, 0, _WHICH)
     scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
     rig = stream.choose(range(len(plan.cameras)), [one.weight for one in plan.cameras])
-    return Which(scene, rig)
+    setup = number // plan.vary.pictures_per_setup
+    varies = plan.cameras[rig].varies
+    return Which(scene, rig, setup if plan.vary.lights else 0, setup if varies else 0)
 
 
 def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
@@ -113,6 +126,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
         roll_deg=place.roll_deg + roll_deg,
         shift_m=shift_m,
         time_s=vary.time_s.draw(own),
+        exposure_ev=vary.exposure_ev.draw(own),
         colors=_colors(prepared, which.scene, stream(_COLORS)),
         objects=(),
     )

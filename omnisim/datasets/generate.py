@@ -80,6 +80,7 @@ class Generation:
                 f"--shards: expected some of 0:{count}, as the plan has shards = {count}, got "
                 f"{self.shards.start}:{self.shards.stop}"
             )
+        self.prepared.check_setups()
         self._own_folder()
         self.missing = [number for number in self.shards if self._found(number) is None]
 

@@ -18,6 +18,7 @@ Name = Annotated[str, Field(min_length=1, strict=True)]
 Weight = Annotated[float, Field(strict=True, gt=0.0, le=1e9)]
 Where = Literal["free", "path", "around", "poses"]
 MAX_PICTURES, MAX_SHARDS = 100_000, 1_000_000  # a shard, and a data set
+COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colours are known
 
 
 def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -80,6 +81,15 @@ class PlanCameraTable(Table):
     """Quality of the capture."""
     preset: Name | None = None
     """Degradations by the name of a preset, or the path of its file; the world is at rest."""
+    parameters: dict[Name, Distributed] = Field(default_factory=dict)
+    """What is added to parameters of the camera's model, by their names in its file, in pixels of
+    the file; to each number of a list another."""
+    degradation: dict[Name, dict[Name, Distributed]] = Field(default_factory=dict)
+    """Parameters of degradations that are drawn, as in the sensor file's [degradation]."""
+    mount_shift_m: Distributed = _fixed(0.0)
+    """Shift of each camera on its rig along each axis, metres: extrinsics that are not exact."""
+    mount_turn_deg: Distributed = _fixed(0.0)
+    """Turn of each camera on its rig about each axis, degrees."""
     weight: Weight = 1.0
     """Share of the pictures, relative to the other cameras'."""
 
@@ -98,6 +108,13 @@ class PlanCameraTable(Table):
         """Name in the data set."""
         source = self.sensor or self.calibration or self.optics
         return self.name or ("paper" if source is None else Path(source).stem)
+
+    @property
+    def varies(self) -> bool:
+        """True where each setup has a camera of its own."""
+        return not {"parameters", "degradation", "mount_shift_m", "mount_turn_deg"}.isdisjoint(
+            _without_defaults(self)
+        )
 
 
 class StandTable(Table):
@@ -152,8 +169,71 @@ class RecolorTable(Table):
     """Share of the pictures that have it."""
 
 
+class VaryLightTable(Table):
+    """Lamps of the scenes, from setup to setup; but for the sun of [vary.sky]."""
+
+    lamp_factor: Distributed = _fixed(1.0)
+    """Factor of each lamp's intensity, at least 0: another for each lamp."""
+    lamp_temperature_k: Distributed | None = None
+    """Colour temperature of each lamp, kelvin; left out: the lamps' own colours."""
+    ambient_factor: Distributed = _fixed(1.0)
+    """Factor of the light from everywhere, at least 0."""
+
+    @model_validator(mode="after")
+    def _is_light(self) -> VaryLightTable:
+        for key in ("lamp_factor", "ambient_factor"):
+            if (low := getattr(self, key).low) < 0.0:
+                raise ValueError(f"{key}: expected factors of at least 0, got {low:g}")
+        kelvin = self.lamp_temperature_k
+        if kelvin is not None and not (kelvin.low >= COLDEST_K and kelvin.high <= HOTTEST_K):
+            raise ValueError(
+                f"lamp_temperature_k: expected {COLDEST_K:g} to {HOTTEST_K:g}, got {kelvin}"
+            )
+        return self
+
+
+class VarySkyTable(Table):
+    """Sky of the scenes, from setup to setup, instead of their own sky and directional lamps.
+
+    Environment maps where there are files; else a clear sky with its sun.
+    """
+
+    files: tuple[Name, ...] = ()
+    """Environment maps, .hdr or .exr, relative to the plan: one for each setup."""
+    yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
+    """Turn of the map, or of north, in degrees, counter-clockwise seen from above."""
+    brightness: Distributed = _fixed(0.8)
+    """Brightness of a level white surface under sky and sun; 1 is white."""
+    turbidity: Distributed = Distribution("uniform", (2.0, 6.0))
+    """Haze of the clear sky: 2 very clear, 6 hazy."""
+    hour: Distributed | None = None
+    """Solar time in hours, at which the sun is above the horizon; left out: the sun's height and
+    direction are drawn."""
+    day: Distributed = _fixed(172.0)
+    """Day of the year, 1 to 365, of the hour."""
+    latitude_deg: Distributed = _fixed(50.0)
+    """Latitude of the hour, degrees."""
+    sun_elevation_deg: Distributed = Distribution("uniform", (15.0, 75.0))
+    """Height of the sun above the horizon, degrees; without hour."""
+    sun_azimuth_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
+    """Direction of the sun, degrees counter-clockwise from the world's x; without hour."""
+
+    @model_validator(mode="after")
+    def _one_sky(self) -> VarySkyTable:
+        given = self.model_fields_set
+        clear = {"turbidity", "hour", "day", "latitude_deg", "sun_elevation_deg", "sun_azimuth_deg"}
+        if self.files and (others := clear & given):
+            raise ValueError(f"{min(others)}: expected a clear sky, got files")
+        of_hour, of_sun = {"day", "latitude_deg"}, {"sun_elevation_deg", "sun_azimuth_deg"}
+        if self.hour is not None and (others := of_sun & given):
+            raise ValueError(f"{min(others)}: expected none beside hour")
+        if self.hour is None and (others := of_hour & given):
+            raise ValueError(f"{min(others)}: expected an hour beside it")
+        return self
+
+
 class VaryTable(Table):
-    """Attitude, time and colours of the pictures."""
+    """Attitude, time, light and colours of the pictures."""
 
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Heading, degrees from the world's x; along paths and poses it counts from theirs, and is 0
@@ -166,8 +246,20 @@ class VaryTable(Table):
     """Shift of the camera on its vehicle along each axis, metres: a mount that is not exact."""
     time_s: Distributed = _fixed(0.0)
     """Time of the world, for scenes with objects that move."""
+    exposure_ev: Distributed = _fixed(0.0)
+    """Exposure of each picture in stops, on top of the camera's: 1 is twice the light."""
+    pictures_per_setup: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 25
+    """Successive samples that share a setup: light, sky, and cameras whose parameters vary; to
+    open another takes as long as some pictures."""
+    light: VaryLightTable | None = None
+    sky: VarySkyTable | None = None
     recolor: tuple[RecolorTable, ...] = ()
     """Colours of instances."""
+
+    @property
+    def lights(self) -> bool:
+        """True where each setup has a light of its own."""
+        return self.light is not None or self.sky is not None
 
 
 class PlacedTable(Table):
@@ -270,6 +362,11 @@ class Plan(Table):
         """Samples of all shards."""
         return self.shards * self.pictures_per_shard
 
+    @property
+    def sky_files(self) -> tuple[str, ...]:
+        """Environment maps, relative to the plan."""
+        return () if self.vary.sky is None else self.vary.sky.files
+
     def content(self) -> dict[str, Any]:
         """Keys and values that pictures depend on, as JSON can hold them, without defaults."""
         left_out = ("shards", "title", "licence")
@@ -290,6 +387,17 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Distribution):
         return {value.kind: list(value.numbers)}
     if isinstance(value, Table):
-        fields = type(value).model_fields
-        return {key: _plain(inner) for key, inner in value if inner != fields[key].default}
+        return {key: _plain(inner) for key, inner in _without_defaults(value).items()}
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
     return [_plain(inner) for inner in value] if isinstance(value, tuple) else value
+
+
+def _without_defaults(table: Table) -> dict[str, Any]:
+    """Keys of a table whose values are not their defaults."""
+    fields = type(table).model_fields
+    return {
+        key: value
+        for key, value in table
+        if value != fields[key].get_default(call_default_factory=True)
+    }

@@ -15,40 +15,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.calibration import load_calibration
-from omnisim.calibration.rig import Rig
+from omnisim.datasets.distributions import Even
 from omnisim.datasets.free_space import FreeSpace, find_free_space
-from omnisim.datasets.plan import PlacedTable, Plan, PlanCameraTable, PlanSceneTable, read_plan
+from omnisim.datasets.plan import PlacedTable, Plan, PlanSceneTable, read_plan
+from omnisim.datasets.plan_cameras import PlanRig, RigFile
+from omnisim.datasets.plan_light import draw_light
+from omnisim.datasets.tar_file import file_sha256
 from omnisim.errors import PlanError, did_you_mean
-from omnisim.optics.system_file import read_optics_file
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
-from omnisim.sensors import OmniCamera
-from omnisim.sensors.degradations import preset
 from omnisim.simulation.fingerprint import fingerprint
-from omnisim.simulation.rig_vehicle import rig_vehicle
 from omnisim.trajectories import parse_trajectory
 from omnisim.version import __version__
 
-WHOLE_RIG = "all"
-
-
-@dataclass(frozen=True, eq=False)
-class PlanRig:
-    """Cameras that take each sample of theirs together.
-
-    Attributes:
-        title: name in the data set.
-        cameras: by name; a single camera's name is empty.
-    """
-
-    title: str
-    cameras: dict[str, OmniCamera]
-
-    @property
-    def first(self) -> OmniCamera:
-        """Camera whose viewpoint is placed."""
-        return next(iter(self.cameras.values()))
+# Shares of the distributions at which a plan's setups are tried before any is made.
+TRIED = 0.001, 0.5, 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +82,7 @@ class PreparedPlan:
             OmnisimError: the first fault.
         """
         _ = self.rigs, self.objects, self.poses
+        self.check_setups()
         for number in range(len(self.plan.scenes)):
             self.scene(number)
             if self.plan.stand.where == "free" or self.objects:
@@ -207,35 +189,29 @@ class PreparedPlan:
         return found
 
     @cached_property
+    def rig_files(self) -> tuple[RigFile, ...]:
+        """Tables of cameras with their files read."""
+        is_exposed = "exposure_ev" in self.plan.vary.model_fields_set
+        return tuple(RigFile(table, self.path, is_exposed) for table in self.plan.cameras)
+
+    @cached_property
     def rigs(self) -> tuple[PlanRig, ...]:
-        """Cameras and rigs of the plan."""
-        return tuple(PlanRig(table.title, self._cameras(table)) for table in self.plan.cameras)
+        """Cameras and rigs of the plan, before anything varies."""
+        return tuple(file.rig() for file in self.rig_files)
 
-    def _cameras(self, table: PlanCameraTable) -> dict[str, OmniCamera]:
-        cameras = self._read_cameras(table)
-        if table.size_px is not None:
-            cameras = {name: one.resized(table.size_px) for name, one in cameras.items()}
-        if table.quality is not None:
-            cameras = {name: one.with_quality(table.quality) for name, one in cameras.items()}
-        if table.preset is not None:
-            degradation = preset(table.preset, self.path.parent)
-            cameras = {name: one.with_degradation(degradation) for name, one in cameras.items()}
-        return cameras
+    def check_setups(self) -> None:
+        """Try what setups draw at the ends of its distributions.
 
-    def _read_cameras(self, table: PlanCameraTable) -> dict[str, OmniCamera]:
-        folder = self.path.parent
-        if table.sensor is not None:
-            return {"": OmniCamera.from_file(folder / table.sensor)}
-        if table.optics is not None:
-            return {"": OmniCamera(read_optics_file(folder / table.optics))}
-        if table.calibration is None:
-            return {"": OmniCamera()}
-        calibration = load_calibration(folder / table.calibration, mirrored=table.mirrored)
-        if table.camera_name == WHOLE_RIG:
-            vehicle = rig_vehicle(table.title, Rig.of(calibration))
-            return {mounted.name: mounted.sensor for mounted in vehicle.cameras}
-        camera = calibration.camera(table.camera_name)
-        return {"": OmniCamera(camera.camera, polygons=None)}
+        Raises:
+            OmnisimError: the first fault.
+        """
+        for share in map(Even, TRIED):
+            for file in self.rig_files:
+                if file.table.varies:
+                    file.rig(share)
+            if self.plan.vary.lights:
+                for number in range(len(self.plan.scenes)):
+                    draw_light(self.scene(number), self.plan.vary, share, self.path)
 
     @cached_property
     def objects(self) -> tuple[PlanObject, ...]:
@@ -274,6 +250,8 @@ class PreparedPlan:
             for rig in self.rigs
             for camera in rig.cameras.values()
         ]
+        maps = [self.path.parent / name for name in self.plan.sky_files]
+        cameras += [file_sha256(path) for path in maps if path.is_file()]
         parts: list[Any] = [__version__, *scenes, *objects, *cameras, fingerprint(self.poses)]
         for part in parts:
             digest.update(f"\n{part}".encode())

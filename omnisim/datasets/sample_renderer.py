@@ -1,20 +1,40 @@
-"""Renderers of a plan's samples: one stage for each scene, one renderer for each camera on it."""
+"""Renderers of a plan's samples: a stage for each scene and light, a renderer for each camera."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from omnisim.datasets.draw import Draw, Which, draw, draw_which
 from omnisim.datasets.plan import RejectTable
+from omnisim.datasets.plan_cameras import PlanRig
+from omnisim.datasets.plan_light import DrawnLight
 from omnisim.datasets.prepared_plan import PreparedPlan
+from omnisim.datasets.setups import setup_light, setup_rig
 from omnisim.errors import PlanError
 from omnisim.frame import Frame
 from omnisim.sensors import Renderer, Stage
 from omnisim.world import WorldState
 
 PROBE_PX = 48  # shorter side of the ranges that judge a sample whose plan has no ranges
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedSample:
+    """Sample that is rendered.
+
+    Attributes:
+        drawn: its draw.
+        frames: by camera; a single camera's name is empty.
+        light: what was drawn for its light; empty: the scene's own.
+    """
+
+    drawn: Draw
+    frames: dict[str, Frame]
+    light: dict[str, Any]
 
 
 class SampleRenderer:
@@ -28,24 +48,21 @@ class SampleRenderer:
     def __init__(self, prepared: PreparedPlan, device: int | None = None):
         self._prepared, self._device = prepared, device
         self._stage: Stage | None = None
-        self._scene = -1
-        self._renderers: dict[int, dict[str, Renderer]] = {}
-        self._probes: dict[int, Renderer] = {}
+        self._opened = (-1, -1)  # scene and setup of its light
+        self._light: DrawnLight | None = None
+        self._rigs: dict[int, _OpenRig] = {}
 
     def order(self, numbers: range) -> list[int]:
         """Numbers of samples in the order in which to render them."""
 
-        def key(number: int) -> tuple[int, int, int]:
+        def key(number: int) -> tuple[int, ...]:
             which = draw_which(self._prepared.plan, number)
-            return which.scene, which.rig, number
+            return which.scene, which.light, which.rig, which.camera, number
 
         return sorted(numbers, key=key)
 
-    def render(self, number: int) -> tuple[Draw, dict[str, Frame]]:
+    def render(self, number: int) -> RenderedSample:
         """Render a sample, drawn again until it is not rejected.
-
-        Returns:
-            Its draw, and the frames by camera; a single camera's name is empty.
 
         Raises:
             PlanError: all attempts were rejected.
@@ -55,7 +72,8 @@ class SampleRenderer:
             drawn = draw(self._prepared, number, attempt)
             frames, reason = self._attempt(drawn)
             if not reason:
-                return drawn, frames
+                assert self._light is not None
+                return RenderedSample(drawn, frames, self._light.values)
         raise PlanError(
             f"{self._prepared.path}: sample {number}: rejected {plan.reject.attempts} times, last "
             f"as {reason}: see [reject] and [stand]"
@@ -63,24 +81,19 @@ class SampleRenderer:
 
     def close(self) -> None:
         """Close the stage and its renderers."""
-        for renderer in self._open_renderers():
-            renderer.close()
-        self._renderers.clear()
-        self._probes.clear()
+        for rig in self._rigs.values():
+            rig.close()
+        self._rigs.clear()
         if self._stage is not None:
             self._stage.close()
-        self._stage, self._scene = None, -1
-
-    def _open_renderers(self) -> list[Renderer]:
-        own = [one for rig in self._renderers.values() for one in rig.values()]
-        return own + list(self._probes.values())
+        self._stage, self._light, self._opened = None, None, (-1, -1)
 
     def _attempt(self, drawn: Draw) -> tuple[dict[str, Frame], str]:
         """Frames of a draw, and the reason for which it is rejected; empty: it is not."""
         plan = self._prepared.plan
-        stage, renderers = self._open(drawn.which)
-        scene = self._prepared.scene(drawn.which.scene)
-        first = self._prepared.rigs[drawn.which.rig].first
+        stage, rig = self._open(drawn.which)
+        assert self._light is not None
+        scene, first = self._light.scene, rig.cameras.first
         base = first.base_pose(drawn.position_m, drawn.yaw_deg, drawn.pitch_deg, drawn.roll_deg)
         base[:3, 3] += base[:3, :3] @ drawn.shift_m
         for name, color in drawn.colors.items():
@@ -90,41 +103,81 @@ class SampleRenderer:
             scene = scene.added(placed.name, shape, placed.world_from_object)
         if scene is not stage.scene:
             stage.scene = scene
-        vehicle = next(iter(renderers.values())).vehicle
+        vehicle = next(iter(rig.renderers.values())).vehicle
         state = WorldState({vehicle: base}, drawn.time_s)
         if "range" not in plan.channels and plan.reject.is_needed:
-            probe = self._probe(drawn.which).render(state, also=("range",))
+            probe = rig.probe.render(state, also=("range",))
             if reason := rejected(probe, plan.reject):
                 return {}, reason
         frames: dict[str, Frame] = {}
-        for name, renderer in renderers.items():
-            frame = renderer.render(state, also=plan.channels, frame_number=drawn.number)
+        for name, renderer in rig.renderers.items():
+            frame = renderer.render(
+                state,
+                also=plan.channels,
+                frame_number=drawn.number,
+                exposure_ev=_exposure_ev(renderer, drawn),
+            )
             judges = not frames and "range" in plan.channels
             if judges and (reason := rejected(frame, plan.reject)):
                 return {}, reason
             frames[name] = frame
         return frames, ""
 
-    def _open(self, which: Which) -> tuple[Stage, Mapping[str, Renderer]]:
-        if self._stage is None or which.scene != self._scene:
+    def _open(self, which: Which) -> tuple[Stage, _OpenRig]:
+        prepared = self._prepared
+        if self._stage is None or self._opened != (which.scene, which.light):
             self.close()
-            self._stage = Stage(self._prepared.scene(which.scene), device=self._device)
-            self._scene = which.scene
-        if which.rig not in self._renderers:
-            seed = self._prepared.plan.seed
-            self._renderers[which.rig] = {
-                name: Renderer(self._stage, camera, seed=f"{seed} {name}")
-                for name, camera in self._prepared.rigs[which.rig].cameras.items()
-            }
-        return self._stage, self._renderers[which.rig]
+            self._light = setup_light(prepared, which.scene, which.light)
+            self._stage = Stage(self._light.scene, device=self._device)
+            self._opened = which.scene, which.light
+        if which.rig in self._rigs and self._rigs[which.rig].setup != which.camera:
+            self._rigs.pop(which.rig).close()
+        if which.rig not in self._rigs:
+            cameras = setup_rig(prepared, which.rig, which.camera)
+            self._rigs[which.rig] = _OpenRig(self._stage, cameras, which.camera, prepared.plan.seed)
+        return self._stage, self._rigs[which.rig]
 
-    def _probe(self, which: Which) -> Renderer:
-        if which.rig not in self._probes:
-            assert self._stage is not None
-            camera = self._prepared.rigs[which.rig].first
-            size_px = min(PROBE_PX, camera.model.width_px, camera.model.height_px)
-            self._probes[which.rig] = Renderer(self._stage, camera.resized(size_px))
-        return self._probes[which.rig]
+
+class _OpenRig:
+    """Renderers of a rig on a stage.
+
+    Args:
+        stage: that they are on.
+        cameras: of the rig.
+        setup: that they belong to.
+        seed: of their noise.
+
+    Attributes:
+        cameras, setup: as given.
+        renderers: by the cameras' names.
+    """
+
+    def __init__(self, stage: Stage, cameras: PlanRig, setup: int, seed: int):
+        self._stage, self.cameras, self.setup = stage, cameras, setup
+        self.renderers = {
+            name: Renderer(stage, camera, seed=f"{seed} {name}")
+            for name, camera in cameras.cameras.items()
+        }
+
+    @cached_property
+    def probe(self) -> Renderer:
+        """Renderer of small ranges, which judge samples whose plan has none."""
+        camera = self.cameras.first
+        size_px = min(PROBE_PX, camera.model.width_px, camera.model.height_px)
+        return Renderer(self._stage, camera.resized(size_px))
+
+    def close(self) -> None:
+        """Close the renderers."""
+        for renderer in self.renderers.values():
+            renderer.close()
+        if "probe" in self.__dict__:
+            self.probe.close()
+
+
+def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
+    """Exposure of a picture; None: its camera has no other than its own."""
+    exposure = renderer.camera.degradation.exposure
+    return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
 
 
 def rejected(frame: Frame, rules: RejectTable) -> str:

@@ -17,13 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.atomic_file import write_text
-from omnisim.datasets.draw import Draw
 from omnisim.datasets.prepared_plan import PreparedPlan
-from omnisim.datasets.sample_renderer import SampleRenderer
+from omnisim.datasets.sample_renderer import RenderedSample, SampleRenderer
 from omnisim.datasets.statistics import Statistics
 from omnisim.datasets.tar_file import write_tar
 from omnisim.errors import PlanError
-from omnisim.frame import Frame
 
 MOST_WAITING = 4  # samples that are rendered and not yet written
 KEY_DIGITS = 9
@@ -132,8 +130,8 @@ class ShardMaker:
             with ThreadPoolExecutor(1) as writer:  # writes while the next sample is drawn
                 waiting: deque[Future[None]] = deque()
                 for sample in self._renderer.order(numbers):
-                    drawn, frames = self._renderer.render(sample)
-                    waiting.append(writer.submit(self._write, scratch, drawn, frames, statistics))
+                    found = self._renderer.render(sample)
+                    waiting.append(writer.submit(self._write, scratch, found, statistics))
                     while len(waiting) > MOST_WAITING or (waiting and waiting[0].done()):
                         waiting.popleft().result()
                     yield sample
@@ -145,11 +143,9 @@ class ShardMaker:
         text = json.dumps(summary.to_json(), indent=1) + "\n"
         write_text(self._folder / f"{shard_stem(number)}.json", text)
 
-    def _write(
-        self, scratch: Path, drawn: Draw, frames: dict[str, Frame], statistics: Statistics
-    ) -> None:
+    def _write(self, scratch: Path, sample: RenderedSample, statistics: Statistics) -> None:
         """Write a sample's files, and count it."""
-        plan = self._prepared.plan
+        plan, drawn, frames = self._prepared.plan, sample.drawn, sample.frames
         key = f"{drawn.number:0{KEY_DIGITS}d}"
         for name, frame in frames.items():
             stem = f"{key}.{name}" if name else key
@@ -171,6 +167,7 @@ class ShardMaker:
             "time_s": drawn.time_s,
             "colors": {name: list(color) for name, color in drawn.colors.items()},
             "objects": {placed.name: placed.world_from_object.tolist() for placed in drawn.objects},
+            **({"light": sample.light} if sample.light else {}),
             "pictures": metadata,
         }
         try:
