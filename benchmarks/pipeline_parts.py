@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
-from omnisim.gpu.culling.cluster_culling import BANDS
+from omnisim.gpu.culling.command_slices import BANDS
 from omnisim.gpu.scene.cluster_drawer import ClusterDrawer
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.sensors.backend import CameraBackend
@@ -210,7 +210,7 @@ def _noting_clusters(
     def noted(drawer: ClusterDrawer, pass_index: int) -> None:
         draw(drawer, pass_index)
         counts = np.frombuffer(drawer.culler.counts.read(), dtype=np.uint32)
-        length = BANDS * len(drawer.culler.ranges)
+        length = BANDS * drawer.culler.ranges
         calls.extend(counts[pass_index * length : (pass_index + 1) * length].tolist())
 
     return noted

@@ -69,13 +69,13 @@ class HitBatches:
         if details.materials:
             picture_bytes += _MATERIAL_TEXEL_BYTES * texels
             picture_bytes += _MATERIAL_PIXEL_BYTES * width * height
-        picture_bytes += visibility.command_bytes + passes.tables.picture_bytes
+        picture_bytes += visibility.culling_bytes + passes.tables.picture_bytes
         most_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         return max(
             1,
             min(
                 MAX_SLICE_BYTES // picture_bytes,
-                most_bytes // max(1, visibility.command_bytes),
+                most_bytes // max(1, visibility.culling_bytes),
                 int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
                 int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
             ),

@@ -1,5 +1,5 @@
-// Draw commands of the visible clusters of one bucket and one camera, near ones first: a stable
-// counting sort by distance. One work group for each bucket and camera. Clusters of a group that
+// Draw commands of the visible clusters of one range and one camera, near ones first: a stable
+// counting sort by distance. One work group for each range, of one bucket, and camera. Clusters of a group that
 // follow each other, visible in a tile and of the same bin, are a run and share a command: drivers
 // take longer for a command than for some triangles. In a tile the order of clusters stays.
 #version 430 core
@@ -14,13 +14,13 @@ struct Command {  // of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
 };
 
-struct Bucket {
+struct Range {  // of a bucket's clusters
     uint first_group, groups, first_command, most_commands;  // of a band
 };
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
-layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][bucket]
-layout(std430, binding = 9) readonly buffer Buckets { Bucket buckets[]; };
+layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][range]
+layout(std430, binding = 9) readonly buffer CommandRanges { Range ranges[]; };
 
 shared uint s_counts[BINS * THREADS];  // [bin][thread]
 shared uint s_sums[THREADS];
@@ -47,10 +47,11 @@ uint run_starts(Child child, Child before) {
 
 void main() {
     uint thread = gl_LocalInvocationID.x, camera = gl_WorkGroupID.y;
-    Bucket bucket = buckets[gl_WorkGroupID.x];
-    uint last = bucket.first_group + bucket.groups, words = tile_words();
+    uint number = u_first_range + gl_WorkGroupID.x;
+    Range range = ranges[number];
+    uint last = range.first_group + range.groups, words = tile_words();
     for (uint bin = 0u; bin < BINS; ++bin) s_counts[bin * THREADS + thread] = 0u;
-    for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
+    for (uint group = range.first_group + thread; group < last; group += THREADS) {
         uint visible = visible_of_group[camera * u_groups + group];
         if (visible == 0u) continue;
         uint first_child = group_at(group).first_cluster;
@@ -82,14 +83,14 @@ void main() {
         }
         // the order of cameras, which share nothing in the atlas, does not show
         uint near = s_sums[FAR_BIN * THREADS / BINS];
-        uint count = BANDS * u_pass * u_buckets + gl_WorkGroupID.x;
-        s_first[0] = bucket.first_command;
-        s_first[1] = bucket.first_command + bucket.most_commands - near;
+        uint count = BANDS * u_pass * u_ranges + number;
+        s_first[0] = range.first_command;
+        s_first[1] = range.first_command + range.most_commands - near;
         if (near > 0u) s_first[0] += atomicAdd(counts[count], near);
-        if (total > near) s_first[1] += atomicAdd(counts[count + u_buckets], total - near);
+        if (total > near) s_first[1] += atomicAdd(counts[count + u_ranges], total - near);
     }
     barrier();
-    for (uint group = bucket.first_group + thread; group < last; group += THREADS) {
+    for (uint group = range.first_group + thread; group < last; group += THREADS) {
         uint visible = visible_of_group[camera * u_groups + group];
         if (visible == 0u) continue;
         visible_of_group[camera * u_groups + group] = 0u;  // for the next pass

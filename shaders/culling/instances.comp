@@ -10,13 +10,13 @@ layout(std430, binding = 0) readonly buffer Poses { vec4 poses[]; };
 layout(std430, binding = 1) readonly buffer Tiles { mat4 clip_from_rig[]; };
 layout(std430, binding = 2) readonly buffer Rectangles { vec4 rectangles_px[]; };  // [view]
 
-layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][bucket]
+layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][range]
 
 const uint MAX_PASSES = 3u;
 
 void main() {
     uint at = gl_GlobalInvocationID.x, views = u_cameras * u_tiles;
-    if (at < MAX_PASSES * BANDS * u_buckets) counts[at] = 0u;
+    if (at < MAX_PASSES * BANDS * u_ranges) counts[at] = 0u;
     if (at < LISTS) lists[at] = List(0u, 1u, 1u, 0u);
     if (at >= views * u_objects) return;
     uint view = at % views, object = at / views;

@@ -37,12 +37,13 @@ layout(std140, binding = 0) uniform Settings {
     vec2 u_atlas_px;
     vec2 u_depths_m;    // of the near and far plane
     vec2 u_depth;       // a and b in a + b / w, w along the view
-    uint u_buckets;
+    uint u_ranges;  // of commands, of all slices
     bool u_both_sides;  // back faces are seen, too
     float u_radius_px;  // distance from a texel's centre up to which it is covered
     uint u_clusters;
     uint u_pass;        // of those that draw: each leaves out what those before it occlude
     float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits
+    uint u_first_range;  // of the slice of clusters whose commands are made
 };
 
 // Group of clusters in a view, to be tested in a pass.

@@ -2,18 +2,19 @@
 
 import numpy as np
 
-from omnisim.gpu.culling.cluster_culling import BANDS
+from omnisim.gpu.culling.command_slices import BANDS
 
 
 def submitted_commands(culler, pass_index=0):
-    """Commands (n, 5) of a culler's pass as they are drawn; its context is current."""
-    counts = np.frombuffer(culler.counts.read(), "<u4").reshape(-1, BANDS, len(culler.ranges))
+    """Commands (n, 5) of a pass of a culler, whose context is current, as they are drawn."""
+    (ranges,) = culler.slices
+    counts = np.frombuffer(culler.counts.read(), "<u4").reshape(-1, BANDS, len(ranges))
     commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
     return np.concatenate(
         [
             commands[one.first + band * one.most :][:count]
             for band in range(BANDS)
-            for one, count in zip(culler.ranges, counts[pass_index, band], strict=True)
+            for one, count in zip(ranges, counts[pass_index, band], strict=True)
         ]
     )
 

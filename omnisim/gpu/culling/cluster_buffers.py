@@ -67,7 +67,8 @@ class ClusterBuffers:
     Attributes:
         index_ranges: buffer, first index of each cluster, and number of its indices.
         bounds: texture of the groups and then of the clusters.
-        clusters_of_bucket, groups_of_bucket: their number in each bucket.
+        clusters_of_group: (groups,) their number in each group.
+        groups_of_bucket: (buckets,) likewise.
         cluster_count, group_count: of all.
     """
 
@@ -99,8 +100,7 @@ class ClusterBuffers:
         self.bounds = _table(
             context, np.concatenate((of_groups.view(_ENTRY), of_clusters.view(_ENTRY)))
         )
-        self.clusters_of_bucket = np.bincount(buckets, weights=groups.children).astype(int).tolist()
-        self.groups_of_bucket = np.bincount(buckets).tolist()
+        self.clusters_of_group, self.groups_of_bucket = groups.children, np.bincount(buckets)
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
 
     def masks_of_groups(self, clusters: NDArray[np.bool_]) -> NDArray[np.uint32]:

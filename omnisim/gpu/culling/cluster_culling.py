@@ -1,20 +1,21 @@
 """Culling of clusters on the GPU, for all views at once: frusta, normal cones, size, occlusion.
 
 The outcome is a list of draw commands for each bucket of the geometry, near clusters first, and
-how many there are. Nothing of it comes back to the CPU.
+how many there are. Nothing of it comes back to the CPU. Where there can be too many for a buffer,
+clusters are drawn slice by slice: the memory is bounded, whatever the scene.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from itertools import chain
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import GraphicsError
 from omnisim.gpu.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
+from omnisim.gpu.culling.command_slices import BANDS, command_slices
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.gl_functions import COMMAND_BYTES, bind_storage_buffers
 from omnisim.gpu.memory import gpu_allocation
@@ -24,7 +25,7 @@ EDGE_PX = 0.125
 _INSTANCE_BYTES = 144
 _LIST_BYTES, _CANDIDATE_BYTES = 16, 12  # in shaders/culling/views.glsl
 _MAX_PASSES = 3
-BANDS = 2  # of distance, in shaders/culling/views.glsl
+MAX_COMMAND_BYTES = 128 * 2**20  # of a slice, on a GPU that allows as many
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
 # Triangles from which on it pays to draw in two passes, and in three.
@@ -37,26 +38,16 @@ _SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
         ("atlas_px", "<f4", 2),
         ("depths_m", "<f4", 2),
         ("depth", "<f4", 2),
-        ("buckets", "<u4"),
+        ("ranges", "<u4"),
         ("both_sides", "<u4"),
         ("radius_px", "<f4"),
         ("clusters", "<u4"),
         ("pass_index", "<u4"),
         ("occluder_rad", "<f4"),
+        ("first_range", "<u4"),
+        ("unused", "<u4", 3),
     ]
 )
-
-
-class CommandRange(NamedTuple):
-    """Draw commands of one bucket, near ones and far ones.
-
-    Attributes:
-        first: of the near ones in the buffer of commands; the far ones begin `most` later.
-        most: as many as there can be of either.
-    """
-
-    first: int
-    most: int
 
 
 class ClusterCuller:
@@ -77,10 +68,11 @@ class ClusterCuller:
     Attributes:
         views: as given.
         passes: how many there are.
-        ranges: of each bucket's commands. Each pass has them anew: those of the one before were
+        slices: ranges of commands of each. Each pass has them anew: those of the one before were
             drawn before their depth is there.
-        commands: buffer of them; base instances are entries of `instances`.
-        counts: buffer of the number of commands of each bucket, pass by pass, band by band.
+        ranges: how many all slices have.
+        commands: buffer of those of one slice; base instances are entries of `instances`.
+        counts: buffer of the number of commands of each range, pass by pass, band by band.
         instances: buffer of an object in a view each: `vertex_format.INSTANCE`.
     """
 
@@ -98,18 +90,19 @@ class ClusterCuller:
     ):
         self._context, self._buffers, self.views = context, buffers, views
         self.passes, self._depth = (1 if depth is None else passes), depth
-        most = [views.count * clusters for clusters in buffers.clusters_of_bucket]
-        first = (BANDS * np.cumsum([0, *most])).tolist()
-        self.ranges = [CommandRange(*pair) for pair in zip(first, most, strict=False)]
-        _check_size(context, views.count, COMMAND_BYTES * first[-1])
+        limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
+        self.slices, table, most_commands = command_slices(
+            buffers.clusters_of_group, buffers.groups_of_bucket, views.count, limit // COMMAND_BYTES
+        )
+        self.ranges = len(table)
         words = buffers.group_count * views.count
         self._cells = [math.ceil(side / _CELL_PX) for side in atlas_px]
         with gpu_allocation(
             f"draw commands of {views.count} views of {buffers.cluster_count} clusters",
             "make the scene smaller, or the cameras fewer",
         ):
-            self.commands = context.buffer(reserve=COMMAND_BYTES * first[-1])
-            self.counts = context.buffer(reserve=4 * _MAX_PASSES * BANDS * len(most))
+            self.commands = context.buffer(reserve=COMMAND_BYTES * most_commands)
+            self.counts = context.buffer(reserve=4 * _MAX_PASSES * BANDS * self.ranges)
             self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
             visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
@@ -123,28 +116,25 @@ class ClusterCuller:
             )
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
             hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
-        buckets = np.zeros((len(most), 4), dtype=np.uint32)
-        buckets[:, 1] = buffers.groups_of_bucket
-        buckets[:, 0] = np.cumsum(buckets[:, 1]) - buckets[:, 1]
-        buckets[:, 2], buckets[:, 3] = first[:-1], most
         near_m, far_m = depths_m
         slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
-        settings = np.zeros(self.passes, dtype=_SETTINGS)
+        settings = np.zeros((self.passes, len(self.slices)), dtype=_SETTINGS)
         settings["counts"] = views.cameras, views.tiles, buffers.group_count, views.objects
         settings["atlas_px"], settings["depths_m"] = atlas_px, (near_m, min(far_m, 3e38))
         settings["depth"] = slope, near_m * (1.0 - slope)
-        settings["buckets"], settings["both_sides"] = len(most), both_sides
+        settings["ranges"], settings["both_sides"] = self.ranges, both_sides
         settings["clusters"] = buffers.cluster_count
         settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
-        settings["pass_index"] = np.arange(self.passes)
-        settings["occluder_rad"][:-1] = OCCLUDERS_RAD[self.passes - 1]
-        self._settings = [context.buffer(one.tobytes()) for one in settings]
+        settings["pass_index"] = np.arange(self.passes)[:, None]
+        settings["occluder_rad"].T[:, :-1] = OCCLUDERS_RAD[self.passes - 1]
+        settings["first_range"] = [ranges[0].number for ranges in self.slices]
+        self._settings = [[context.buffer(one.tobytes()) for one in row] for row in settings]
         self._written_cameras = views.cameras
         self._shown = context.buffer(buffers.all_shown)
         self._bound = [
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
             self._lists, buffers.index_ranges, visible_tiles, self.commands, self.counts,
-            context.buffer(buckets), self._shown, hi_z, bins, visible_of_group,
+            context.buffer(table), self._shown, hi_z, bins, visible_of_group,
         ]  # fmt: skip
         self._names = [one.glo for one in self._bound]
         self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
@@ -152,22 +142,27 @@ class ClusterCuller:
         is_layered = isinstance(depth, moderngl.TextureArray)
         self._layered_hi_z = buffers.layered_hi_z if is_layered else None
 
+    @property
+    def memory_bytes(self) -> int:
+        """Memory of the buffers, for all cameras."""
+        return sum(one.size for one in self._bound)
+
     def show(self, shown: NDArray[np.bool_]) -> None:
         """Show some clusters (clusters,), and no others."""
         self._shown.write(self._buffers.masks_of_groups(shown))
 
-    def bind(self, pass_index: int = 0) -> None:
+    def bind(self, pass_index: int = 0, slice_index: int = 0) -> None:
         """Bind the buffers of shaders/culling/views.glsl."""
         if self.views.cameras != self._written_cameras:
             self._written_cameras = self.views.cameras
-            for settings in self._settings:
+            for settings in chain.from_iterable(self._settings):
                 settings.write(np.uint32(self.views.cameras))
-        self._settings[pass_index].bind_to_uniform_block(0)
+        self._settings[pass_index][slice_index].bind_to_uniform_block(0)
         bind_storage_buffers(self._names)
         self._buffers.bounds.use(BOUNDS_UNIT)
 
     def run(self, pass_index: int) -> None:
-        """Make the commands of one pass, by the poses that were written.
+        """Make the commands of one pass, those of its first slice, by the poses that were written.
 
         The depth of the pass before is there.
         """
@@ -175,7 +170,7 @@ class ClusterCuller:
         barrier = context.SHADER_STORAGE_BARRIER_BIT
         self.bind(pass_index)
         if pass_index == 0:
-            entries = max(views.count * views.objects, _MAX_PASSES * BANDS * len(self.ranges))
+            entries = max(views.count * views.objects, _MAX_PASSES * BANDS * self.ranges)
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
             shaders.groups.run(self._groups, views.count)
@@ -193,17 +188,20 @@ class ClusterCuller:
         cull = shaders.cull[0 if self.passes == 1 else 1 + min(pass_index, 1)]
         cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
         context.memory_barrier(barrier)
-        shaders.commands.run(len(self.ranges), views.cameras)
+        self._make_commands(0)
+
+    def next_slice(self, pass_index: int, slice_index: int) -> None:
+        """Make the commands of another slice, when those of the one before are drawn."""
+        context = self._context
+        self.bind(pass_index, slice_index)
+        context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT | context.COMMAND_BARRIER_BIT)
+        self._make_commands(slice_index)
+
+    def _make_commands(self, slice_index: int) -> None:
+        context = self._context
+        self._shaders.commands.run(len(self.slices[slice_index]), self.views.cameras)
         context.memory_barrier(
-            barrier | context.COMMAND_BARRIER_BIT | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
-        )
-
-
-def _check_size(context: moderngl.Context, views: int, command_bytes: int) -> None:
-    """Refuse more draw commands than shaders can write."""
-    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
-    if command_bytes > limit:
-        raise GraphicsError(
-            f"draw commands of {views} views take {command_bytes} bytes: expected at most {limit}; "
-            "make the scene smaller, or the cameras' tiles fewer"
+            context.SHADER_STORAGE_BARRIER_BIT
+            | context.COMMAND_BARRIER_BIT
+            | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
         )

@@ -186,9 +186,9 @@ class VisibilityPass:
                 attach_texture(target.glo, texture.glo, attachment)
 
     @property
-    def command_bytes(self) -> int:
-        """Memory of the draw commands."""
-        return self.drawers(NO_DETAILS).tiles.command_bytes
+    def culling_bytes(self) -> int:
+        """Memory of culling, draw commands included."""
+        return self.drawers(NO_DETAILS).tiles.culling_bytes
 
     def bucket_program(
         self, details: HitDetails, bucket: Bucket, layered: bool = False

@@ -96,7 +96,7 @@ class BlendedDrawer:
         self._commands = context.buffer(reserve=COMMAND_BYTES * views.count * len(items))
         self._written = views.count * len(items)
         self._count = context.buffer(np.array([self._written], dtype="<u4"))
-        indices = context.buffer(reserve=12 * total * views.cameras)
+        self._indices = indices = context.buffer(reserve=12 * total * views.cameras)
         self._vertices = cluster_vertex_array(
             context, program, context.buffer(vertices), indices, culler.instances
         )
@@ -107,6 +107,11 @@ class BlendedDrawer:
             context.buffer(centres), context.buffer(triangles.astype("<u4")), indices,
         ]  # fmt: skip
         self._draws = IndirectDraws()
+
+    @property
+    def memory_bytes(self) -> int:
+        """Memory of what is sorted, for all cameras."""
+        return self._commands.size + self._indices.size
 
     def draw(self) -> None:
         """Sort and draw, by the culler's last run; target, depth and blending are set."""

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import moderngl
 
-from omnisim.gpu.culling.cluster_culling import BANDS, ClusterCuller
+from omnisim.gpu.culling.cluster_culling import ClusterCuller
+from omnisim.gpu.culling.command_slices import BANDS
 from omnisim.gpu.gl_functions import IndirectDraws
 from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
@@ -70,30 +71,33 @@ class ClusterDrawer:
         context.front_face = "cw"
         draws.bind(self.culler.commands.glo, self.culler.counts.glo)
         with clip_distances(context):
-            self._draw_buckets(pass_index)
+            for number in range(len(self.culler.slices)):
+                if number:
+                    self.culler.next_slice(pass_index, number)
+                self._draw_slice(pass_index, number)
 
-    def _draw_buckets(self, pass_index: int) -> None:
-        context, draws = self._context, self._draws
+    def _draw_slice(self, pass_index: int, slice_index: int) -> None:
+        context, draws, culler = self._context, self._draws, self.culler
         program = array = double_sided = None
-        buckets = enumerate(BANDS * self._buckets, pass_index * BANDS * len(self._buckets))
-        for number, (one, vertices, shows_back, bucket) in buckets:
-            band, index = divmod(number, len(self._buckets))
-            commands, textures = self.culler.ranges[index], bucket.array
-            first = commands.first + band % BANDS * commands.most
-            if one.program is not program:
-                program = one.program
-                draws.use_program(program.glo)
-                draws.bind_vertex_array(vertices.glo)
-            if shows_back is not double_sided:
-                double_sided = shows_back
-                (context.disable if shows_back else context.enable)(moderngl.CULL_FACE)
-            if textures is not None and textures is not array:
-                array = textures
-                array.array.use(0)
-            if bucket.maps is not None:
-                bind_maps(bucket.maps)
-            if one.sampler is not None:
-                one.sampler.use(0)
-            if one.first_command is not None:
-                one.first_command.value = first
-            draws.draw(first, number, commands.most)
+        for band in range(BANDS):
+            first_count = (BANDS * pass_index + band) * culler.ranges
+            for commands in culler.slices[slice_index]:
+                one, vertices, shows_back, bucket = self._buckets[commands.bucket]
+                textures, first = bucket.array, commands.first + band * commands.most
+                if one.program is not program:
+                    program = one.program
+                    draws.use_program(program.glo)
+                    draws.bind_vertex_array(vertices.glo)
+                if shows_back is not double_sided:
+                    double_sided = shows_back
+                    (context.disable if shows_back else context.enable)(moderngl.CULL_FACE)
+                if textures is not None and textures is not array:
+                    array = textures
+                    array.array.use(0)
+                if bucket.maps is not None:
+                    bind_maps(bucket.maps)
+                if one.sampler is not None:
+                    one.sampler.use(0)
+                if one.first_command is not None:
+                    one.first_command.value = first
+                draws.draw(first, first_count + commands.number, commands.most)

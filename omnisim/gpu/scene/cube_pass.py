@@ -159,10 +159,11 @@ class CubePass:
 
     @property
     def bytes_of_layer(self) -> int:
-        """Memory of a layer, and of the draw commands for it: the larger buffer of a batch."""
+        """Memory of a layer, and of what culls and sorts for it."""
         plan = self.plan
         texels = plan.width_px * plan.height_px * (2 if plan.max_level else 1)
-        return _LAYER_TEXEL_BYTES * texels + self.tiles.command_bytes
+        sorted_bytes = 0 if self._blended_drawer is None else self._blended_drawer.memory_bytes
+        return _LAYER_TEXEL_BYTES * texels + self.tiles.culling_bytes + sorted_bytes
 
     def _layers_of(self, atlases: moderngl.TextureArray) -> CubeLayers | None:
         """Draws all layers together; None: here they are drawn one after the other."""

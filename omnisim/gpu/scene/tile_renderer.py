@@ -116,9 +116,9 @@ class TileRenderer:
         )
 
     @property
-    def command_bytes(self) -> int:
-        """Memory of the draw commands."""
-        return 0 if self.culler is None else self.culler.commands.size
+    def culling_bytes(self) -> int:
+        """Memory of culling, draw commands included."""
+        return 0 if self.culler is None else self.culler.memory_bytes
 
     @property
     def has_items(self) -> bool:

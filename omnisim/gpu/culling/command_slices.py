@@ -1,0 +1,93 @@
+"""Slices of the clusters whose draw commands fit into a buffer at once, each of few ranges."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+BANDS = 2  # of distance, in shaders/culling/views.glsl
+RANGE = np.dtype(  # as in shaders/culling/commands.comp
+    [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("most", "<u4")]
+)
+
+
+class CommandRange(NamedTuple):
+    """Draw commands of a bucket in a slice, near ones and far ones.
+
+    Attributes:
+        number: of the range, counted over all slices.
+        bucket: of the clusters.
+        first: of the near ones in the buffer of commands; the far ones begin `most` later.
+        most: as many as there can be of either.
+    """
+
+    number: int
+    bucket: int
+    first: int
+    most: int
+
+
+class CommandSlices(NamedTuple):
+    """Slices, one after the other in the same buffer.
+
+    Attributes:
+        slices: ranges of each, bucket by bucket.
+        table: (ranges,) of `RANGE`.
+        most_commands: of a slice.
+    """
+
+    slices: tuple[tuple[CommandRange, ...], ...]
+    table: NDArray[np.void]
+    most_commands: int
+
+
+def command_slices(
+    clusters_of_group: NDArray[np.integer],
+    groups_of_bucket: NDArray[np.integer],
+    views: int,
+    most_commands: int,
+) -> CommandSlices:
+    """Cut the groups into slices, as few as there can be; each group stays whole.
+
+    Args:
+        clusters_of_group: (groups,) numbers of clusters, bucket by bucket.
+        groups_of_bucket: (buckets,).
+        views: each may show each cluster, in either band.
+        most_commands: of a slice, unless a single group may have more.
+    """
+    clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
+    of_bucket = np.concatenate(([0], np.cumsum(groups_of_bucket)))
+    most_clusters = most_commands // (BANDS * views)
+    slices, rows, most = [], list[tuple[int, int, int, int]](), 0
+    start = 0
+    while start < len(clusters) - 1:
+        end = int(np.searchsorted(clusters, clusters[start] + most_clusters, side="right")) - 1
+        end = max(end, start + 1)
+        slices.append(tuple(_ranges(clusters, of_bucket, (start, end), views, rows)))
+        most = max(most, BANDS * views * int(clusters[end] - clusters[start]))
+        start = end
+    return CommandSlices(tuple(slices), np.array(rows, dtype=RANGE), most)
+
+
+def _ranges(
+    clusters: NDArray[np.integer],
+    of_bucket: NDArray[np.integer],
+    groups: tuple[int, int],
+    views: int,
+    rows: list[tuple[int, int, int, int]],
+) -> list[CommandRange]:
+    """Ranges of the groups from one to before another; appends their rows of the table."""
+    ranges = []
+    start, end = groups
+    first = 0
+    bucket = int(np.searchsorted(of_bucket, start, side="right")) - 1
+    while start < end:
+        last = min(end, int(of_bucket[bucket + 1]))
+        most = views * int(clusters[last] - clusters[start])
+        ranges.append(CommandRange(len(rows), bucket, first, most))
+        rows.append((start, last - start, first, most))
+        first += BANDS * most
+        start, bucket = last, bucket + 1
+    return ranges
