@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,27 @@ from omnisim.short_repr import short_repr
 Pose = NDArray[np.float64]  # (4, 4)
 # Index of a dynamic object, None for the static scene; and the name of its instance.
 ObjectPart = tuple[int | None, str]
+
+
+class ObjectPoses(tuple[Pose, ...]):
+    """Poses (4, 4) of all objects at one time, by which meshes deform, too.
+
+    Attributes:
+        time_s: of the world.
+    """
+
+    time_s: float
+
+    def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
+        """Poses in the order of the objects."""
+        made = super().__new__(cls, poses)
+        made.time_s = time_s
+        return made
+
+
+def time_of(poses: Sequence[Pose]) -> float:
+    """Time of poses in seconds; 0 where none is given with them."""
+    return poses.time_s if isinstance(poses, ObjectPoses) else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,8 @@ class HitBatches:
         passes = self._passes
         visibility, context = passes.visibility, passes.pixels.context
         has_clusters = visibility.buffers.clustered_geometry is not None
-        if not has_clusters or not context.extensions >= EXTENSIONS:
+        deforms = visibility.buffers.deforming.size > 0
+        if deforms or not has_clusters or not context.extensions >= EXTENSIONS:
             return 1
         limits, (width, height) = context.info, passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px

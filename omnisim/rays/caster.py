@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 from omnisim.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh
 from omnisim.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
-from omnisim.world import ObjectPart
+from omnisim.world import ObjectPart, ObjectPoses, time_of
 
 # Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
 # it goes on from: some roundings of a float32.
 _BEYOND = 1e-6
 _LEAST_STEP_M = 1e-7
+_MESHES_KEPT = 8
 
 
 class Rays(NamedTuple):
@@ -87,6 +89,11 @@ class RayCaster:
         self.geometry = build_geometry(scene, dynamic_objects)
         self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
         self._part_mesh(0, frozenset())
+        # those of the last times, which threads share
+        self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
+        self._deforming_parts = {
+            int(self.geometry.part_of_surface[one.number]) for one in self.geometry.deforming
+        }
 
     def cast(
         self,
@@ -105,9 +112,19 @@ class RayCaster:
             behind: (n,) triangles that the rays have passed, which are not hit again.
             both_sides: all triangles are double-sided.
         """
-        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, np.eye(4), behind, both_sides)
-        for part, pose in enumerate(world_from_objects, start=1):
-            mesh = self._part_mesh(part, hidden)
+        rest = np.eye(4)
+        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, rest, behind, both_sides)
+        others = [
+            (self._part_mesh(part, hidden), pose)
+            for part, pose in enumerate(world_from_objects, start=1)
+        ]
+        for part in self._deforming_parts:
+            if part > len(world_from_objects):  # nothing moves where no poses are given
+                continue
+            gone = frozenset(one for one in hidden if one[0] == part - 1)
+            mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
+            others.append((mesh, world_from_objects[part - 1] if part else rest))
+        for mesh, pose in others:
             aimed = _near_sphere(rays, mesh, pose)
             if len(aimed) == 0:
                 continue
@@ -155,6 +172,11 @@ class RayCaster:
     def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
         """The same hits (n,) with ranges, weights and planes from float64; all rays hit."""
         corners_m = self.geometry.corners_m(hits.triangles, world_from_objects)
+        return self.exact_at(corners_m, rays, hits)
+
+    @staticmethod
+    def exact_at(corners_m: NDArray[np.float64], rays: Rays, hits: RayHits) -> RayHits:
+        """The same hits (n,) of triangles with corners (n, 3, 3), world; see `exact`."""
         a, b, c = np.moveaxis(corners_m - rays.origins_m[:, None], 1, 0)
         planes = np.cross(b - a, c - a)
         along = _dot(planes, rays.directions)
@@ -229,19 +251,34 @@ class RayCaster:
     def _build_part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
         geometry = self.geometry
         triangles = geometry.triangles_of_part(part, hidden)
-        corners = geometry.corners[triangles]
-        used, renumbered = np.unique(corners, return_inverse=True)
-        positions_m = geometry.positions_m[used]
-        bounds = (
-            np.stack((positions_m.min(axis=0), positions_m.max(axis=0)))
-            if len(used)
-            else np.zeros((2, 3))
-        )
-        centre_m = bounds.mean(axis=0)
-        local_m = (positions_m - centre_m).astype(np.float32)
-        radius_m = float(np.linalg.norm(local_m, axis=1).max(initial=0.0)) * (1.0 + _BEYOND)
-        mesh = EmbreeMesh(local_m, renumbered.reshape(-1, 3).astype(np.int32))
-        return _PartMesh(mesh, triangles, centre_m, radius_m)
+        used, renumbered = np.unique(geometry.corners[triangles], return_inverse=True)
+        return _part_mesh_of(geometry.positions_m[used], renumbered, triangles)
+
+    def _build_deformed_mesh(
+        self, part: int, hidden: frozenset[ObjectPart], time_s: float
+    ) -> _PartMesh:
+        """Hierarchy of a part's deforming surfaces at a time."""
+        geometry = self.geometry
+        triangles = geometry.triangles_of_part(part, hidden, deforming=True)
+        # of the part in its own frame
+        corners_m = geometry.corners_m(triangles.astype(np.int32), ObjectPoses((), time_s))
+        return _part_mesh_of(corners_m.reshape(-1, 3), np.arange(3 * len(triangles)), triangles)
+
+
+def _part_mesh_of(
+    positions_m: NDArray[np.float64], corners: NDArray[np.intp], triangles: NDArray[np.intp]
+) -> _PartMesh:
+    """Hierarchy of triangles, whose corners (3 n,) are vertices (k, 3)."""
+    bounds = (
+        np.stack((positions_m.min(axis=0), positions_m.max(axis=0)))
+        if len(positions_m)
+        else np.zeros((2, 3))
+    )
+    centre_m = bounds.mean(axis=0)
+    local_m = (positions_m - centre_m).astype(np.float32)
+    radius_m = float(np.linalg.norm(local_m, axis=1).max(initial=0.0)) * (1.0 + _BEYOND)
+    mesh = EmbreeMesh(local_m, corners.reshape(-1, 3).astype(np.int32))
+    return _PartMesh(mesh, triangles, centre_m, radius_m)
 
 
 def _beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
-from omnisim.world import ObjectPart
+from omnisim.world import ObjectPart, time_of
 
 Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
 
@@ -37,9 +38,51 @@ class Surface(NamedTuple):
         return self.has_second_coordinates if texture.uv_set else self.is_textured
 
 
+_TIMES_KEPT = 8  # of deformed vertices: of a picture, its neighbours, and some slices of a scan
+
+
+class _DeformedVertices(NamedTuple):
+    """Vertices of a surface at a time, in its part's frame."""
+
+    positions_m: NDArray[np.float64]
+    normals: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True, eq=False)
+class DeformingSurface:
+    """Surface whose mesh deforms.
+
+    Attributes:
+        number: of the surface.
+        first_vertex: in the geometry.
+        instance, mesh: that it is of.
+    """
+
+    number: int
+    first_vertex: int
+    instance: Instance
+    mesh: Mesh
+
+    @cached_property
+    def at(self) -> Callable[[float], _DeformedVertices]:
+        """Vertices by time in seconds; threads share those of the last times."""
+        return lru_cache(maxsize=_TIMES_KEPT)(self._vertices_at)
+
+    def _vertices_at(self, time_s: float) -> _DeformedVertices:
+        deformation = self.mesh.deformation
+        assert deformation is not None
+        linear = self.instance.world_from_mesh[:3, :3]
+        positions = np.einsum("nj,ij->ni", deformation.positions_at(time_s), linear)
+        normals = deformation.normals_at(time_s)
+        return _DeformedVertices(
+            positions + self.instance.world_from_mesh[:3, 3],
+            None if normals is None else _turned(normals, linear),
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Triangles of a scene and its dynamic objects, each object's in its own frame.
+    """Triangles of a scene and its dynamic objects, each object's in its own frame, at 0 s.
 
     Attributes:
         surfaces: all instances, the scene's first, then each object's.
@@ -53,6 +96,7 @@ class Geometry:
         colors: (n, 4) float32 linear RGBA, or None: all are white.
         part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
         is_double_sided: (surfaces,).
+        deforming: surfaces whose vertices are others at other times.
     """
 
     surfaces: tuple[Surface, ...]
@@ -66,13 +110,21 @@ class Geometry:
     colors: NDArray[np.float32] | None
     part_of_surface: NDArray[np.intp]
     is_double_sided: NDArray[np.bool_]
+    deforming: tuple[DeformingSurface, ...] = ()
 
-    def triangles_of_part(self, part: int, hidden: frozenset[ObjectPart]) -> NDArray[np.intp]:
-        """Indices of a part's triangles, without those of hidden instances."""
+    def triangles_of_part(
+        self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
+    ) -> NDArray[np.intp]:
+        """Indices of a part's triangles, rigid or deforming, without those of hidden instances."""
+        deform = {one.number for one in self.deforming}
         shown = np.array(
             [
-                of_part == part and (surface.object_index, surface.name) not in hidden
-                for surface, of_part in zip(self.surfaces, self.part_of_surface, strict=True)
+                of_part == part
+                and (number in deform) is deforming
+                and (surface.object_index, surface.name) not in hidden
+                for number, (surface, of_part) in enumerate(
+                    zip(self.surfaces, self.part_of_surface, strict=True)
+                )
             ],
             dtype=np.bool_,
         )
@@ -87,10 +139,36 @@ class Geometry:
     ) -> NDArray[np.float64]:
         """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
         corners_m = self.positions_m[self.corners[triangles]]
+        for mine, one in self.deformed(triangles):
+            positions_m = one.at(time_of(world_from_objects)).positions_m
+            corners_m[mine] = positions_m[self.corners[triangles[mine]] - one.first_vertex]
         for mine, pose in self.moved(triangles, world_from_objects):
             rotated = np.einsum("nkj,ij->nki", corners_m[mine], pose[:3, :3])
             corners_m[mine] = rotated + pose[:3, 3]
         return corners_m
+
+    def corner_normals(
+        self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
+    ) -> NDArray[np.float32]:
+        """Normals (n, 3, 3) at the corners of triangles (n,), each in its part's frame."""
+        normals: NDArray[np.float32] = self.normals[self.corners[triangles]]
+        for mine, one in self.deformed(triangles):
+            found = one.at(time_of(world_from_objects)).normals
+            if found is not None:
+                normals[mine] = found[self.corners[triangles[mine]] - one.first_vertex]
+        return normals
+
+    def deformed(
+        self, triangles: NDArray[np.int32]
+    ) -> Iterator[tuple[NDArray[np.intp], DeformingSurface]]:
+        """Indices of those of triangles (n,) that deform, and their surface."""
+        if not self.deforming:
+            return
+        surfaces = self.surface_of_triangle[triangles]
+        for one in self.deforming:
+            mine = np.flatnonzero(surfaces == one.number)
+            if len(mine):
+                yield mine, one
 
     def moved(
         self, triangles: NDArray[np.int32], world_from_objects: Poses
@@ -117,6 +195,11 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
     has_colors = any(mesh.colors is not None for *_, mesh in placed)
     counts = np.array([len(mesh.triangles) for *_, mesh in placed], dtype=np.intp)
     bases = np.cumsum([0, *(len(table.positions_m) for table in tables[:-1])])
+    deforming = tuple(
+        DeformingSurface(surface, int(bases[1 + surface]), instance, mesh)
+        for surface, (*_, instance, mesh) in enumerate(placed)
+        if mesh.deformation is not None
+    )
     return Geometry(
         surfaces=tuple(
             Surface(
@@ -140,6 +223,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
         colors=np.concatenate([table.colors for table in tables]) if has_colors else None,
         part_of_surface=np.array([number for number, *_ in placed], dtype=np.intp),
         is_double_sided=np.array([material.double_sided for material in materials], np.bool_),
+        deforming=deforming,
     )
 
 
@@ -181,11 +265,7 @@ def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
     corners = mesh.triangles.astype(np.int32)
     # einsum, as BLAS would leave threads behind that keep the cores from whatever comes next
     positions_m = np.einsum("nj,ij->ni", mesh.positions.astype(np.float64), linear)
-    normals = _floats(count, 3)
-    if mesh.normals is not None:
-        # cofactors turn normals under any scale, and keep them outside
-        cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-        normals[:] = np.einsum("nj,ij->ni", mesh.normals, -cofactors if is_mirrored else cofactors)
+    normals = _floats(count, 3) if mesh.normals is None else _turned(mesh.normals, linear)
     coordinates, colors = mesh.texture_coordinates, mesh.colors
     return _Vertices(
         corners[:, [0, 2, 1]] if is_mirrored else corners,  # wound the other way round
@@ -194,3 +274,12 @@ def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
         _floats(count, 2) if coordinates is None else coordinates,
         _floats(count, 4, 1.0) if colors is None else colors,
     )
+
+
+def _turned(normals: NDArray[np.floating], linear: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Normals (n, 3) under a matrix (3, 3): its cofactors, under any scale, keep them outside."""
+    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    if np.linalg.det(linear) < 0.0:
+        cofactors = -cofactors
+    turned: NDArray[np.float32] = np.einsum("nj,ij->ni", normals, cofactors).astype(np.float32)
+    return turned

@@ -71,6 +71,7 @@ class LidarCaster:
         hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
         found, rays = found.take(hit), rays.take(hit)
         geometry = scene.caster.geometry
+        bent = [(mine, rays.take(mine)) for mine, _ in geometry.deformed(found.triangles)]
         for mine, number in _moving(one, geometry.part_of_triangles(found.triangles)):
             _follow(
                 rays,
@@ -81,6 +82,15 @@ class LidarCaster:
         ranges_m = np.full(len(shares), np.inf)
         draws_plus_one = np.zeros(len(shares), dtype=np.uint32)
         ranges_m[hit] = scene.caster.exact(rays, found, poses).ranges_m
+        for mine, some in bent:
+            share = shares[hit[mine], None, None]
+            start_m, end_m = (
+                geometry.corners_m(found.triangles[mine], pose.world_from_objects)
+                for pose in (one.start, one.end)
+            )
+            corners_m = start_m + share * (end_m - start_m)
+            exact = scene.caster.exact_at(corners_m, some, found.take(mine))
+            ranges_m[hit[mine]] = exact.ranges_m
         draws_plus_one[hit] = geometry.surface_of_triangle[found.triangles] + 1
         return ranges_m, draws_plus_one
 

@@ -77,6 +77,10 @@ class PixelHits:
             **found,
         )
 
+    def put_points(self, hits: Hits) -> None:
+        """Replace the points of the last hits, which occlusion starts from."""
+        self._points_m = hits.points_m[self.has_ray].astype(np.float64)
+
     def occluded(
         self,
         world_from_rig: NDArray[np.float64],

@@ -143,7 +143,8 @@ class Shading:
 
     def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
         """Unit normals (n, 3) of the side seen, world: interpolated, or the plane's."""
-        normals = self._interpolated(self._geometry.normals, hits)
+        of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
+        normals: NDArray[np.float32] = np.einsum("nk,nkc->nc", hits.weights, of_corners)
         for mine, pose in self._geometry.moved(hits.triangles, world_from_objects):
             normals[mine] = np.einsum("nj,ij->ni", normals[mine], pose[:3, :3])
         is_flat = ~normals.any(axis=1)

@@ -23,7 +23,8 @@ from omnisim.scene.scene_file import (
 from omnisim.toml_file import find_beside
 from omnisim.trajectories import Trajectory, read_trajectory
 
-LoadShape = Callable[[Path, str | None], Scene]  # of a file, by its axis that points up
+# Shape of a file, by its axis that points up and its animation.
+LoadShape = Callable[[Path, str | None, str | None], Scene]
 
 
 def load_objects(
@@ -46,7 +47,8 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
     where = f"object {table.name!r}"
     path = find_beside(folder, table.file, f"{where}: file", SceneError)
     # fingerprints name the file: not by where this machine has it
-    shape = dataclasses.replace(load_shape(path, table.up_axis), name=table.file)
+    shape = load_shape(path, table.up_axis, table.animation)
+    shape = dataclasses.replace(shape, name=table.file)
     if shape.objects:
         raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
     try:

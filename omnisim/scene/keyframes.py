@@ -24,13 +24,14 @@ class Interpolation(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Keyframes:
-    """Values of a translation, rotation or scale by time; before and after, the first and last.
+    """Values of a node or of weights by time; before and after, the first and last.
 
     Attributes:
         times_s: (n,), of which none is before the one that it follows.
         values: (n, k); of rotations quaternions (x, y, z, w).
         interpolation: between two times.
         in_tangents, out_tangents: (n, k), by the second, of cubic splines.
+        are_rotations: values are quaternions, along the shorter way between two.
 
     Source: glTF 2.0, appendix C.
     """
@@ -40,6 +41,7 @@ class Keyframes:
     interpolation: Interpolation = Interpolation.LINEAR
     in_tangents: Values | None = None
     out_tangents: Values | None = None
+    are_rotations: bool = False
 
     @property
     def is_constant(self) -> bool:
@@ -63,7 +65,7 @@ class Keyframes:
         if self.interpolation is Interpolation.CUBIC_SPLINE:
             return self._along_spline(last, share, step_s)
         first, second = self.values[last], self.values[last + 1]
-        if len(first) == 4:
+        if self.are_rotations:
             return _slerp(first, second, share)
         straight: Values = first + share * (second - first)
         return straight

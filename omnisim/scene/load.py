@@ -14,7 +14,7 @@ from omnisim.errors import SceneError, printable
 from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import apart, extend, with_objects
 from omnisim.scene.file_axes import FileAxes, overruled
-from omnisim.scene.gltf.animations import NO_ANIMATION
+from omnisim.scene.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light_tables import SkyTable
@@ -79,7 +79,7 @@ class _Options(NamedTuple):
     """Choices that overrule the files: axes, folders of resources, and the animation.
 
     Attributes:
-        is_shape: of an object, in which nobody stands and nothing moves.
+        is_shape: of an object, in which nobody stands and no other object moves.
         sky: instead of those of the TOMLs.
     """
 
@@ -116,9 +116,10 @@ def _load_source(
 
     scene = _under_sky(lit_scene(scene, found.settings), found, folder)
 
-    def load_shape(path: Path, axis: str | None) -> Scene:
-        still = _Options(FileAxes(axis), options.resources, NO_ANIMATION, is_shape=True)
-        return _load_source(path, still, outer)
+    def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
+        played = animation or NO_ANIMATION
+        shape = _Options(FileAxes(axis), options.resources, played, is_shape=True)
+        return _load_source(path, shape, outer)
 
     try:
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
@@ -183,7 +184,8 @@ def _load_mesh_file(
             axes, animation = overruled(settings, options.axes), settings.animation
             if options.animation is not None:
                 animation = options.animation
-            read, matrix = read_file(path, axes, options.resources, animation)
+            choice = AnimationChoice(animation, moves_objects=not options.is_shape)
+            read, matrix = read_file(path, axes, options.resources, choice)
             scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
             return apart(scene, read.objects)
         except SceneError as reason:

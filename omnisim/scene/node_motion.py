@@ -31,7 +31,7 @@ class AnimatedNode:
     parent_from_node: Matrix
     translation: Keyframes | Matrix
     rotation: Keyframes | Matrix
-    scale: Matrix
+    scale: Keyframes | Matrix
     period_s: float
 
     def transform_at(self, time_s: float) -> Matrix:
@@ -52,11 +52,11 @@ class AnimatedNode:
         return {}
 
     def _local_at(self, time_s: float) -> Matrix:
-        translation, rotation = (
+        translation, rotation, scale = (
             value.at(time_s) if isinstance(value, Keyframes) else value
-            for value in (self.translation, self.rotation)
+            for value in (self.translation, self.rotation, self.scale)
         )
-        return local_transform(translation, rotation, self.scale)
+        return local_transform(translation, rotation, scale)
 
 
 @dataclass(frozen=True, eq=False)

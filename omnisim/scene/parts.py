@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.deformation import Deformation
 from omnisim.scene.environment import Environment
 from omnisim.short_repr import counted, short_repr
 
@@ -152,6 +153,7 @@ class Mesh:
         texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left, or None.
         colors: (n, 4) float32 linear RGBA, or None.
         second_texture_coordinates: (n, 2) float32, or None.
+        deformation: by time, or None: it is rigid; else positions and normals are those at 0 s.
     """
 
     name: str
@@ -162,6 +164,7 @@ class Mesh:
     texture_coordinates: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
     second_texture_coordinates: NDArray[np.float32] | None = None
+    deformation: Deformation | None = None
 
     def coordinates_of(self, texture: Texture) -> NDArray[np.float32] | None:
         """Texture coordinates (n, 2) that place a texture, before its transform."""

@@ -12,7 +12,7 @@ from omnisim.errors import SceneError
 from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.file_axes import FileAxes, world_from_file
-from omnisim.scene.gltf.animations import NO_ANIMATION
+from omnisim.scene.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
 from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import ImportedScene, texture_notices
 from omnisim.scene.textures import TextureStore, large_textures
@@ -52,7 +52,10 @@ def _is_urdf(path: Path) -> bool:
 
 
 def read_file(
-    path: Path, axes: FileAxes, resources: Sequence[Path], animation: str | None = None
+    path: Path,
+    axes: FileAxes,
+    resources: Sequence[Path],
+    animation: AnimationChoice = FIRST_ANIMATION,
 ) -> tuple[ImportedScene, NDArray[np.float64]]:
     """Read a file of any format.
 
@@ -60,7 +63,7 @@ def read_file(
         path: of the file.
         axes: overrule those of the file.
         resources: folders of models and packages, see `load_scene`.
-        animation: name of the animation that glTF plays, "none" for none; None: the first.
+        animation: that glTF plays.
 
     Returns:
         The contents, with all notices, and the transform (4, 4) world_from_file.
@@ -84,11 +87,11 @@ def _read(
     resources: Sequence[Path],
     textures: TextureStore,
     assets: AssetResolver,
-    animation: str | None,
+    animation: AnimationChoice,
 ) -> tuple[ImportedScene, NDArray[np.float64]]:
     suffix = path.suffix.lower()
-    if suffix not in _GLTF and animation not in (None, NO_ANIMATION):
-        raise SceneError(f"animation = {animation!r}: expected a glTF file, got {suffix}")
+    if suffix not in _GLTF and animation.name not in (None, NO_ANIMATION):
+        raise SceneError(f"animation = {animation.name!r}: expected a glTF file, got {suffix}")
     if suffix in _USD:
         from omnisim.scene.usd.reader import read_usd  # of an extra
 

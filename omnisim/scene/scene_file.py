@@ -157,6 +157,8 @@ class ObjectTable(Table):
     """Mesh file, or a scene's TOML, relative to this file."""
     up_axis: Literal["x", "y", "z"] | None = None
     """Axis of the mesh file that points up; left out: as its format has it."""
+    animation: Name | None = None
+    """Name of the animation of a glTF file that deforms its meshes; left out: none."""
     position_m: Point | None = None
     """Position of its origin where it rests, metres in the world; left out: the origin."""
     yaw_deg: Number | None = None

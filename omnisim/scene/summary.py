@@ -163,7 +163,9 @@ def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
     optional = (
         mesh.normals, mesh.texture_coordinates, mesh.second_texture_coordinates, mesh.colors
     )  # fmt: skip
-    return [mesh.positions, mesh.triangles, *(one for one in optional if one is not None)]
+    deformed = [] if mesh.deformation is None else mesh.deformation.arrays
+    there = (one for one in optional if one is not None)
+    return [mesh.positions, mesh.triangles, *there, *deformed]
 
 
 def _distinct(items: Sequence[Item]) -> list[Item]:

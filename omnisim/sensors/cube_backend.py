@@ -59,7 +59,7 @@ from omnisim.sensors.backend import (
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
-from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.hit_source import HitSource, deforming_draws
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.quality import QUALITIES
 from omnisim.sensors.tiles import sensor_tiles
@@ -320,6 +320,7 @@ class CubeHits(HitSource):
     def _find_draws(self) -> None:
         items = self._graphics.buffers.draw_items
         self.draws = [(item.object_index, item.name) for item in items]
+        self.deforming = deforming_draws(self._graphics.buffers)
 
     def rays(self) -> NDArray[np.float32]:
         """Unit rays (height, width, 3), optical frame."""
@@ -339,8 +340,12 @@ class CubeHits(HitSource):
     def _batches(self) -> HitBatches:
         return HitBatches(self._passes)
 
-    def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
         """Start to draw the occlusion from another viewpoint."""
+        if deformed is not None:
+            self._passes.put_points(deformed)
         self._occlusion_pass.render(
             other.world_from_rig, other.world_from_objects, other_from_current
         )

@@ -13,6 +13,7 @@ from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
 from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.ground_truth.labels import Labels
+from omnisim.sensors.deformed_points import deformed_hits
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.optical_flow import OpticalFlow
 from omnisim.sensors.scene_flow import in_optical, in_world, scene_flow
@@ -104,27 +105,45 @@ class GroundTruth:
             "emissive": lambda: hits.emissive,
             "semantic": lambda: self._class_of_draw.take(hits.draws_plus_one),
             "instance": lambda: self._instance_of_draw.take(hits.draws_plus_one),
-            "scene_flow": lambda: self._scene_flow(hits, in_world(current, poses["next"])),
+            "scene_flow": lambda: self._scene_flow(
+                hits, current, poses["next"], in_world(current, poses["next"]), np.eye(3)
+            ),
             "scene_flow_camera": lambda: self._scene_flow(
-                hits, in_optical(current, poses["next"], rig_from_optical)
+                hits,
+                current,
+                poses["next"],
+                in_optical(current, poses["next"], rig_from_optical),
+                world_from_optical.T,
             ),
             "valid": lambda: self.has_ray.astype(np.uint8),
         }
         flows = [
             (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
         ]
-        motion = self._flow.begin(current, flows[0][1]) if flows else None
+        motion = self._flow.begin(hits, current, flows[0][1]) if flows else None
         # a GPU draws the occlusion meanwhile
         found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
         for pair, other in flows:
             if motion is None:
-                motion = self._flow.begin(current, other)
+                motion = self._flow.begin(hits, current, other)
             found |= zip(pair, self._flow.end(hits, motion), strict=True)
             motion = None
         return {name: found[name] for name in names}
 
-    def _scene_flow(self, hits: Hits, transforms: NDArray[np.float64]) -> NDArray[np.float32]:
-        return scene_flow(hits, self._objects_of_draws, transforms)
+    def _scene_flow(
+        self,
+        hits: Hits,
+        current: ScenePoses,
+        other: ScenePoses,
+        transforms: NDArray[np.float64],
+        axes_from_viewpoint: NDArray[np.float64],
+    ) -> NDArray[np.float32]:
+        """Scene flow by transforms (objects, 3, 4) from points to their motions, along axes."""
+        deformed = deformed_hits(self._source, hits, current, other)
+        if deformed is None:
+            return scene_flow(hits, self._objects_of_draws, transforms)
+        flow = scene_flow(deformed, self._objects_of_draws, transforms)
+        return flow + (deformed.points_m - hits.points_m) @ axes_from_viewpoint.T.astype(np.float32)
 
     @property
     def has_ray(self) -> NDArray[np.bool_]:

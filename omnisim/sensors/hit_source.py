@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.gpu.pipeline import ScenePoses
+from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.scene.model import Mesh
 from omnisim.world import ObjectPart
+
+
+class DeformingDraw(NamedTuple):
+    """Instance whose mesh deforms.
+
+    Attributes:
+        mesh: with its deformation.
+        object_index: of the dynamic object that it belongs to; None: it is static.
+        object_from_mesh: (4, 4), into the world or the dynamic object's frame.
+    """
+
+    mesh: Mesh
+    object_index: int | None
+    object_from_mesh: NDArray[np.float64]
 
 
 class HitSource(ABC):
@@ -22,12 +39,14 @@ class HitSource(ABC):
         polygons: of its mirror's mesh; None: exact.
         draws: dynamic object and name of each instance, as `Hits.draws_plus_one` counts them.
         has_ray: (height, width), false outside of the lens or the mirror.
+        deforming: those of the instances whose meshes deform, by their index.
     """
 
     camera: CentralCamera
     polygons: int | None
     draws: Sequence[ObjectPart]
     has_ray: NDArray[np.bool_]
+    deforming: Mapping[int, DeformingDraw]
 
     @abstractmethod
     def rays(self) -> NDArray[np.floating]:
@@ -45,13 +64,16 @@ class HitSource(ABC):
             yield self.hits(one, details)
 
     @abstractmethod
-    def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
         """Start to cast rays from another viewpoint to the points of the last `hits`.
 
         Args:
             other: poses at the other time.
             other_from_current: (draws, 3, 4), from the viewpoint frame of the last hits to the
                 other one's, of points on each instance.
+            deformed: the last hits with the points of deformed surfaces; None: no surface deforms.
         """
 
     @abstractmethod
@@ -62,3 +84,12 @@ class HitSource(ABC):
         """Object of each instance (n + 1,), from −1 on, which is nothing: 0: the static scene."""
         objects = [0 if index is None else index + 1 for index, _ in self.draws]
         return np.array([0, *objects], dtype=np.intp)
+
+
+def deforming_draws(buffers: SceneBuffers) -> dict[int, DeformingDraw]:
+    """Draw items whose meshes deform, by their index."""
+    items = {index: buffers.draw_items[index] for index in buffers.deforming.tolist()}
+    return {
+        index: DeformingDraw(one.mesh, one.object_index, one.object_from_mesh)
+        for index, one in items.items()
+    }

@@ -18,6 +18,7 @@ from omnisim.cameras import (
 )
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
+from omnisim.sensors.deformed_points import deformed_hits
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.scene_flow import POINTS_PER_BATCH, other_from_current, transform_points
 
@@ -27,9 +28,9 @@ VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
 class OpticalFlow:
     """Flow of one camera; everything constant is made once.
 
-    The point that a pixel sees moves with its surface, also on dynamic objects, and is projected
-    from the other viewpoint in float64. Where nothing is hit, the point is infinitely far: only the
-    camera's rotation moves it.
+    The point that a pixel sees moves with its surface, also on dynamic objects and meshes that
+    deform, and is projected from the other viewpoint in float64. Where nothing is hit, the point is
+    infinitely far: only the camera's rotation moves it.
 
     The point is occluded where the ray from the other viewpoint to it hits something nearer. An
     optical system projects it by its exact inverse; that ray starts where the system has it.
@@ -63,15 +64,17 @@ class OpticalFlow:
         """Take over what the source's draws are now."""
         self._object_of_draw = self._source.objects_of_draws()
 
-    def begin(self, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
-        """Start to draw the occlusion; return what `end` needs.
+    def begin(self, hits: Hits, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
+        """Start to draw the occlusion of the last hits; return what `end` needs.
 
         Returns:
             (1 + objects, 3, 4), from the current viewpoint frame to the other optical frame: of
             static points, and of those on each dynamic object.
         """
         transforms = other_from_current(current, other)
-        self._source.begin_occlusion(other, transforms[self._object_of_draw[1:], :3])
+        self._deformed = deformed_hits(self._source, hits, current, other)
+        moves = transforms[self._object_of_draw[1:], :3]
+        self._source.begin_occlusion(other, moves, self._deformed)
         self._optical_from_current = _optical_from_world(current, self._camera)
         return _optical_from_world(other, self._camera) @ transforms[:, :3]
 
@@ -88,7 +91,7 @@ class OpticalFlow:
             Flow (height, width, 2) in pixels, NaN where the lens cannot see the point then; and
             (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has no ray.
         """
-        projected = self._pixels_of(hits, other_optical_from_current)
+        projected = self._pixels_of(self._deformed or hits, other_optical_from_current)
         positions_px = self._positions_px
         if self._by_points:
             still = np.zeros_like(other_optical_from_current)

@@ -29,7 +29,7 @@ from omnisim.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts
 from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.pixel_rays import Band, PixelRays
 from omnisim.rays.ray_scene import ObjectState
-from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.hit_source import HitSource, deforming_draws
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.parallax_plan import parallax_tiles
 
@@ -113,6 +113,7 @@ class ParallaxHits(HitSource):
 
     def _find_draws(self) -> None:
         self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
+        self.deforming = deforming_draws(self._buffers)
         self.__dict__.pop("_draw_of_surface", None)
 
     def rays(self) -> NDArray[np.float64]:
@@ -166,9 +167,15 @@ class ParallaxHits(HitSource):
         for name in details.components:
             getattr(hits, name)[undecided] = getattr(found, name)
 
-    def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
         """Start to draw the occlusion of the last hits' points."""
-        hits, pose = self._hits, self._viewpoint_pose(other)
+        hits, pose = deformed or self._hits, self._viewpoint_pose(other)
+        if deformed is not None:
+            points = deformed.points_and_ranges_m.copy()
+            points[deformed.draws_plus_one > 0, :3] -= self._from_rig_m
+            self._passes.put_points(deformed._replace(points_and_ranges_m=points))
         points_m = hits.points_m[self.has_ray].astype(np.float64)
         draws_plus_one = hits.draws_plus_one[self.has_ray]
         hit = np.flatnonzero(draws_plus_one)

@@ -34,7 +34,7 @@ from omnisim.sensors.degradations.encoding import Encoding
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
-from omnisim.sensors.hit_source import HitSource
+from omnisim.sensors.hit_source import DeformingDraw, HitSource
 from omnisim.world import ObjectPart
 
 
@@ -288,7 +288,14 @@ class RayHitSource(HitSource):
     def __init__(self, rays: RayScene, setup: CameraSetup, limits: DepthLimits):
         sensor = setup.sensor
         self.camera, self.polygons = sensor.model, sensor.mesh_polygons
-        self.draws = [(one.object_index, one.name) for one in rays.caster.geometry.surfaces]
+        surfaces = rays.caster.geometry.surfaces
+        self.draws = [(one.object_index, one.name) for one in surfaces]
+        self.deforming = {
+            one.number: DeformingDraw(
+                one.mesh, surfaces[one.number].object_index, one.instance.world_from_mesh
+            )
+            for one in rays.caster.geometry.deforming
+        }
         self._hidden = setup.hidden
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
@@ -303,8 +310,12 @@ class RayHitSource(HitSource):
         objects = ObjectState(poses.world_from_objects, self._hidden)
         return self._pixels.cast(poses.world_from_rig, objects, details)
 
-    def begin_occlusion(self, other: ScenePoses, other_from_current: NDArray[np.float64]) -> None:
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
         """Cast rays from another viewpoint to the points of the last hits."""
+        if deformed is not None:
+            self._pixels.put_points(deformed)
         objects = ObjectState(other.world_from_objects, self._hidden)
         self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Literal, Protocol, Self, TypeVar, get_args
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.errors import GraphicsError, SceneError, did_you_mean
 from omnisim.gpu.context import Context
@@ -20,7 +19,7 @@ from omnisim.sensors.backend import SceneBackend
 from omnisim.sensors.cube_backend import CubeBackend
 from omnisim.sensors.scene_edits import EditableScene
 from omnisim.short_repr import counted, short_repr
-from omnisim.world import ObjectPart, WorldState
+from omnisim.world import ObjectPart, ObjectPoses, WorldState
 
 
 class Closing(ABC):
@@ -160,7 +159,7 @@ class Stage(Closing, EditableScene):
         self._scene = scene
         self.edits += 1
 
-    def poses_in(self, state: WorldState) -> tuple[NDArray[np.float64], ...]:
+    def poses_in(self, state: WorldState) -> ObjectPoses:
         """Poses (4, 4) of the objects in a state of the world, for the passes.
 
         The scene's own objects are where they are at the state's time, unless the state has them.
@@ -176,7 +175,7 @@ class Stage(Closing, EditableScene):
         if missing:
             got = ", ".join(poses) or "none"
             raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
-        return tuple(poses[name] for name in self.objects)
+        return ObjectPoses((poses[name] for name in self.objects), state.time_s)
 
     @property
     def graphics(self) -> CubeBackend:

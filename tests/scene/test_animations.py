@@ -191,24 +191,33 @@ def test_a_scene_where_everything_moves_has_bounds_and_exposure(tmp_path):
     assert load_scene(tmp_path).lighting.exposure > 0.0
 
 
-def test_changes_of_shape_are_noticed(tmp_path):
+def test_nodes_that_change_their_shape_deform(tmp_path):
+    """Scale and shear, below a parent with a scale: no object, but a mesh that deforms."""
     gltf = Animated()
     gltf.node(scale=[1, 3, 1])
     turning = gltf.child(0, mesh=gltf.triangle(positions=CORNERS))
     growing = gltf.child(0, mesh=gltf.triangle(positions=CORNERS), scale=[2, 2, 2])
-    turn = [[0, 0, 0, 1], [0, 0, np.sqrt(0.5), np.sqrt(0.5)]]
+    turns = Rotation.from_euler("z", [[0], [90]], degrees=True)
+    sizes = np.array([[1, 1, 1], [5, 3, 0]])
     gltf.animate(
         "shear",
-        (turning, "rotation", [0, 2], turn, "LINEAR"),
-        (growing, "scale", [0, 2], [[1, 1, 1], [5, 5, 5]], "LINEAR"),
+        (turning, "rotation", [0, 2], turns.as_quat(), "LINEAR"),
+        (growing, "scale", [0, 2], sizes, "LINEAR"),
     )
     scene = load_scene(gltf.write(tmp_path / "a.glb"))
-    (notice,) = scene.notices
-    assert notice == "a.glb: animated changes of scale and shear are not played (2 nodes)"
-    (sheared,) = scene.objects
-    assert is_pose(sheared.motion.pose_at(1.0))
-    (grown,) = scene.instances
-    assert np.linalg.det(grown.world_from_mesh[:3, :3]) == pytest.approx(24.0)
+    assert scene.notices == ()
+    assert scene.objects == ()
+    for time_s in (0.0, 0.7, 1.9, 2.7):
+        share = time_s % 2.0 / 2.0
+        turned = Slerp([0, 1], turns)(share).as_matrix()
+        grown = np.diag(sizes[0] + share * (sizes[1] - sizes[0]))
+        expected = [np.diag([1, 3, 1]) @ linear for linear in (grown, turned)]
+        for instance, linear in zip(scene.instances, expected, strict=True):
+            matrix = instance.world_from_mesh
+            positions = scene.meshes[instance.mesh].deformation.positions_at(time_s)
+            world_m = positions @ matrix[:3, :3].T + matrix[:3, 3]
+            file_m = CORNERS.astype(float) @ linear.T
+            np.testing.assert_allclose(world_m, file_m @ WORLD_FROM_FILE[:3, :3].T, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -182,8 +182,22 @@ def _quantized(plain):
 
 def _more_joints(plain):
     plain.skin()
-    plain.attribute("JOINTS_1", np.zeros((3, 4), "u1"), "VEC4")
-    plain.attribute("WEIGHTS_1", np.zeros((3, 4), "<f4"), "VEC4")
+    plain.gltf.tree["skins"][0]["joints"].append(0)
+    plain.attribute("JOINTS_1", np.ones((3, 4), "u1"), "VEC4")
+    plain.attribute("WEIGHTS_1", np.full((3, 4), 0.25, "<f4"), "VEC4")
+    plain.attribute("WEIGHTS_0", np.zeros((3, 4), "<f4"), "VEC4")
+
+
+def _even_more_joints(plain):
+    plain.skin()
+    plain.attribute("JOINTS_2", np.zeros((3, 4), "u1"), "VEC4")
+
+
+def _animate_weights(plain):
+    _morph(plain)
+    animation = _animate(plain)
+    animation["samplers"][0]["output"] = plain.gltf.accessor(np.array([0, 2], "<f4"), "SCALAR")
+    animation["channels"][0]["target"]["path"] = "weights"
 
 
 USES = {
@@ -198,13 +212,14 @@ USES = {
     "COLOR_0": lambda p: p.attribute("COLOR_0", np.array([[1, 0, 0]] * 3, "<f4"), "VEC3"),
     "skins": Plain.skin,
     "JOINTS_1": _more_joints,
+    "JOINTS_2": _even_more_joints,
     "weights": _morph,
     "animations": _animate,
     "interpolation": lambda p: _animate(p)["samplers"][0].update(interpolation="STEP"),
     "further animations": _animate_twice,
+    "target: translation, rotation": _animate_joint,
     "target: scale": _animate_also(node=0, path="scale"),
-    "target: weights": _animate_also(node=0, path="weights"),
-    "target: joints": _animate_joint,
+    "target: weights": _animate_weights,
     "target: lights": lambda p: _lamp_beside(p, node=1, path="translation"),
     "KHR_animation_pointer": _animate_also(path="pointer"),
     "camera": _camera,
@@ -270,9 +285,10 @@ WITHOUT = {
     "JOINTS_1": Plain.skin,
     "interpolation": _animate,
     "further animations": _animate,
+    "JOINTS_2": Plain.skin,
+    "target: translation, rotation": Plain.skin,
     "target: scale": _animate,
-    "target: weights": _animate,
-    "target: joints": Plain.skin,
+    "target: weights": _morph,
     "target: lights": _lamp_beside,
     "KHR_animation_pointer": _animate,
     "specularGlossinessTexture": _glossy,

@@ -63,5 +63,5 @@ class ParallaxHitPass(RayHitPass):
 
     def put(self, hits: Hits) -> None:
         """Replace the points and primitives of the last hits, which occlusion starts from."""
-        self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
+        self.put_points(hits)
         self.primitives.write(np.stack((hits.draws_plus_one, hits.triangles), axis=-1))

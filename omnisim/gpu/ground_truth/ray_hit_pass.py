@@ -103,6 +103,10 @@ class RayHitPass:
         variant.vertex_array.render()
         return read_hits(variant.target, self.pixels.size_px, 1, details)[0]
 
+    def put_points(self, hits: Hits) -> None:
+        """Replace the points of the last hits, which occlusion starts from."""
+        self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
+
     def bind_geometry(self) -> None:
         """Bind vertices and indices, which normals need."""
         buffers = self.visibility.buffers

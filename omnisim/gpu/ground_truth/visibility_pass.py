@@ -225,6 +225,7 @@ class VisibilityPass:
         details = details.of_texels
         target, (drawer, tiles) = self._target(details), self.drawers(details)
         self.bind_materials(details)
+        self.buffers.deform(world_from_objects, triangles=True)
         tiles.begin(target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)
         tiles.draw(target, world_from_rig, world_from_objects, drawer)

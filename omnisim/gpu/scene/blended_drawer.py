@@ -44,11 +44,12 @@ def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
 
 
 def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
-    """Tell whether items are few, small and near enough to be sorted and drawn at once."""
+    """Tell whether items are rigid, few, small and near enough to be sorted and drawn at once."""
     return (
         geometry is not None
         and 0 < len(items) <= MAX_ITEMS
         and all(item.texture_layer.reflectance is None for item in items)
+        and all(item.mesh.deformation is None for item in items)
         and all(item.is_near(geometry.anchor_m) for item in items)
         and len(arrays_of(items)) <= MAX_ARRAYS
         and all(0 < item.triangles <= MAX_TRIANGLES_OF_ITEM for item in items)

@@ -225,7 +225,8 @@ def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDAr
     for index, item in enumerate(items):
         # a mesh without triangles has no cluster
         fits = item.triangles and triangles + item.triangles <= MAX_TRIANGLES
-        if not item.is_blended and fits and item.is_near(anchor_m):
+        is_rigid = item.mesh.deformation is None
+        if is_rigid and not item.is_blended and fits and item.is_near(anchor_m):
             triangles += item.triangles
             contained[index] = True
     return contained

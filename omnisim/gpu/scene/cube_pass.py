@@ -29,6 +29,7 @@ from omnisim.gpu.scene.surface_program import (
     variant_of_bucket,
 )
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.world import time_of
 
 _LAYER_TEXEL_BYTES = 12  # colours and depth
 
@@ -202,6 +203,7 @@ class CubePass:
     ) -> None:
         context, target, tiles = self._context, self._target, self.tiles
         viewpoint_m = world_from_rig[:3, 3]
+        self._buffers.deform(world_from_objects)
         if self._programs.shadows is not None and not self._cameras.unlit:
             self._programs.shadows.prepare(viewpoint_m, world_from_objects)
         for program in self._programs_used:
@@ -253,13 +255,13 @@ class CubePass:
             return
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         views = tiles.views.at(world_from_rig)
-        blended = self._back_to_front(views, transforms)
+        blended = self._back_to_front(views, transforms, time_of(world_from_objects))
         self._drawer.begin(transforms)
         for view in views:
             tiles.draw_items(target, view, transforms, blended, self._drawer)
 
     def _back_to_front(
-        self, views: Sequence[TileView], transforms: InstanceTransforms
+        self, views: Sequence[TileView], transforms: InstanceTransforms, time_s: float
     ) -> NDArray[np.intp]:
         """Sort blended items that are seen, and their triangles, back to front."""
         seen = [self.tiles.cull_items(view, transforms, self._blended) for view in views]
@@ -268,6 +270,6 @@ class CubePass:
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_triangles(
-                self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index]
+                self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index], time_s
             )
         return blended

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene.textures import MaterialTexture
+from omnisim.scene.deformation import Sphere
 from omnisim.scene.model import Material, Mesh
 
 MAX_DISTANCE_M = 1500.0
@@ -60,6 +61,20 @@ class DrawItem:
         origin_m = anchor_m if self.object_index is None else np.zeros(3)
         return bool(np.linalg.norm(self.centre_m - origin_m) + self.radius_m <= MAX_DISTANCE_M)
 
+    def sphere_at(self, time_s: float) -> Sphere:
+        """Bounding sphere at a time, in the world or the dynamic object's frame."""
+        if self.mesh.deformation is None:
+            return Sphere(self.centre_m, self.radius_m)
+        centre, radius = self.mesh.deformation.sphere_at(time_s)
+        linear = self.object_from_mesh[:3, :3]
+        scale = float(np.linalg.norm(linear, 2))
+        return Sphere(linear @ centre + self.object_from_mesh[:3, 3], scale * radius)
+
+    @property
+    def moves(self) -> bool:
+        """True where it is part of a dynamic object, or its mesh deforms."""
+        return self.object_index is not None or self.mesh.deformation is not None
+
     @property
     def texture(self) -> moderngl.Texture:
         """Texture alone; white where the material has none."""
@@ -77,9 +92,10 @@ class InstanceTransforms(NamedTuple):
     Attributes:
         viewpoint_from_mesh: (n, 4, 4).
         normal_from_mesh: (n, 3, 3), see `DrawItem`.
-        centres_m: (n, 3) of the bounding spheres.
+        centres_m, radii_m: (n, 3) and (n,) of the bounding spheres.
     """
 
     viewpoint_from_mesh: NDArray[np.float64]
     normal_from_mesh: NDArray[np.float64]
     centres_m: NDArray[np.float64]
+    radii_m: NDArray[np.float64]

@@ -39,7 +39,7 @@ class IndexRange(NamedTuple):
 def geometry_key(mesh: Mesh) -> GeometryKey:
     """Identity of a mesh's arrays, which meshes of other materials may share."""
     arrays = (mesh.positions, mesh.triangles, mesh.normals, mesh.texture_coordinates, mesh.colors)
-    return tuple(map(id, (*arrays, mesh.second_texture_coordinates)))
+    return tuple(map(id, (*arrays, mesh.second_texture_coordinates, mesh.deformation)))
 
 
 class GeometryStore:

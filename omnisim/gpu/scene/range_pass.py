@@ -74,12 +74,13 @@ class RangePass:
     ) -> NDArray[np.float64]:
         """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
         buffers = self._buffers
+        buffers.deform(world_from_objects)
         transforms = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
         scanner_from_viewpoint = np.eye(4)
         scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
         matrices = columns_first(scanner_from_viewpoint @ transforms.viewpoint_from_mesh)
         centres_m = transforms.centres_m @ scanner_from_viewpoint[:3, :3].T
-        hit = self._shown & self._may_hit(centres_m, buffers.radii_m)
+        hit = self._shown & self._may_hit(centres_m, transforms.radii_m)
         self._ranges.write(self._no_hits)
         self._beams.bind_to_storage_buffer(_BEAMS)
         self._ranges.bind_to_storage_buffer(_RANGES)

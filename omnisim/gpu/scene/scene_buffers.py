@@ -1,7 +1,8 @@
 """Buffers of a scene and its dynamic objects on the GPU, and the items to draw from them.
 
 A dynamic object is a scene in a frame of its own, which has another pose in the world in each
-frame. Its geometry stays where it is; only matrices change.
+frame. Its geometry stays where it is; only matrices change. Meshes that deform are written anew,
+by the GPU.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_cluste
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
 from omnisim.gpu.scene.material_table import MaterialTable, placed_details
+from omnisim.gpu.scene.mesh_deformer import MeshDeformer
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene
-from omnisim.world import ObjectPart
+from omnisim.world import ObjectPart, time_of
 
 # Extensions of OpenGL 4.5, parts of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -42,7 +44,8 @@ class SceneBuffers:
         context: as given.
         vertices, indices: the two buffers.
         draw_items: opaque and masked instances, then blended ones; within each by material.
-        radii_m: (n,) of their bounding spheres.
+        radii_m: (n,) of their bounding spheres, at 0 s.
+        deforming: indices of items whose meshes deform.
 
     Raises:
         GraphicsError: a texture past the limits of the GPU.
@@ -105,6 +108,9 @@ class SceneBuffers:
         object_indices = [-1 if one.object_index is None else one.object_index for one in items]
         self._object_of_item = np.array(object_indices, dtype=np.intp)
         self._dynamic = np.flatnonzero(self._object_of_item >= 0)
+        self.deforming = np.flatnonzero([item.mesh.deformation is not None for item in items])
+        self._deformer: MeshDeformer | None = None
+        self._deformed_spheres: tuple[float, NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
     def materials(self) -> MaterialTable:
@@ -183,6 +189,11 @@ class SceneBuffers:
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
         world_from_mesh, normal_from_mesh, centres_m = (one.copy() for one in self._rest_transforms)
+        radii_m = self.radii_m
+        if self.deforming.size:
+            radii_m = radii_m.copy()
+            found = self._spheres_at(time_of(world_from_objects))
+            centres_m[self.deforming], radii_m[self.deforming] = found
         if self._dynamic.size:
             dynamic = self._dynamic
             world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
@@ -193,13 +204,41 @@ class SceneBuffers:
             centres_m[dynamic] = (rotation @ centres_m[dynamic, :, None])[..., 0]
             centres_m[dynamic] += world_from_object[:, :3, 3]
         world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
-        return InstanceTransforms(world_from_mesh, normal_from_mesh, centres_m - viewpoint_m)
+        return InstanceTransforms(
+            world_from_mesh, normal_from_mesh, centres_m - viewpoint_m, radii_m
+        )
+
+    def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres (n, 3) and radii (n,) of the items that deform, in their objects' frames."""
+        found = self._deformed_spheres
+        if found is None or found[0] != time_s:
+            spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
+            centres_m = np.array([one.centre for one in spheres])
+            radii_m = np.array([one.radius for one in spheres])
+            self._deformed_spheres = found = time_s, centres_m, radii_m
+        return found[1], found[2]
+
+    def deform(
+        self, world_from_objects: Sequence[NDArray[np.float64]], *, triangles: bool = False
+    ) -> None:
+        """Write the meshes that deform as they are at the poses' time, before they are drawn.
+
+        Args:
+            world_from_objects: (4, 4) each, poses of the dynamic objects, with their time.
+            triangles: write the table of triangles, too.
+        """
+        if not self.deforming.size:
+            return
+        if self._deformer is None:
+            self._deformer = MeshDeformer(self.context, self._store.ranges)
+        table = self.triangles if triangles else None
+        self._deformer.run(time_of(world_from_objects), self.vertices, table)
 
     def front_to_back(
         self, items: NDArray[np.intp], transforms: InstanceTransforms
     ) -> NDArray[np.intp]:
         """Sort items (n,), near ones first and those that surround them last: little overdraw."""
-        far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + self.radii_m[items]
+        far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + transforms.radii_m[items]
         return items[np.argsort(far_m, kind="stable")]
 
     def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
@@ -247,15 +286,19 @@ class SceneBuffers:
                 f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
             )
 
-    def sort_triangles(self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64]) -> None:
+    def sort_triangles(
+        self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64], time_s: float = 0.0
+    ) -> None:
         """Sort the triangles of a blended item in the index buffer, back to front.
 
         Args:
             item: which.
             viewpoint_from_mesh: (4, 4).
+            time_s: at which a mesh that deforms is sorted.
         """
         mesh = item.mesh
-        centres = mesh.positions[mesh.triangles].mean(axis=1, dtype=np.float64)
+        positions = mesh.deformation.positions_at(time_s) if mesh.deformation else mesh.positions
+        centres = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
         centres = centres @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
         order = np.argsort(-np.sum(centres**2, axis=1), kind="stable")
         self.indices.write(

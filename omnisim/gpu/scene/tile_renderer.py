@@ -208,7 +208,7 @@ class TileRenderer:
         inside_m = (
             transforms.centres_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
         )
-        kept: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[items] >= 0.0, axis=0)
+        kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
         return kept
 
     def end(self, target: moderngl.Framebuffer) -> None:

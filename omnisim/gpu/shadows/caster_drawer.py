@@ -67,7 +67,7 @@ class CasterDrawer:
         alphas = np.array([one.material.base_color[3] for one in items])
         single = buffers.shown_one_by_one()
         single &= alphas >= np.array([one.material.hit_cutoff for one in items])
-        dynamic = np.array([one.object_index is not None for one in items], dtype=np.bool_)
+        dynamic = np.array([one.moves for one in items], dtype=np.bool_)
         self.has_dynamic = bool(np.any(dynamic & buffers.shown()))
         self._items = {
             False: np.flatnonzero(single & ~dynamic), True: np.flatnonzero(single & dynamic)
@@ -148,7 +148,7 @@ class CasterDrawer:
     ) -> NDArray[np.bool_]:
         """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
         inside_m = transforms.centres_m[items] @ planes[:, :3].T + planes[:, 3]
-        kept: NDArray[np.bool_] = np.all(inside_m.T + self._buffers.radii_m[items] >= 0.0, axis=0)
+        kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
         return kept
 
     def _cluster_drawer(

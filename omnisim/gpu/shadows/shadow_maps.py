@@ -20,6 +20,7 @@ from omnisim.gpu.shadows.caster_drawer import CasterDrawer
 from omnisim.gpu.shadows.map_regions import covered_px
 from omnisim.gpu.shadows.shadow_plan import make_shadow_plan
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
+from omnisim.world import time_of
 
 _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
 
@@ -69,12 +70,13 @@ class ShadowMaps:
             self._maps.append(_allocate(context, size_px))
         self._block = context.buffer(plan.block_data(plan.middles_m(np.zeros(3))))
         self._drawn: NDArray[np.float64] | None = None  # matrices of the static maps
-        self._posed: NDArray[np.float64] | None = None  # poses of what moves
+        self._posed: tuple[float, NDArray[np.float64]] | None = None  # time and poses of what moves
         self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
             [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
         )
-        dynamic = np.flatnonzero((objects >= 0) & buffers.shown())
+        moves = np.array([one.moves for one in buffers.draw_items], dtype=np.bool_)
+        dynamic = np.flatnonzero(moves & buffers.shown())
         self._dynamic = dynamic[np.argsort(objects[dynamic], kind="stable")]
         _, self._first_of_object = np.unique(objects[self._dynamic], return_index=True)
 
@@ -131,8 +133,14 @@ class ShadowMaps:
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw what moves where it is now, and what is static where it was."""
-        poses = np.array(world_from_objects)
-        is_posed = self._posed is not None and np.array_equal(poses, self._posed)
+        poses, time_s = np.array(world_from_objects), 0.0
+        if self._buffers.deforming.size:
+            time_s = time_of(world_from_objects)
+        is_posed = (
+            self._posed is not None
+            and self._posed[0] == time_s
+            and np.array_equal(poses, self._posed[1])
+        )
         if is_posed and not stale.any():
             return
         whole = self._rectangles_px[stale].astype(np.intp)
@@ -144,12 +152,12 @@ class ShadowMaps:
             clips,
             self._rectangles_px,
             transforms.centres_m[self._dynamic],
-            self._buffers.radii_m[self._dynamic],
+            transforms.radii_m[self._dynamic],
             self._first_of_object,
         )
         every = np.ones(len(clips), dtype=np.bool_)
         self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
-        self._posed = poses
+        self._posed = time_s, poses
 
 
 def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> _DepthMaps:

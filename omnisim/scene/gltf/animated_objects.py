@@ -1,4 +1,4 @@
-"""Objects that an animation moves, and parts of it that are not played."""
+"""Objects that an animation moves, nodes that it reshapes, and parts of it that are not played."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.poses import nearest_rotation
-from omnisim.scene.gltf.animations import Animation
+from omnisim.scene.gltf.animations import Animation, MovedNode
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.imported import ImportedObject
 from omnisim.scene.labels import BODY
-from omnisim.scene.node_motion import AnimatedNode, NodeMotion
+from omnisim.scene.node_motion import NodeMotion
 
 _LIGHTS = "KHR_lights_punctual"
 _CHECKS = 32  # of a node's shape, over the animation
-Moved = Mapping[int, tuple[int, AnimatedNode]]
+Moved = Mapping[int, MovedNode]
+Matrix = NDArray[np.float64]
 
 
 def moving_objects(
     nodes: list[JsonObject],
     owners: Sequence[int | None],
     moved: Moved,
-    world_from_file: NDArray[np.float64],
+    world_from_file: Matrix,
 ) -> tuple[ImportedObject, ...]:
     """Objects of the instances, one for each node that moves and has some.
 
@@ -36,12 +37,12 @@ def moving_objects(
     instances: dict[int, list[int]] = {}
     for number, owner in enumerate(owners):
         if owner is not None and owner in moved:
-            instances.setdefault(moved[owner][0], []).append(number)
+            instances.setdefault(moved[owner].owner, []).append(number)
     taken, objects = {BODY}, []
     for index, numbers in instances.items():
         name = _free_name(nodes[index].text("name", f"node {index}"), taken)
         taken.add(name)
-        node = moved[index][1]
+        node = moved[index].node
         axes = _axes(node.transform_at(0.0)[:3, :3] @ np.linalg.inv(world_from_file[:3, :3]))
         objects.append(ImportedObject(name, NodeMotion(node, axes), tuple(numbers)))
     return tuple(objects)
@@ -61,40 +62,28 @@ def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     return axes if np.linalg.det(axes) > 0.0 else -axes
 
 
+def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) -> set[int]:
+    """Indices of nodes with a mesh whose motion is not rigid: scale or shear changes."""
+    times_s = np.linspace(0.0, animation.period_s, _CHECKS, endpoint=False).tolist()
+    is_rigid: dict[int, bool] = {}
+    found = set()
+    for index, (owner, node, _) in moved.items():
+        if not nodes[index].has("mesh"):
+            continue
+        if owner not in is_rigid:
+            motion = NodeMotion(node, np.eye(3))
+            is_rigid[owner] = all(map(motion.is_rigid_at, times_s))
+        if not is_rigid[owner]:
+            found.add(index)
+    return found
+
+
 def unplayed_parts(
-    root: JsonObject,
-    nodes: list[JsonObject],
-    animation: Animation,
-    moved: Moved,
-    objects: Sequence[ImportedObject],
+    nodes: list[JsonObject], animation: Animation, moved: Moved
 ) -> dict[str, Sequence[JsonObject]]:
     """Parts of an animation that rest, by their names in `DrawnObjects`."""
-    times_s = np.linspace(0.0, animation.period_s, _CHECKS, endpoint=False)
-    reshaped = set(animation.reshaped)
-    for one in objects:
-        assert isinstance(one.motion, NodeMotion)
-        if not all(map(one.motion.is_rigid_at, times_s.tolist())):
-            reshaped |= {index for index, node in moved.values() if node is one.motion.node}
     return {
         "animations": animation.others,
         "channels": animation.channels,
-        "reshaped": [nodes[index] for index in sorted(reshaped)],
-        "skinned": _skinned(root, nodes, animation),
         "shining": [nodes[index] for index in moved if nodes[index].extension(_LIGHTS)],
     }
-
-
-def _skinned(root: JsonObject, nodes: list[JsonObject], animation: Animation) -> list[JsonObject]:
-    """Nodes with a skin that joints of the animation would bend."""
-    skins = root.objects("skins")
-    targets = {
-        target.index("node", nodes)
-        for channel in animation.channels
-        if (target := channel.object("target")).has("node")
-    }
-    return [
-        node
-        for node in nodes
-        if node.has("skin")
-        and targets & set(skins[node.index("skin", skins)].indices("joints", nodes))
-    ]

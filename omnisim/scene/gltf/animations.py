@@ -1,9 +1,10 @@
-"""Animations: keyframes of nodes, and the nodes that move by them."""
+"""Animations: keyframes of nodes and weights, and the nodes that move by them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,26 @@ from omnisim.scene.keyframes import Interpolation, Keyframes
 from omnisim.scene.node_motion import AnimatedNode, local_transform
 
 NO_ANIMATION = "none"
+_WEIGHTS = "weights"
 _WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 _REST = {"translation": (0.0,) * 3, "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 3}
 _INTERPOLATIONS: dict[int | str, Interpolation] = {one.value: one for one in Interpolation}
 Properties = dict[str, Keyframes]
+
+
+class AnimationChoice(NamedTuple):
+    """Choice of the animation that is played.
+
+    Attributes:
+        name: of it; None: the first, and `NO_ANIMATION`: none.
+        moves_objects: nodes that it moves are objects; False: it deforms their meshes alone.
+    """
+
+    name: str | None = None
+    moves_objects: bool = True
+
+
+FIRST_ANIMATION = AnimationChoice()
 
 
 @dataclass
@@ -28,17 +45,17 @@ class Animation:
 
     Attributes:
         nodes: keyframes of translation, rotation and scale, by the index of a node.
+        weights: keyframes of the weights of morph targets, likewise.
         period_s: after which it begins again.
         channels: of the file.
         others: animations of the file that are not played, where none was chosen by its name.
-        reshaped: nodes whose scale is left as the file has it.
     """
 
     nodes: dict[int, Properties] = field(default_factory=dict)
+    weights: dict[int, Keyframes] = field(default_factory=dict)
     period_s: float = 0.0
     channels: Sequence[JsonObject] = ()
     others: Sequence[JsonObject] = ()
-    reshaped: set[int] = field(default_factory=set)
 
     @property
     def moving(self) -> list[int]:
@@ -55,8 +72,6 @@ def read_animation(
 ) -> Animation:
     """Read an animation by its name; None: the first.
 
-    Joints of skins stay as the file has them, and so does a scale that changes.
-
     Raises:
         SceneError: there is none of this name, or it is damaged.
     """
@@ -72,27 +87,35 @@ def read_animation(
     animation = Animation(channels=entry.objects("channels"))
     if name is None:
         animation.others = entries[1:]
-    skins = root.objects("skins")
-    joints = {joint for skin in skins for joint in skin.indices("joints", nodes)}
-    samplers = entry.objects("samplers")
+    samplers, meshes = entry.objects("samplers"), root.objects("meshes")
     for channel in animation.channels:
         target = channel.object("target")
         path = target.text("path", "")
-        if path not in _WIDTHS or not target.has("node"):
+        if path not in (*_WIDTHS, _WEIGHTS) or not target.has("node"):
             continue
-        node = target.index("node", nodes)
-        keyframes = _keyframes(samplers[channel.index("sampler", samplers)], accessors, path)
+        index = target.index("node", nodes)
+        width = _WIDTHS.get(path) or _target_count(nodes[index], meshes)
+        if not width:  # weights of a mesh without targets
+            continue
+        sampler = samplers[channel.index("sampler", samplers)]
+        keyframes = _keyframes(sampler, accessors, path, width)
         animation.period_s = max(animation.period_s, float(keyframes.times_s[-1]))
-        if node in joints:
-            continue
-        if path == "scale" and not keyframes.is_constant:
-            animation.reshaped.add(node)
+        if path == _WEIGHTS:
+            animation.weights[index] = keyframes
         else:
-            animation.nodes.setdefault(node, {})[path] = keyframes
+            animation.nodes.setdefault(index, {})[path] = keyframes
     return animation
 
 
-def _keyframes(sampler: JsonObject, accessors: Accessors, path: str) -> Keyframes:
+def _target_count(node: JsonObject, meshes: list[JsonObject]) -> int:
+    """Number of morph targets of a node's mesh."""
+    if not node.has("mesh"):
+        return 0
+    primitives = meshes[node.index("mesh", meshes)].objects("primitives")
+    return max((len(one.array("targets")) for one in primitives), default=0)
+
+
+def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int) -> Keyframes:
     times_s = accessors.floats(sampler, "input").ravel()
     if not len(times_s) or not (np.isfinite(times_s) & (times_s >= 0.0)).all():
         raise sampler.error("input", "an accessor of finite times ≥ 0")
@@ -102,13 +125,19 @@ def _keyframes(sampler: JsonObject, accessors: Accessors, path: str) -> Keyframe
     if sampler.has("interpolation"):
         interpolation = sampler.choice("interpolation", _INTERPOLATIONS)
     is_spline = interpolation is Interpolation.CUBIC_SPLINE
-    shape = (len(times_s) * (3 if is_spline else 1), _WIDTHS[path])
-    values = accessors.floats(sampler, "output")
-    if values.shape != shape or not np.isfinite(values).all():
-        raise sampler.error("output", f"an accessor of {shape[0]} finite VEC{shape[1]}")
-    if not is_spline:
-        return Keyframes(times_s, values, interpolation)
-    return Keyframes(times_s, values[1::3], interpolation, values[::3], values[2::3])
+    rows = len(times_s) * (3 if is_spline else 1)
+    values, what = accessors.floats(sampler, "output"), f"{rows} finite VEC{width}"
+    if path == _WEIGHTS:
+        what = f"{rows * width} finite SCALAR"
+        if values.shape == (rows * width, 1):
+            values = values.reshape(rows, width)
+    if values.shape != (rows, width) or not np.isfinite(values).all():
+        raise sampler.error("output", f"an accessor of {what}")
+    before = after = None
+    if is_spline:
+        before, values, after = values[::3], values[1::3], values[2::3]
+    is_rotation = path == "rotation"
+    return Keyframes(times_s, values, interpolation, before, after, are_rotations=is_rotation)
 
 
 def transforms_at_start(
@@ -123,14 +152,28 @@ def transforms_at_start(
     }
 
 
+class MovedNode(NamedTuple):
+    """Node that an animation moves, itself or with one above it.
+
+    Attributes:
+        owner: index of the nearest node with keyframes, itself or above it.
+        node: that one.
+        owner_from_node: (4, 4).
+    """
+
+    owner: int
+    node: AnimatedNode
+    owner_from_node: NDArray[np.float64]
+
+
 def animated_nodes(
     nodes: list[JsonObject],
     parents: Mapping[int, int | None],
     local: Mapping[int, NDArray[np.float64]],
     animation: Animation,
     world_from_file: NDArray[np.float64],
-) -> dict[int, tuple[int, AnimatedNode]]:
-    """Nodes that move, by the index of each node that moves with them, with their own index.
+) -> dict[int, MovedNode]:
+    """Nodes that move, by their indices.
 
     Args:
         nodes: of the file.
@@ -140,7 +183,7 @@ def animated_nodes(
         world_from_file: (4, 4).
     """
     moving = set(animation.moving)
-    found: dict[int, tuple[int, AnimatedNode]] = {}
+    found: dict[int, MovedNode] = {}
     offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
     for index, parent in parents.items():
         above = None if parent is None else found.get(parent)
@@ -155,21 +198,20 @@ def animated_nodes(
                 else constant
                 for key, constant in zip(_WIDTHS, _start(node, properties), strict=True)
             )
-            assert not isinstance(scale, Keyframes)
             made = AnimatedNode(
-                None if above is None else above[1],
+                None if above is None else above.node,
                 offset @ _before(node),
                 translation,
                 rotation,
                 scale,
                 animation.period_s,
             )
-            found[index] = index, made
             offsets[index] = np.eye(4)
+            found[index] = MovedNode(index, made, offsets[index])
         else:
-            if above is not None:
-                found[index] = above
             offsets[index] = offset @ local[index]
+            if above is not None:
+                found[index] = MovedNode(above.owner, above.node, offsets[index])
     return found
 
 

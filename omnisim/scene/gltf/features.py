@@ -16,7 +16,7 @@ from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 from omnisim.short_repr import counted
 
-_GROUPS_OF_NODES = ("weights", "reshaped", "skinned", "shining")
+_GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's number
 
 
@@ -61,25 +61,20 @@ class DrawnObjects:
 
     Attributes:
         nodes: of the scene.
-        weights: nodes with a mesh, or that mesh, where it has the weights of morph targets.
         primitives: of the nodes' meshes.
         materials: of the primitives, without unlit ones, which have a base colour only.
         samplers: of the file.
         animations: that are not played, where none was chosen by its name.
         channels: of the animation that is played.
-        reshaped, skinned, shining: nodes that it changes in size or shear, whose skins it would
-            bend, and whose lights it would move.
+        shining: nodes whose lights it would move.
     """
 
     nodes: Sequence[JsonObject] = ()
-    weights: Sequence[JsonObject] = ()
     primitives: Sequence[JsonObject] = ()
     materials: Sequence[JsonObject] = ()
     samplers: Sequence[JsonObject] = ()
     animations: Sequence[JsonObject] = ()
     channels: Sequence[JsonObject] = ()
-    reshaped: Sequence[JsonObject] = ()
-    skinned: Sequence[JsonObject] = ()
     shining: Sequence[JsonObject] = ()
 
 
@@ -154,33 +149,22 @@ FEATURES = (
     Feature("sparse", _APPLIED, "of accessors"),
     Feature("NORMAL", _APPLIED, "smooth shading; flat without it"),
     Feature("COLOR_0", _APPLIED, "linear, times the base colour"),
-    Feature("skins", _APPLIED, "in the pose of the file, four joints a vertex"),
+    Feature("skins", _APPLIED, "linear blend skinning"),
+    Feature("JOINTS_1", _APPLIED, "up to eight joints a vertex"),
     Feature(
-        "JOINTS_1", _LEFT_OUT, "joints beyond the fourth of a vertex are not applied",
-        "primitives", lambda primitive: primitive.object("attributes").has("JOINTS_1"),
+        "JOINTS_2", _LEFT_OUT, "joints beyond the eighth of a vertex are not applied",
+        "primitives", lambda primitive: primitive.object("attributes").has("JOINTS_2"),
     ),
-    Feature(
-        "weights", _LEFT_OUT, "morph targets are not applied", "weights",
-        lambda holder: any(holder.array("weights")),
-    ),
-    Feature("animations", _APPLIED, "of nodes: the first, or that of the scene's TOML; it repeats"),
+    Feature("weights", _APPLIED, "of morph targets: positions and normals"),
+    Feature("animations", _APPLIED, "the first, or that of the scene's TOML; it repeats"),
     Feature("interpolation", _APPLIED, "in steps, linear (slerp) and cubic splines"),
     Feature(
         "further animations", _LEFT_OUT, "animations are not played",
         "animations", lambda _: True,
     ),
-    Feature(
-        "target: scale", _LEFT_OUT, "animated changes of scale and shear are not played",
-        "reshaped", lambda _: True,
-    ),
-    Feature(
-        "target: weights", _LEFT_OUT, "animated morph targets rest", "channels",
-        lambda channel: channel.object("target").text("path", "") == "weights",
-    ),
-    Feature(
-        "target: joints", _LEFT_OUT, "animated skins rest in the pose of the file",
-        "skinned", lambda _: True,
-    ),
+    Feature("target: translation, rotation", _APPLIED, "nodes move as objects; joints bend skins"),
+    Feature("target: scale", _APPLIED, "meshes deform"),
+    Feature("target: weights", _APPLIED, "meshes deform"),
     Feature(
         "target: lights", _LEFT_OUT, "lights of animated nodes rest", "shining",
         lambda _: True,

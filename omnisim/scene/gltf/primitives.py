@@ -28,6 +28,28 @@ class Primitive:
         if draco := entry.extension("KHR_draco_mesh_compression"):
             self._decode_draco(draco)
 
+    @property
+    def targets(self) -> list[JsonObject]:
+        """Morph targets."""
+        return self.entry.objects("targets")
+
+    def offsets(
+        self, name: str, targets: NDArray[np.intp], count: int
+    ) -> NDArray[np.float64] | None:
+        """Offsets (targets, count, 3) of an attribute in some targets; None: none has it."""
+        entries = self.targets
+        some = [entries[number] for number in targets.tolist()]
+        if not any(target.has(name) for target in some):
+            return None
+        offsets = np.zeros((len(some), count, 3))
+        for values, target in zip(offsets, some, strict=True):
+            if target.has(name):
+                found = self._accessors.floats(target, name)
+                if found.shape != values.shape:
+                    raise target.error(name, f"an accessor of {count} VEC3")
+                values[:] = found
+        return offsets
+
     def has(self, attribute: str) -> bool:
         """True where the primitive has an attribute."""
         return self._attributes.has(attribute)

@@ -12,16 +12,22 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.gltf.accessors import Accessors
-from omnisim.scene.gltf.animated_objects import moving_objects, unplayed_parts
-from omnisim.scene.gltf.animations import animated_nodes, read_animation, transforms_at_start
+from omnisim.scene.gltf.animated_objects import moving_objects, reshaped_nodes, unplayed_parts
+from omnisim.scene.gltf.animations import (
+    FIRST_ANIMATION,
+    AnimationChoice,
+    animated_nodes,
+    read_animation,
+    transforms_at_start,
+)
 from omnisim.scene.gltf.container import read_container
+from omnisim.scene.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
 from omnisim.scene.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.lights import read_lights
 from omnisim.scene.gltf.materials import Materials, is_unlit
-from omnisim.scene.gltf.nodes import file_from_nodes, parent_from_node, scene_parents
+from omnisim.scene.gltf.nodes import file_from_nodes, scene_parents
 from omnisim.scene.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
-from omnisim.scene.gltf.skins import joint_matrices, skin_vertices
 from omnisim.scene.imported import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
@@ -32,13 +38,13 @@ def read_gltf(
     textures: TextureStore,
     assets: AssetResolver,
     world_from_file: NDArray[np.float64],
-    animation_name: str | None = None,
+    choice: AnimationChoice = FIRST_ANIMATION,
 ) -> ImportedScene:
-    """Read a glTF or GLB file; it plays the animation of a name, by default the first.
+    """Read a glTF or GLB file, which plays an animation.
 
     Raises:
         SceneError: it is damaged, requires an extension that is not supported, or has no animation
-            of this name.
+            of the name.
     """
     root, chunk = read_container(data)
     unsupported = set(map(str, root.array("extensionsRequired"))) - SUPPORTED_EXTENSIONS
@@ -49,27 +55,28 @@ def read_gltf(
         )
     nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
     parents = scene_parents(root, nodes)
-    rest = file_from_nodes(parents, {index: parent_from_node(nodes[index]) for index in parents})
-    animation = read_animation(root, nodes, accessors, animation_name)
+    animation = read_animation(root, nodes, accessors, choice.name)
     local = transforms_at_start(nodes, parents, animation)
     poses = file_from_nodes(parents, local)
-    materials = Materials(root, accessors, textures, assets)
-    meshes = _Meshes(root, accessors, materials)
-    placed = list(meshes.instantiate(nodes, poses, rest))
     moved = animated_nodes(nodes, parents, local, animation, world_from_file)
-    objects = moving_objects(nodes, [owner for owner, _ in placed], moved, world_from_file)
+    reshaped = reshaped_nodes(nodes, moved, animation) if choice.moves_objects else set(moved)
+    played = PlayedNodes(nodes, poses, moved, reshaped, animation, world_from_file)
+    materials = Materials(root, accessors, textures, assets)
+    deforming = DeformingMeshes(root, accessors, played)
+    meshes = _Meshes(root, accessors, materials)
+    placed = list(meshes.instantiate(nodes, poses, deforming))
     drawn = dataclasses.replace(
         _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]),
-        **unplayed_parts(root, nodes, animation, moved, objects),
+        **unplayed_parts(nodes, animation, moved),
     )
     extensions = [str(name) for name in root.array("extensionsUsed")]
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
         tuple(instance for _, instance in placed),
-        [*materials.notices, *feature_notices(drawn, extensions)],
+        [*materials.notices, *deforming.notices, *feature_notices(drawn, extensions)],
         read_lights(root, nodes, {index: world_from_file @ pose for index, pose in poses.items()}),
-        objects=objects,
+        objects=moving_objects(nodes, [owner for owner, _ in placed], moved, world_from_file),
     )
 
 
@@ -88,7 +95,6 @@ def _drawn_objects(
     lit = [index for index in sorted(used) if not is_unlit(materials[index])]
     return DrawnObjects(
         nodes=nodes,
-        weights=[node if node.has("weights") else mesh for node, mesh in drawn],
         primitives=primitives,
         materials=[materials[index] for index in lit],
         samplers=root.objects("samplers"),
@@ -107,12 +113,12 @@ class _Meshes:
     """Meshes of a file, one for each primitive. All methods raise SceneErrors.
 
     Attributes:
-        meshes: those of the file; `instantiate` adds the skinned ones.
+        meshes: those of the file; `instantiate` adds skinned, morphed and reshaped ones.
     """
 
     def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
         self.meshes: list[Mesh] = []
-        self._accessors, self._materials, self._skins = accessors, materials, root.objects("skins")
+        self._accessors, self._materials = accessors, materials
         self._name_counts: dict[str, int] = {}
         self._parts = [
             list(self._read(mesh, mesh.text("name", f"mesh {index}")))
@@ -123,9 +129,9 @@ class _Meshes:
         self,
         nodes: list[JsonObject],
         poses: dict[int, NDArray[np.float64]],
-        rest: dict[int, NDArray[np.float64]],
+        deforming: DeformingMeshes,
     ) -> Iterator[tuple[int | None, Instance]]:
-        """Instances of the nodes, with their indices; skins have none, and the poses at rest.
+        """Instances of the nodes at their poses, with the indices of those that they move with.
 
         Their `world_from_mesh` is still file_from_mesh.
         """
@@ -135,12 +141,16 @@ class _Meshes:
                 continue
             name = node.text("name", f"node {index}")
             for part in self._parts[node.index("mesh", self._parts)]:
-                if node.has("skin") and part.primitive.has("JOINTS_0"):
-                    skin = self._skins[node.index("skin", self._skins)]
-                    mesh, center = self._skin(part, joint_matrices(skin, self._accessors, rest))
-                    yield None, Instance(name, mesh, translate(np.eye(4), center))
-                else:
+                made = deforming.make(index, part.primitive, self.meshes[part.mesh])
+                if made is None:
                     yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
+                    continue
+                self.meshes.append(made.mesh)
+                number = len(self.meshes) - 1
+                if made.owner is None:
+                    yield None, Instance(name, number, made.file_from_mesh)
+                else:
+                    yield made.owner, Instance(name, number, made.file_from_mesh, pose)
 
     def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
         entries = self._materials.entries
@@ -175,14 +185,3 @@ class _Meshes:
             unique = f"{name}_{number}"
         self._name_counts |= {unique: 0, name: number}
         return unique
-
-    def _skin(self, part: _Part, matrices: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
-        """Index and origin of a skinned copy of a part's mesh."""
-        mesh = self.meshes[part.mesh]
-        positions, normals = skin_vertices(part.primitive, matrices)
-        skinned, center = make_mesh(
-            mesh.name, positions, mesh.triangles, mesh.material,
-            normals, mesh.texture_coordinates, mesh.colors, mesh.second_texture_coordinates,
-        )  # fmt: skip
-        self.meshes.append(skinned)
-        return len(self.meshes) - 1, center

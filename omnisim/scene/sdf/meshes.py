@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.file_axes import FileAxes, world_from_file
-from omnisim.scene.gltf.animations import NO_ANIMATION
+from omnisim.scene.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import texture_notices
 from omnisim.scene.other_formats import check_format, read_other
@@ -78,7 +78,8 @@ class MeshLibrary:
         assets = AssetResolver(path, [folder / inner for inner in _TEXTURE_FOLDERS])
         metres_from_file = world_from_file(suffix, data, FileAxes("z"))
         if suffix in _GLTF:
-            read = read_gltf(data, self._textures, assets, np.eye(4), NO_ANIMATION)
+            none = AnimationChoice(NO_ANIMATION)
+            read = read_gltf(data, self._textures, assets, np.eye(4), none)
         else:
             read = read_other(path, data, self._textures, assets)
         if not read.instances:
