@@ -16,8 +16,8 @@ from omnisim.scene.model import Scene
 GUTTER_PX = 2  # around each rectangle
 MAX_SIDE_PX = 8192
 _LEAST_SCALE = 0.5  # of a mesh's page: below it its padding would be less than a texel
-_LEAST_TEXELS = 6.0  # of an instance's area; a smaller one has one light all over
-_LEAST_FILL, _SMALL_PAGE_PX = 0.08, 4096
+_LEAST_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
+_LEAST_FILL, _SMALL_PAGE_PX = 0.02, 16384
 
 
 class Atlas(NamedTuple):
@@ -26,32 +26,38 @@ class Atlas(NamedTuple):
     Attributes:
         unwrappings: by the index of the mesh.
         rects_px: (n, 4) int of the instances: left, top, width, height; zeros: it has none.
+        back_rects_px: (n, 4) of the backs of those instances whose back is seen.
         texels_m: (n,) sizes of the instances' texels.
         size_px: width and height.
     """
 
     unwrappings: dict[int, Unwrapping]
     rects_px: NDArray[np.intp]
+    back_rects_px: NDArray[np.intp]
     texels_m: NDArray[np.float64]
     size_px: tuple[int, int]
 
-    def rects(self) -> dict[int, tuple[float, float, float, float]]:
+    def shares(self, rects_px: NDArray[np.intp]) -> dict[int, list[float]]:
         """Rectangles by the index of the instance, in shares of the atlas."""
         whole = np.array((*self.size_px, *self.size_px), dtype=np.float64)
         return {
-            int(index): (left, top, wide, high)
-            for index in np.flatnonzero(self.rects_px[:, 2])
-            for left, top, wide, high in ((self.rects_px[index] / whole).tolist(),)
+            int(index): (rects_px[index] / whole).tolist()
+            for index in np.flatnonzero(rects_px[:, 2])
         }
 
 
-def build_atlas(scene: Scene, texel_m: float) -> Atlas:
+def build_atlas(scene: Scene, texel_m: float, has_back: NDArray[np.bool_]) -> Atlas:
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
+
+    Args:
+        scene: to bake.
+        texel_m: width of the finest texels.
+        has_back: (n,) instances of which both sides are seen: they have two rectangles.
 
     Raises:
         SceneError: texels so small that the atlas has more than `MAX_SIDE_PX`.
     """
-    texels_m, areas = texel_sizes_m(scene, texel_m), areas_m2(scene)
+    texels_m, areas = texel_sizes_m(scene, texel_m, has_back), areas_m2(scene)
     scales = np.array(
         [_scale(instance.world_from_mesh) for instance in scene.instances]
     ) / np.maximum(texels_m, 1e-12)
@@ -75,10 +81,11 @@ def build_atlas(scene: Scene, texel_m: float) -> Atlas:
         for index in members:
             scale = float(np.clip(scales[index] / scales[finest], _LEAST_SCALE, 1.0))
             sizes_px[index] = np.ceil(np.array(page.size_px) * scale)
-    rects_px, size_px = pack(sizes_px)
+    both, size_px = pack(np.concatenate((sizes_px, sizes_px * has_back[:, None])))
+    rects_px, back_rects_px = both[: len(sizes_px)], both[len(sizes_px) :]
     if max(size_px) > MAX_SIDE_PX:
         raise _too_fine(texel_m, scene, float(np.prod(size_px)))
-    return Atlas(unwrappings, rects_px, texels_m, size_px)
+    return Atlas(unwrappings, rects_px, back_rects_px, texels_m, size_px)
 
 
 def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:

@@ -17,6 +17,7 @@ from omnisim.baking.points import Points, points_at, usable
 from omnisim.baking.probes import ProbeBaker, ProbeGrid
 from omnisim.baking.sampling import Floats, generator, spread_points
 from omnisim.baking.settings import BakeSettings
+from omnisim.baking.solids import hollow_triangles, instances_of
 from omnisim.baking.texel_sizes import automatic_texel_m
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, in_tiles
 from omnisim.baking.transport import INSIDE, SKY, Transport
@@ -62,10 +63,12 @@ class Bake:
 
     def __init__(self, scene: Scene, settings: BakeSettings):
         self.scene, self.settings = scene, settings
-        self.texel_m = settings.texel_m or automatic_texel_m(scene)
         self.rays = RayScene(scene)
-        self.atlas: Atlas = build_atlas(scene, self.texel_m)
-        patches = build_patches(self.rays, self.atlas)
+        hollow = hollow_triangles(scene)
+        has_back = instances_of(scene, hollow)
+        self.texel_m = settings.texel_m or automatic_texel_m(scene, has_back)
+        self.atlas: Atlas = build_atlas(scene, self.texel_m, has_back)
+        patches = build_patches(self.rays, self.atlas, hollow)
         self.patches = usable(self.rays, Transport(self.rays, patches), patches)
         self.transport = Transport(self.rays, self.patches)
         entries = len(self.patches.of_sample)

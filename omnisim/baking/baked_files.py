@@ -82,7 +82,8 @@ def bake_scene(
         "version": VERSION,
         "exposure": scene.lighting.exposure,
         "atlas_px": list(bake.atlas.size_px),
-        "rects": {str(index): rect for index, rect in bake.atlas.rects().items()},
+        "rects": bake.atlas.shares(bake.atlas.rects_px),
+        "back_rects": bake.atlas.shares(bake.atlas.back_rects_px),
         "probes": {
             "origin_m": grid.origin_m.tolist(),
             "spacing_m": grid.spacing_m.tolist(),

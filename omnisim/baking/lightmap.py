@@ -5,21 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.baking.patches import Patches
+from omnisim.baking.patches import BACK, Patches
 from omnisim.baking.sampling import Floats
 
-_MOST_STEPS = 24  # in texels; what lies deeper inside of something else is not seen
+_AROUND_PX = 2  # charts
+_MOST_STEPS = 24  # within charts, in texels; what lies deeper inside of something is not seen
 
 
 def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
     """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
 
-    A texel whose two sides are both seen has their mean. Texels without a light have that of their
+    Texels without a light have that of their
     neighbours, and so have those around the charts: pixels between texels are then right.
     """
     width, height = patches.size_px
     used = np.flatnonzero(is_valid & (patches.places < width * height))
-    places = patches.places[used]
+    shifts = np.where(patches.sides == BACK, patches.back_shift[patches.surfaces], 0)
+    places = (patches.places + shifts)[used]
     counts = np.bincount(places, minlength=width * height).astype(np.float32)
     pixels = np.stack(
         [
@@ -30,24 +32,27 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
     ).astype(np.float32)
     pixels /= np.maximum(counts, 1.0)[:, None]
     known = (counts > 0.0).reshape(height, width)
-    return _spread(pixels.reshape(height, width, 3), known)
+    charts = np.zeros(width * height, dtype=np.bool_)
+    charts[(patches.places + shifts)[patches.places < width * height]] = True
+    return _spread(pixels.reshape(height, width, 3), known, charts.reshape(height, width))
 
 
-def _spread(pixels: Floats, known: NDArray[np.bool_]) -> Floats:
+def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.bool_]) -> Floats:
     """Pixels with those that are not known as means of their neighbours, step by step."""
     pixels, known = np.pad(pixels, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
+    in_chart = np.pad(charts, 1).ravel()
     width = known.shape[1]
     flat, is_known = pixels.reshape(-1, 3), known.ravel()
     around = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
     edge = np.ones_like(known)
     edge[1:-1, 1:-1] = False
     inner = ~edge.ravel()
-    for _ in range(_MOST_STEPS):
+    for step_index in range(_MOST_STEPS):
         near = np.zeros_like(is_known)
         rim = np.flatnonzero(is_known)
         for step in around:
             near[rim + step] = True
-        some = np.flatnonzero(near & ~is_known & inner)
+        some = np.flatnonzero(near & ~is_known & (inner if step_index < _AROUND_PX else in_chart))
         if not len(some):
             break
         neighbours = some[:, None] + around

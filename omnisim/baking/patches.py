@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from omnisim.baking.atlas import Atlas, corner_pixels
 from omnisim.baking.rasterisation import Samples, rasterise
-from omnisim.baking.solids import solid_triangles
 from omnisim.rays.caster import RayHits, Rays
 from omnisim.rays.ray_scene import RayScene
 
@@ -37,6 +36,7 @@ class Patches:
         corners_px: (m, 3, 2) of the triangles in the atlas.
         is_hollow: (m,) what sees the back of a triangle is outside, not in a solid.
         has_rect: (surfaces,).
+        back_shift: (surfaces,) texels from a front's place to its back's; 0: it has none.
         size_px: of the atlas.
     """
 
@@ -54,6 +54,7 @@ class Patches:
     corners_px: NDArray[np.float32]
     is_hollow: NDArray[np.bool_]
     has_rect: NDArray[np.bool_]
+    back_shift: NDArray[np.intp]
     size_px: tuple[int, int]
 
     @property
@@ -67,8 +68,14 @@ class Patches:
         return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
 
 
-def build_patches(rays: RayScene, atlas: Atlas) -> Patches:
-    """Patches of all static instances, in the order of their places, fronts first."""
+def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) -> Patches:
+    """Patches of all static instances, in the order of their places, fronts first.
+
+    Args:
+        rays: of the scene.
+        atlas: of its instances.
+        is_hollow: (m,) see `Patches`.
+    """
     geometry, scene = rays.caster.geometry, rays.scene
     width, height = atlas.size_px
     swapped = [bool(np.linalg.det(one.world_from_mesh[:3, :3]) < 0) for one in scene.instances]
@@ -95,8 +102,6 @@ def build_patches(rays: RayScene, atlas: Atlas) -> Patches:
     whole_m2 = np.add.reduceat(triangle_m2, geometry.first_of_surface[:-1])
     without = places >= width * height
     patch_m2[without] = whole_m2[surfaces[without]]
-    solid = solid_triangles(scene)
-    is_hollow = geometry.is_double_sided[geometry.surface_of_triangle] & ~solid
     has_back = is_hollow[samples.triangles[first]]
     backs = np.flatnonzero(has_back)
     both = np.concatenate((np.arange(len(places)), backs))
@@ -104,6 +109,7 @@ def build_patches(rays: RayScene, atlas: Atlas) -> Patches:
     of_place[FRONT, places] = np.arange(len(places))
     of_place[BACK, places[backs]] = len(places) + np.arange(len(backs))
     of_place[:, : width * height] = _spread_to_empty(of_place[:, : width * height], width)
+    from_front = atlas.back_rects_px[:, :2] - atlas.rects_px[:, :2]
     sizes = counts[both]
     starts = np.concatenate(([0], np.cumsum(sizes)))
     of_sample = np.repeat(first[both] - starts[:-1], sizes) + np.arange(starts[-1])
@@ -122,6 +128,7 @@ def build_patches(rays: RayScene, atlas: Atlas) -> Patches:
         corners_px,
         is_hollow,
         has_rect,
+        np.where(atlas.back_rects_px[:, 2] > 0, from_front[:, 1] * width + from_front[:, 0], 0),
         atlas.size_px,
     )
 

@@ -10,14 +10,20 @@ from scipy.sparse.csgraph import connected_components
 from omnisim.scene.model import Mesh, Scene
 
 
-def solid_triangles(scene: Scene) -> NDArray[np.bool_]:
-    """Triangles (m,) of all instances that belong to a closed part, in which no camera starts."""
+def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
+    """Triangles (m,) of all instances whose back is seen: double-sided, and not of a solid.
+
+    A solid is a closed part of a mesh in which no camera starts.
+    """
     parts = {one: _closed_parts(scene.meshes[one]) for one in {i.mesh for i in scene.instances}}
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
     found = [np.empty(0, np.bool_)]
     for instance in scene.instances:
         part_of, closed = parts[instance.mesh]
         mesh = scene.meshes[instance.mesh]
+        if not scene.materials[mesh.material].double_sided:
+            found.append(np.zeros(len(part_of), dtype=np.bool_))
+            continue
         corners = mesh.positions.astype(np.float64) @ instance.world_from_mesh[:3, :3].T
         corners = (corners + instance.world_from_mesh[:3, 3])[mesh.triangles]
         low, high = (np.full((len(closed), 3), sign * np.inf) for sign in (1, -1))
@@ -26,8 +32,17 @@ def solid_triangles(scene: Scene) -> NDArray[np.bool_]:
         holds = np.zeros(len(closed), dtype=np.bool_)
         for place in places:
             holds |= ((low < place) & (high > place)).all(axis=1)
-        found.append((closed & ~holds)[part_of])
+        found.append(~(closed & ~holds)[part_of])
     return np.concatenate(found)
+
+
+def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Instances (n,) of which some triangle (m,) is chosen."""
+    counts = [len(scene.meshes[instance.mesh].triangles) for instance in scene.instances]
+    ends = np.cumsum([0, *counts])
+    before = np.concatenate(([0], np.cumsum(is_chosen)))
+    some: NDArray[np.bool_] = before[ends[1:]] > before[ends[:-1]]
+    return some
 
 
 def _closed_parts(mesh: Mesh) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

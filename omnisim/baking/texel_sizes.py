@@ -39,9 +39,9 @@ def coarseness(scene: Scene) -> NDArray[np.float64]:
     return factors
 
 
-def automatic_texel_m(scene: Scene) -> float:
+def automatic_texel_m(scene: Scene, has_back: NDArray[np.bool_]) -> float:
     """Finest size with which the atlas is about `TEXEL_BUDGET` texels; of two digits."""
-    areas, factors = areas_m2(scene), coarseness(scene)
+    areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
     texels = _FILL * TEXEL_BUDGET
     texel_m = _FINEST_M
     for _ in range(20):  # the share of the largest depends on the size
@@ -54,9 +54,9 @@ def automatic_texel_m(scene: Scene) -> float:
     return float(f"{texel_m:.2g}")
 
 
-def texel_sizes_m(scene: Scene, texel_m: float) -> NDArray[np.float64]:
-    """Sizes (n,) of the instances' texels."""
-    return _limited(areas_m2(scene), coarseness(scene), texel_m)
+def texel_sizes_m(scene: Scene, texel_m: float, has_back: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Sizes (n,) of the instances' texels; those with a back have twice as many."""
+    return _limited(areas_m2(scene) * (1 + has_back), coarseness(scene), texel_m)
 
 
 def _limited(
