@@ -15,19 +15,19 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
+from omnisim.datasets.triangle_parts import columns_of, heights_in, is_flat, surface_points
 from omnisim.errors import PlanError
-from omnisim.scene.floor import floor_height_m
+from omnisim.scene.floor import HeightField
 from omnisim.scene.model import Scene
-from omnisim.scene.triangles import Triangles, triangles_within
+from omnisim.scene.triangles import triangles_within
 from omnisim.short_repr import short_repr
 
 MOST_CELLS = 1000  # to a side of the floor plan, around the scene's start
 CELLS_PER_RADIUS = 4.0
 # From a surface to the point on it that is known, and from both ends to the middles of their cells.
 MARGIN_CELLS = 2.0 / 3.0 + math.sqrt(2.0)
-LEAST_UP = 0.5  # cosine of the steepest floor's slope: 60°
+WINDOW_CELLS = 160, 320  # from the start to the sides of smaller floor plans that are tried first
 LARGE_CELLS = 16.0  # a triangle of the floor that reaches further is looked up cell by cell
-EDGE = 1e-9  # share of a triangle: a point on the edge of two is on one of them at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,49 +105,52 @@ def find_free_space(
     Raises:
         PlanError: there is no such place.
     """
-    cell_m = radius_m / CELLS_PER_RADIUS
-    low, high = (corner[:2] for corner in scene.bounds_m())
     start = np.array(scene.start.position_m[:2])
-    low = np.maximum(low, start - 0.5 * MOST_CELLS * cell_m) - cell_m
-    high = np.minimum(high, start + 0.5 * MOST_CELLS * cell_m) + cell_m
-    columns, rows = np.maximum(np.ceil((high - low) / cell_m).astype(int), 1)
+    grid = _Grid.of_scene(scene, radius_m / CELLS_PER_RADIUS)
     if floor_m is None:
         floor_m = _floor_at_start(scene)
-    triangles = triangles_within(scene, low, high)
-    grid = _Grid(low, cell_m, (int(rows), int(columns)))
-    floor = grid.floor(triangles, floor_m, step_m)
-    obstacles = grid.obstacles(triangles, floor, step_m, height_m)
-    clearance = scipy.ndimage.distance_transform_edt(~obstacles).astype(np.float32) * cell_m
-    free = np.isfinite(floor) & (clearance >= radius_m + MARGIN_CELLS * cell_m)
-    if from_start:
-        free = _region(free, grid.cells(start[None])[0])
-    if not free.any():
-        raise PlanError(
-            f"{scene.name}: no free floor at {floor_m:.3g} m for a radius of {radius_m:g} m and a "
-            f"height of {height_m:g} m: expected a smaller radius_m, or another floor_m"
-        )
-    return FreeSpace(low, cell_m, floor, clearance, free)
+    reach_m = radius_m + MARGIN_CELLS * grid.cell_m
+    windows = grid.windows(start) if from_start else ()
+    for window in (*windows, grid):
+        floor, clearance = window.floor_and_clearance(scene, floor_m, step_m, height_m)
+        free = np.isfinite(floor) & (clearance >= reach_m)
+        if from_start:
+            free = _region(free, window.cells(start[None])[0], or_largest=window is grid)
+        if window is not grid:  # what is beyond its edge is as near as the edge
+            edge_m = window.edge_distance_m()
+            clearance = np.minimum(clearance, edge_m)
+            if np.any(edge_m[free] <= reach_m):
+                continue
+        if free.any():
+            return FreeSpace(window.low_m, window.cell_m, floor, clearance, free)
+    raise PlanError(
+        f"{scene.name}: no free floor at {floor_m:.3g} m for a radius of {radius_m:g} m and a "
+        f"height of {height_m:g} m: expected a smaller radius_m, or another floor_m"
+    )
 
 
 def _floor_at_start(scene: Scene) -> float:
-    x, y, z = scene.start.position_m
-    below = floor_height_m(scene, (x, y), scene.bounds_m()[0][2])
-    found = [floor_height_m(scene, (x, y), near) for near in np.linspace(0.0, z, 16)]
-    heights = [height for height in (below, *found) if height is not None and height <= z]
-    return max(heights) if heights else float(scene.bounds_m()[0][2])
+    """Height of the highest surface below the scene's start; without any, that of its lowest."""
+    *start, z = scene.start.position_m
+    point = np.array(start)
+    heights = HeightField(scene, point, point).heights_m(point[None, None])
+    below = heights[np.isfinite(heights) & (heights <= z)]
+    return float(below.max(initial=scene.bounds_m()[0][2]))
 
 
-def _region(free: NDArray[np.bool_], start: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """The part of the free cells that the start is in, or else the largest."""
-    parts, count = scipy.ndimage.label(free)
-    if not count:
-        return free
+def _region(
+    free: NDArray[np.bool_], start: NDArray[np.intp], or_largest: bool
+) -> NDArray[np.bool_]:
+    """The part of the free cells that the start is in, or else the largest or none."""
+    parts, _ = scipy.ndimage.label(free)
     row, column = start
     inside = 0 <= row < free.shape[0] and 0 <= column < free.shape[1]
     own = int(parts[row, column]) if inside else 0
-    sizes = np.bincount(parts.ravel())
-    sizes[0] = 0
-    region: NDArray[np.bool_] = parts == (own or int(np.argmax(sizes)))
+    if not own and or_largest:
+        sizes = np.bincount(parts.ravel())
+        sizes[0] = 0
+        own = int(np.argmax(sizes))
+    region: NDArray[np.bool_] = (parts == own) & free
     return region
 
 
@@ -159,20 +162,65 @@ class _Grid:
     cell_m: float
     shape: tuple[int, int]
 
+    @classmethod
+    def of_scene(cls, scene: Scene, cell_m: float) -> _Grid:
+        """Cells of a scene, as far as they are near its start."""
+        low, high = (corner[:2] for corner in scene.bounds_m())
+        start = np.array(scene.start.position_m[:2])
+        low = np.maximum(low, start - 0.5 * MOST_CELLS * cell_m) - cell_m
+        high = np.minimum(high, start + 0.5 * MOST_CELLS * cell_m) + cell_m
+        columns, rows = np.maximum(np.ceil((high - low) / cell_m).astype(int), 1)
+        return cls(low, cell_m, (int(rows), int(columns)))
+
+    @property
+    def high_m(self) -> NDArray[np.float64]:
+        """The other corner (2,)."""
+        return self.low_m + self.cell_m * np.array(self.shape[::-1])
+
+    def windows(self, point_m: NDArray[np.float64]) -> Iterator[_Grid]:
+        """Smaller grids of the same cells around a point (2,), the smallest first."""
+        row_column = self.cells(point_m[None])[0]
+        for half in WINDOW_CELLS:
+            first = np.clip(row_column - half, 0, self.shape)
+            last = np.clip(row_column + half, 0, self.shape)
+            rows, columns = (last - first).tolist()
+            if 0 < 2 * rows * columns < math.prod(self.shape):  # or else it is not worth it
+                low_m = self.low_m + self.cell_m * first[::-1]
+                yield _Grid(low_m, self.cell_m, (rows, columns))
+
+    def edge_distance_m(self) -> NDArray[np.float32]:
+        """Distances (rows, columns) of the cells' middles to the nearest edge."""
+        along = [np.minimum(np.arange(count), np.arange(count)[::-1]) for count in self.shape]
+        distances = np.minimum(along[0][:, None], along[1]) + np.float32(0.5)
+        return (distances * np.float32(self.cell_m)).astype(np.float32)
+
+    def floor_and_clearance(
+        self, scene: Scene, floor_m: float, step_m: float, height_m: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Heights of the floor, and distances to the nearest obstacle; see `FreeSpace`."""
+        triangles = triangles_within(scene, self.low_m, self.high_m)
+        reach_m = max(step_m, 0.5 * self.cell_m)
+        off_m = np.abs(triangles.corners_m[..., 2] - floor_m)
+        walked = is_flat(triangles.corners_m) & triangles.seen_from_above
+        floor = self._floor(
+            triangles.corners_m[walked & (off_m.min(axis=1) <= reach_m)], floor_m, reach_m
+        )
+        # what is all floor is no obstacle
+        others = triangles.corners_m[~(walked & (off_m.max(axis=1) <= reach_m))]
+        obstacles = self._obstacles(others, floor, step_m, height_m)
+        clearance = scipy.ndimage.distance_transform_edt(~obstacles).astype(np.float32)
+        return floor, clearance * np.float32(self.cell_m)
+
     def cells(self, points_m: NDArray[np.float64]) -> NDArray[np.intp]:
         """Rows and columns (n, 2) of points (n, 2 or 3)."""
         columns_rows = np.floor((points_m[:, :2] - self.low_m) / self.cell_m).astype(np.intp)
         return columns_rows[:, ::-1]
 
-    def floor(self, triangles: Triangles, floor_m: float, step_m: float) -> NDArray[np.float32]:
+    def _floor(
+        self, corners: NDArray[np.float64], floor_m: float, reach_m: float
+    ) -> NDArray[np.float32]:
         """Heights of the floor at the cells' middles: the highest surface seen from above that a
         step leads to from the given height. A plate on the ground is the floor, a table is not."""
-        corners = triangles[triangles.seen_from_above].corners_m
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        flat = np.abs(normals[:, 2]) > LEAST_UP * np.linalg.norm(normals, axis=1)
-        reach_m = max(step_m, 0.5 * self.cell_m)
-        near = np.abs(corners[..., 2] - floor_m).min(axis=1) <= reach_m
-        corners = corners[flat & near]
         heights = np.full(self.shape, np.nan, dtype=np.float32)
         large = np.ptp(corners[..., :2], axis=1).max(axis=1) > LARGE_CELLS * self.cell_m
         for corner in corners[large]:
@@ -185,18 +233,16 @@ class _Grid:
             np.fmax(part, z, out=part, casting="same_kind")
         for points in surface_points(corners[~large], self.cell_m):
             points = points[np.abs(points[:, 2] - floor_m) <= reach_m]
-            rows, columns, points = self._inside(points)
-            np.fmax.at(heights, (rows, columns), points[:, 2].astype(np.float32))
+            numbers, rows, columns = self._inside(points)
+            np.fmax.at(heights, (rows, columns), points[numbers, 2].astype(np.float32))
         return heights
 
-    def _inside(
-        self, points_m: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-        """Rows and columns (k,) of the points (n, 3) on the floor plan, and these points."""
+    def _inside(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.intp], ...]:
+        """Numbers (k,) of the points (n, 2 or 3) on the floor plan, and their rows and columns."""
         cells = self.cells(points_m)
-        is_inside = np.all((cells >= 0) & (cells < self.shape), axis=1)
-        rows, columns = cells[is_inside].T
-        return rows, columns, points_m[is_inside]
+        numbers = np.flatnonzero(np.all((cells >= 0) & (cells < self.shape), axis=1))
+        rows, columns = cells[numbers].T
+        return numbers, rows, columns
 
     def _cells_below(self, corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
         """First and last cell, exclusive, below some points (n, 3)."""
@@ -204,8 +250,12 @@ class _Grid:
         found: NDArray[np.intp] = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
         return np.clip(found, 0, self.shape)
 
-    def obstacles(
-        self, triangles: Triangles, floor: NDArray[np.float32], step_m: float, height_m: float
+    def _obstacles(
+        self,
+        corners: NDArray[np.float64],
+        floor: NDArray[np.float32],
+        step_m: float,
+        height_m: float,
     ) -> NDArray[np.bool_]:
         """Cells with a surface between a step and a height above the floor there."""
         found = np.zeros(self.shape, dtype=bool)
@@ -213,49 +263,20 @@ class _Grid:
             return found
         lowest, highest = float(np.nanmin(floor)), float(np.nanmax(floor))
         filled = np.where(np.isfinite(floor), floor, lowest)
-        band = (lowest + step_m, highest + height_m)
-        for points in surface_points(triangles.corners_m, self.cell_m, band):
-            rows, columns, points = self._inside(points)
-            above = points[:, 2] - filled[rows, columns]
-            inside = (above > step_m) & (above < height_m)
-            found[rows[inside], columns[inside]] = True
+        low_m = np.array((*self.low_m, lowest + step_m))
+        high_m = np.array((*self.high_m, highest + height_m))
+        flat = is_flat(corners)
+        for own, counts in ((corners[flat], "middle"), (corners[~flat], "all")):
+            for pieces in columns_of(own, self.cell_m, low_m, high_m):
+                middles, z = pieces.mean(axis=1), pieces[..., 2]
+                numbers, rows, columns = self._inside(middles)
+                # a slope that can be walked on counts at its middle, as the floor does
+                low, high = (
+                    (middles[numbers, 2],) * 2
+                    if counts == "middle"
+                    else (z.min(axis=1)[numbers], z.max(axis=1)[numbers])
+                )
+                below = filled[rows, columns]
+                inside = (high > below + step_m) & (low < below + height_m)
+                found[rows[inside], columns[inside]] = True
         return found
-
-
-def heights_in(
-    corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Heights (...,) of a triangle (3, 3) above points (..., 2); NaN beside it."""
-    a, b, c = corners_m
-    matrix = np.column_stack((a[:2] - c[:2], b[:2] - c[:2]))
-    first, second = np.moveaxis((points_m - c[:2]) @ np.linalg.inv(matrix).T, -1, 0)
-    third = 1.0 - first - second
-    inside = np.minimum(np.minimum(first, second), third) >= -EDGE
-    return np.where(inside, first * a[2] + second * b[2] + third * c[2], np.nan)
-
-
-def surface_points(
-    corners_m: NDArray[np.float64],
-    spacing_m: float,
-    band_m: tuple[float, float] = (-np.inf, np.inf),
-) -> Iterator[NDArray[np.float64]]:
-    """Points (n, 3) on triangles (m, 3, 3) between two heights, in parts.
-
-    Triangles are halved across their longest edge until that is short: each point of them is within
-    the spacing of a point that is found.
-    """
-    while len(corners_m):
-        z = corners_m[..., 2]
-        corners_m = corners_m[(z.max(axis=1) >= band_m[0]) & (z.min(axis=1) <= band_m[1])]
-        edges = np.roll(corners_m, -1, axis=1) - corners_m
-        squares = np.einsum("nij,nij->ni", edges, edges)
-        longest = squares.argmax(axis=1)
-        rows = np.arange(len(corners_m))
-        is_short = squares[rows, longest] <= spacing_m**2
-        yield corners_m[is_short].mean(axis=1)
-        rows, longest = rows[~is_short], longest[~is_short]
-        first, second = corners_m[rows, longest], corners_m[rows, (longest + 1) % 3]
-        third, middle = corners_m[rows, (longest + 2) % 3], 0.5 * (first + second)
-        corners_m = np.concatenate(
-            (np.stack((first, middle, third), axis=1), np.stack((middle, second, third), axis=1))
-        )

@@ -96,7 +96,8 @@ def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
     read = {"file": scene.name, "sky": sky}
-    return under_sky(scene, parse_table(read, SceneFile, PlanError, f"{plan}: vary"), plan)
+    settings = parse_table(read, SceneFile, PlanError, f"{plan}: vary")
+    return under_sky(scene, settings, f"{plan}: vary", plan.parent)
 
 
 def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:

@@ -1,14 +1,19 @@
 """Free floors, against distances that trimesh measures."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from omnisim.datasets import free_space
 from omnisim.datasets.distributions import Stream
-from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_points
+from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space
+from omnisim.datasets.triangle_parts import surface_points
 from omnisim.errors import PlanError
 from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import StartPose
 from omnisim.scene.triangles import triangles_within
 from tests.slow import slow_but
 
@@ -80,6 +85,25 @@ def test_what_a_wall_parts_from_the_start_is_left_out():
     sides = np.array([[-1.0, 0.0], [1.3, 0.0]])
     assert [both.is_free_at(side) for side in sides] == [True, True]
     assert [free.is_free_at(side) for side in sides] == [bool(start[0] < 0.5), bool(start[0] > 0.5)]
+
+
+def test_a_window_has_what_the_whole_floor_plan_has(monkeypatch):
+    """A pen on a floor: a window that is too small, and one that is large enough."""
+    walls = [((0.1, 1.8, 1.0), (0.9, 0.0, 0.5)), ((0.1, 1.8, 1.0), (-0.9, 0.0, 0.5))]
+    walls += [(size[1::-1] + (1.0,), (y, x, z)) for size, (x, y, z) in walls]
+    scene = dataclasses.replace(_room(*walls), start=StartPose((0.1, 0.2, 0.5)))
+    found = []
+    for halves in ((), (15, 34), (34,)):
+        monkeypatch.setattr(free_space, "WINDOW_CELLS", halves)
+        found.append(find_free_space(scene, 0.15, HEIGHT_M, STEP_M, floor_m=0.0))
+    whole, *windows = found
+    for one in windows:
+        assert one.is_free.shape != whole.is_free.shape
+        places = [free.low_m + free.cell_m * free.places()[:, ::-1] for free in (whole, one)]
+        np.testing.assert_allclose(places[1], places[0], atol=1e-12)
+        for cell, same in zip(one.places(), whole.places(), strict=True):
+            assert one.floor_m[tuple(cell)] == whole.floor_m[tuple(same)]
+            assert one.clearance_m[tuple(cell)] <= whole.clearance_m[tuple(same)]
 
 
 def test_no_floor_is_one_line():
