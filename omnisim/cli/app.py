@@ -268,7 +268,7 @@ def check_robot(request: CheckRequest) -> None:
 
 @command(robot_app, ImportRequest, "import")
 def import_robot(request: ImportRequest) -> None:
-    """Convert a robot of USARSim's configuration, or a model of Gazebo, to a robot file."""
+    """Convert a robot of USARSim, Gazebo, URDF or MuJoCo to a robot file."""
     from omnisim.cli.robot import import_robot
 
     import_robot(request)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 from omnisim.cli.console import print_note
@@ -14,6 +15,7 @@ from omnisim.robot import Robot, load_robot
 from omnisim.robot.sensor_names import FOLDER_NAME, folder_name
 from omnisim.simulation.contacts import NO_SIZE, check_no_contact
 from omnisim.simulation.drive import PlannedDrive, drive_together, plan_together
+from omnisim.simulation.robot_models.importers import SUFFIXES, load_model
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -22,8 +24,7 @@ MOST_CONTACTS = 5  # notes; the manifest has all
 
 def run(request: DriveRequest) -> None:
     """Record a run of each robot, or resume an unfinished one, and print a summary."""
-    robots = _load_robots(request)
-    vehicles = {name: Vehicle.from_robot(robot) for name, robot in robots.items()}
+    robots, vehicles = _load_robots(request)
     _check_cameras(request, vehicles)
     routes = [_route(request, path) for path in request.paths]
     first = drive_of(request, next(iter(vehicles.values())), routes[0])
@@ -47,8 +48,8 @@ def run(request: DriveRequest) -> None:
         record(plan, request.output / name, request.force)
 
 
-def _load_robots(request: DriveRequest) -> dict[str, Robot]:
-    """Robots by name, which is also that of their folder."""
+def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
+    """Robots and their vehicles by name, which is also that of their folder."""
     if request.physics is not None:
         require_extra("mujoco", "--physics", RunError)
     if len(request.paths) != len(request.robots):
@@ -57,16 +58,30 @@ def _load_robots(request: DriveRequest) -> dict[str, Robot]:
             f"{len(request.paths)}"
         )
     robots: dict[str, Robot] = {}
+    vehicles: dict[str, Vehicle] = {}
     for text in request.robots:
         given, equals, source = text.rpartition("=")
-        robot = load_robot(source)
+        robot, vehicle = _load_robot(source, request.resources or ())
         name = given if equals else folder_name(robot.name)
         if not FOLDER_NAME.fullmatch(name):
             raise RunError(f"--robot {text!r}: expected a name of letters, digits and _ before =")
         if name in robots:
             raise RunError(f"--robot {text!r}: a second {name}: expected NAME={source}")
-        robots[name] = robot
-    return robots
+        robots[name], vehicles[name] = robot, vehicle
+    return robots, vehicles
+
+
+def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]:
+    """Robot of a robot file, or of a simulator's model."""
+    if Path(source).suffix.lower() not in SUFFIXES:
+        robot = load_robot(source)
+        return robot, Vehicle.from_robot(robot)
+    loaded = load_model(Path(source), resources)
+    for notice in loaded.notices:
+        print_note(f"{source}: {notice}")
+    for notice in () if loaded.vehicle.body is None else loaded.vehicle.body.notices:
+        print_note(notice)
+    return loaded.robot, loaded.vehicle
 
 
 def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:

@@ -19,8 +19,9 @@ from omnisim.robot import (
     read_robot,
     usarsim,
 )
-from omnisim.simulation import Vehicle, gazebo
+from omnisim.simulation import Vehicle
 from omnisim.simulation.body_boxes import BodyBoxes
+from omnisim.simulation.robot_models.importers import SUFFIXES, import_model
 from omnisim.simulation.sensors import MountedCamera, MountedSensor
 
 
@@ -51,16 +52,16 @@ def check_robot(request: CheckRequest) -> None:
 
 
 def import_robot(request: ImportRequest) -> None:
-    """Convert a robot of USARSim's or Gazebo's, and list what is in it and what is not."""
+    """Convert a robot of USARSim or of a simulator's model, and list what is in it and what not."""
     output = request.output
     if output.suffix.lower() != ".toml":
         raise OutputError(f"--output: expected a .toml file, got {output}")
     check_target(output)
-    if request.configuration.suffix.lower() in gazebo.SUFFIXES:
+    if request.configuration.suffix.lower() in SUFFIXES:
         _import_model(request)
         return
     if request.resources:
-        raise OutputError("--resources: expected with a model of Gazebo's only")
+        raise OutputError("--resources: expected with a model of Gazebo's, URDF's or MuJoCo's only")
     imported = usarsim.import_robot(
         request.configuration,
         request.robot_class,
@@ -81,7 +82,7 @@ def import_robot(request: ImportRequest) -> None:
 
 
 def _import_model(request: ImportRequest) -> None:
-    """Convert a model of Gazebo's; its cameras get a sensor file each."""
+    """Convert a model of a simulator; its cameras get a sensor file each."""
     output = request.output
     for option, value in (
         ("--unreal-units", request.unreal_units),
@@ -89,7 +90,7 @@ def _import_model(request: ImportRequest) -> None:
     ):
         if value:
             raise OutputError(f"{option}: expected with a configuration of USARSim's only")
-    imported = gazebo.import_model(
+    imported = import_model(
         request.configuration, output, request.robot_class, request.resources or ()
     )
     for name, text in imported.sensor_files.items():
@@ -97,7 +98,8 @@ def _import_model(request: ImportRequest) -> None:
     robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
     vehicle = Vehicle.from_robot(robot)
     write_text(output, imported.text)
-    for notice in imported.notices:
+    drawn = () if vehicle.body is None else vehicle.body.notices
+    for notice in dict.fromkeys((*imported.notices, *drawn)):
         print_note(notice)
     sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
     out.print(f"{output}: {robot.name}, {sensors or 'no sensors'}", markup=False)

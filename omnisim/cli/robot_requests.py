@@ -32,7 +32,7 @@ class ImportRequest:
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A configuration of USARSim (USARBot.ini), or a model of Gazebo (.sdf).",
+            help="Configuration of USARSim (USARBot.ini), or a model: .sdf .urdf .xml.",
         ),
     ]
     output: Annotated[

@@ -57,8 +57,8 @@ class DriveRequest:
             "--robot",
             metavar="NAME|FILE",
             autocompletion=complete_robot,
-            help="Robot file, or name of a built-in robot. Several, each with its --path, drive "
-            "together: NAME=FILE gives each a folder of its own.",
+            help="Robot file, built-in name, or model: .sdf .urdf .xml. Several, each with its "
+            "--path, drive together: NAME=FILE gives each a folder of its own.",
         ),
     ]
     paths: Annotated[

@@ -32,6 +32,23 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
     Raises:
         SceneError: MuJoCo cannot read it.
     """
+    model, data, warnings = load_model(path)
+    try:
+        read = ModelReader(model, data, VISIBLE_GROUPS).read()
+    except UnicodeDecodeError as reason:
+        raise SceneError(f"expected names in UTF-8, got {bytes(reason.object)!r:.40}") from None
+    notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
+    lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
+    start = find_viewpoint(model, data, world_from_file)
+    return read._replace(notices=notices, lighting=lighting, start=start)
+
+
+def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
+    """Model of a file and its data, in its first keyframe or else initially, and its warnings.
+
+    Raises:
+        SceneError: MuJoCo cannot read it.
+    """
     with _warnings() as warnings:
         try:
             model = mujoco.MjModel.from_xml_path(str(path))
@@ -41,14 +58,7 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
         update_poses(model, data)
-    try:
-        read = ModelReader(model, data, VISIBLE_GROUPS).read()
-    except UnicodeDecodeError as reason:
-        raise SceneError(f"expected names in UTF-8, got {bytes(reason.object)!r:.40}") from None
-    notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
-    lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
-    start = find_viewpoint(model, data, world_from_file)
-    return read._replace(notices=notices, lighting=lighting, start=start)
+    return model, data, warnings
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,30 +16,13 @@ from omnisim.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.scene.sdf.element import SdfElement
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.depth_camera import MAX_RANGE_M
+from omnisim.simulation.robot_models.imported_model import ImportedSensor
 from omnisim.simulation.sensor_toml import sensor_toml
 
 _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
 _DEPTH = ("depth", "depth_camera")
 _RGBD = ("rgbd", "rgbd_camera")
 _LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
-
-
-class ImportedSensor(NamedTuple):
-    """Table of `[[sensors]]`.
-
-    Attributes:
-        name: its own in the model.
-        pose: (4, 4) base_from_sensor.
-        values: keys beside name and pose.
-        sensor_file: text of the camera's sensor file; empty: it has none.
-        notices: one line for each thing that is left out.
-    """
-
-    name: str
-    pose: NDArray[np.float64]
-    values: dict[str, Any]
-    sensor_file: str = ""
-    notices: tuple[str, ...] = ()
 
 
 def read_sensors(

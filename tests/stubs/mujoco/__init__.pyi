@@ -71,6 +71,10 @@ class mjtProjection(IntEnum):
 class mjtJoint(IntEnum):
     mjJNT_HINGE = 3
 
+class mjtSensor(IntEnum):
+    mjSENS_ACCELEROMETER = 1
+    mjSENS_GYRO = 3
+
 class mjtIntegrator(IntEnum):
     mjINT_IMPLICITFAST = 3
 
@@ -149,6 +153,18 @@ class MjModel:
     body_rootid: Ints
     body_weldid: Ints
     body_mocapid: Ints
+    body_dofnum: Ints
+    body_geomadr: Ints
+    body_geomnum: Ints
+    body_subtreemass: Floats
+    njnt: int
+    jnt_type: Ints
+    jnt_bodyid: Ints
+    jnt_limited: Bools
+    nsensor: int
+    sensor_type: Ints
+    sensor_objid: Ints
+    geom_aabb: Floats
     geom_type: Ints
     geom_bodyid: Ints
     geom_dataid: Ints
@@ -335,6 +351,8 @@ class MjData:
     cam_xmat: Floats
     flexvert_xpos: Floats
     light_xpos: Floats
+    xaxis: Floats
+    subtree_com: Floats
     light_xdir: Floats
 
 def mj_id2name(m: MjModel, type: int, id: int) -> str | None: ...
