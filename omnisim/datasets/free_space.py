@@ -200,13 +200,13 @@ class _Grid:
         """Heights of the floor, and distances to the nearest obstacle; see `FreeSpace`."""
         triangles = triangles_within(scene, self.low_m, self.high_m)
         reach_m = max(step_m, 0.5 * self.cell_m)
-        off_m = np.abs(triangles.corners_m[..., 2] - floor_m)
+        from_floor_m = np.abs(triangles.corners_m[..., 2] - floor_m)
         walked = is_flat(triangles.corners_m) & triangles.seen_from_above
         floor = self._floor(
-            triangles.corners_m[walked & (off_m.min(axis=1) <= reach_m)], floor_m, reach_m
+            triangles.corners_m[walked & (from_floor_m.min(axis=1) <= reach_m)], floor_m, reach_m
         )
         # what is all floor is no obstacle
-        others = triangles.corners_m[~(walked & (off_m.max(axis=1) <= reach_m))]
+        others = triangles.corners_m[~(walked & (from_floor_m.max(axis=1) <= reach_m))]
         obstacles = self._obstacles(others, floor, step_m, height_m)
         clearance = scipy.ndimage.distance_transform_edt(~obstacles).astype(np.float32)
         return floor, clearance * np.float32(self.cell_m)
