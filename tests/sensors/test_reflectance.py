@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import omnisim
+from omnisim.cameras import EquirectangularCamera, pixel_grid
+from omnisim.cube import face_index
 from omnisim.scene.environment import Environment, map_directions
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture
 from omnisim.sensors import OmniCamera
 from omnisim.validation import material_chart
-from tests.scenes import scene_of, square
+from tests.scenes import next_to_another_face, scene_of, square
 
 pytest.importorskip("embreex")
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -123,6 +125,33 @@ def test_a_glossy_floor_has_no_edges_of_the_cube(double_sided):
     difference = _difference(scene, OmniCamera().resized(240))
     assert difference.mean() < 0.6
     assert np.percentile(difference, 98) <= 6
+
+
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
+    """The view is the ray's, not the axis of its face: beside an edge between two faces a picture
+    differs from one of rays, which has no faces, by no more than elsewhere."""
+    sphere = dataclasses.replace(material_chart.sphere(1.0), name="bowl")
+    glossy = Material(
+        base_color=(0.8, 0.6, 0.5, 1.0), metallic=metallic, roughness=0.25, specular=1.0,
+        double_sided=True,
+    )  # fmt: skip
+    # the inside of a bowl around the camera, below and above which all edges of the cube are
+    scene = scene_of([sphere], [glossy], lighting=LIGHTINGS["sky"])
+    lens = EquirectangularCamera(256, 128)
+    camera = OmniCamera(lens, polygons=None, supersampling=2)
+    pose = omnisim.pose((0.3, -0.2, 0.1), roll_deg=20.0, pitch_deg=-10.0, yaw_deg=15.0)
+    pictures = []
+    for backend in ("cube", "rays"):
+        with omnisim.Renderer(scene, camera, backend=backend) as renderer:
+            pictures.append(renderer.render(pose, linear=True).linear)
+    apart = np.abs(pictures[0] - pictures[1]).max(axis=-1)
+    rays = lens.ray_from_pixel(pixel_grid(256, 128)).directions @ lens.rig_from_optical.T
+    edge = next_to_another_face(face_index(rays))
+    assert edge.mean() > 0.03
+    assert apart.mean() < 2e-3
+    assert apart[edge].mean() < 1.5 * apart[~edge].mean() + 1e-4
+    assert np.percentile(apart[edge], 99) < 5e-3  # half a step of 8 bits, of mid-grey
 
 
 def test_the_back_of_a_sheet_has_the_front_s_bumps_as_dents():

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames
-from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera, Renderer
+from omnisim.scene import load_scene
+from omnisim.sensors import Renderer
 from omnisim.srgb import srgb_from_linear
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
-from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides, trace_lit_mirror
+from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.traced_mirror import inside_mirror, small_mirror, traced_in_mirror
 
 FOLDER = Path(__file__).parents[1] / "lit"
 SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
 SIZE_PX, QUICK_SIZE_PX = 160, 128
 SAMPLES, QUICK_SAMPLES = 144, 36  # squares, as its sampler wants
 BOUND_DB = 34.0
-# Of the paper's mirror, so that its own shadow, which our camera has none of, is a few pixels wide.
-_MIRROR_SCALE = 0.25
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -38,10 +34,10 @@ def check(fixture: Fixture, title: str) -> Section:
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     for name in QUICK_SCENES if fixture.is_quick else SCENES:
         scene = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
-        sensor = _small_mirror(size_px)
+        sensor = small_mirror(size_px)
         pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-        traced = _traced(scene, sensor, pose, samples)
-        inside = _inside(mirror_camera(sensor))
+        traced = traced_in_mirror(scene, sensor, pose, samples)
+        inside = inside_mirror(mirror_camera(sensor))
         with Renderer(scene, sensor, device=fixture.device) as renderer:
             ours = linear_picture(renderer.render(pose, linear=True))
         found_db = psnr_db(traced, ours, inside)
@@ -66,29 +62,6 @@ def check(fixture: Fixture, title: str) -> Section:
             ),
         ),
     )
-
-
-def _small_mirror(size_px: int) -> OmniCamera:
-    sensor = OmniCamera().with_polygons(None).resized(size_px)
-    camera = mirror_camera(sensor)
-    scale = _MIRROR_SCALE * camera.mirror.meters_per_unit
-    mirror = dataclasses.replace(camera.mirror, meters_per_unit=scale)
-    return dataclasses.replace(sensor, model=dataclasses.replace(camera, mirror=mirror))
-
-
-def _traced(
-    scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples: int
-) -> NDArray[np.float32]:
-    world_from_optical = pose @ sensor.base_from_rig
-    world_from_optical[:3, :3] = world_from_optical[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
-    return trace_lit_mirror(scene, mirror_camera(sensor), world_from_optical, samples)
-
-
-def _inside(camera: HyperbolicCamera) -> NDArray[np.bool_]:
-    """Mask (height, width) of the pixels that see nothing but the mirror."""
-    off_axis = pixel_grid(camera.width_px, camera.height_px) - camera.principal_point_px
-    inside: NDArray[np.bool_] = np.linalg.norm(off_axis, axis=-1) < camera.rim_radius_px - 2.0
-    return inside
 
 
 def _shown(

@@ -1,7 +1,7 @@
 """Direct light with shadows in a mirror, traced by Mitsuba 3.
 
-Surfaces are diffuse on both sides; the lamps are Mitsuba's own. Light that bounces is left out, but
-for the one reflection of the mirror: paths have three parts.
+Surfaces are diffuse on both sides, or of glTF's materials without maps; lamps are Mitsuba's own.
+Light that bounces is left out, but for the one reflection of the mirror: paths have three parts.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from omnisim.errors import SceneError
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, LightKind
+from omnisim.validation.oracles.mitsuba_materials import principled, sky
 from omnisim.validation.oracles.mitsuba_scene import (
     VERTEX_COLOR,
     bitmap,
@@ -63,7 +64,8 @@ def trace_lit_mirror(
     """Trace the picture (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
 
     Args:
-        scene: of `matte_on_both_sides`, without ambient light, on black.
+        scene: of `matte_on_both_sides`, or of materials of `principled`, without ambient light, on
+            black or under an environment map.
         camera, world_from_optical, samples, seed: see `trace_mirror`.
 
     Raises:
@@ -83,7 +85,9 @@ def trace_lit_mirror(
             level = scene.lighting.exposure
             content[f"lamp {number}"] = _lamp(light, level, pose[:3, 3], units_per_m)
         for number, instance in enumerate(scene.instances):
-            content[f"surface {number}"] = _diffuse(scene, instance, pose[:3, 3], units_per_m)
+            content[f"surface {number}"] = _surface(scene, instance, pose[:3, 3], units_per_m)
+        if scene.lighting.environment is not None:
+            content["sky"] = sky(scene.lighting.environment)
         picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
         return np.array(picture, dtype=np.float32)[..., :3]
 
@@ -103,7 +107,7 @@ def _lamp(
     return {"type": "point", "position": position, "intensity": color}
 
 
-def _diffuse(
+def _surface(
     scene: Scene, instance: Instance, viewpoint_m: NDArray[np.float64], units_per_m: float
 ) -> mi.Mesh:
     mesh = scene.meshes[instance.mesh]
@@ -123,7 +127,9 @@ def _diffuse(
     if mesh.normals is not None:
         normals = mesh.normals @ np.linalg.inv(linear)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
-    bsdf = {"type": "twosided", "nested": {"type": "diffuse", "reflectance": reflectance}}
+    is_matte = scene.lighting.is_matte or material.is_matte
+    nested = {"type": "diffuse", "reflectance": reflectance} if is_matte else principled(material)
+    bsdf = {"type": "twosided", "nested": nested}
     return mesh_of(
         positions_m * units_per_m,
         triangles,

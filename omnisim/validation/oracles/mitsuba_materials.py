@@ -59,13 +59,7 @@ def _content(
             "type": "sphere",
             "center": centre_m.tolist(),
             "radius": radius_m,
-            "bsdf": {
-                "type": "principled",
-                "base_color": rgb(material.base_color[:3]),
-                "metallic": material.metallic,
-                "roughness": material.roughness,
-                "eta": material.ior,
-            },
+            "bsdf": principled(material),
         },
     }
     for number, light in enumerate(lighting.lights):
@@ -73,7 +67,7 @@ def _content(
     if any(lighting.ambient):
         content["even light"] = {"type": "constant", "radiance": rgb(lighting.ambient)}
     if lighting.environment is not None:
-        content["sky"] = _sky(lighting.environment)
+        content["sky"] = sky(lighting.environment)
     return content
 
 
@@ -87,7 +81,18 @@ def _lamp(light: Light, exposure: float) -> dict[str, Any]:
     }
 
 
-def _sky(environment: Environment) -> dict[str, Any]:
+def principled(material: Material) -> dict[str, Any]:
+    """Mitsuba's BSDF of a metal or a dielectric without maps."""
+    return {
+        "type": "principled",
+        "base_color": rgb(material.base_color[:3]),
+        "metallic": material.metallic,
+        "roughness": material.roughness,
+        "eta": material.ior,
+    }
+
+
+def sky(environment: Environment) -> dict[str, Any]:
     """The map; Mitsuba's has its up along y, and its middle along +z."""
     pixels = np.ascontiguousarray(environment.radiance)
     world_from_sky = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
