@@ -33,7 +33,17 @@ LAYERS = (
     {"image_files", "trajectories"},
     {"world"},
     {"poses"},
-    {"atomic_file", "frames", "cube", "srgb", "bilinear", "resources", "toml_file", "file_keys"},
+    {
+        "atomic_file",
+        "frames",
+        "cube",
+        "srgb",
+        "bilinear",
+        "resources",
+        "toml_file",
+        "file_keys",
+        "npz_file",
+    },
     {"parameters", "extras"},
     {"errors", "short_repr", "version"},
 )

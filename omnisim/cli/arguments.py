@@ -193,6 +193,15 @@ SkyOption = Annotated[
         show_default="the scene's",
     ),
 ]
+BakedOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--baked",
+        metavar="DIR|none",
+        help="Folder of the scene's baked light, as `omnisim bake` writes it; none: lamps and sky.",
+        show_default="as the scene's TOML has it, else none",
+    ),
+]
 UpOption = Annotated[
     str | None,
     typer.Option(

@@ -10,6 +10,7 @@ from omnisim.cli.bake_requests import BakeRequest
 from omnisim.cli.console import out, print_note, track
 from omnisim.extras import require_extra
 from omnisim.scene import load_scene
+from omnisim.scene.load import NO_BAKED_LIGHT
 from omnisim.scene.source import resolve_source
 
 
@@ -26,7 +27,11 @@ def run(request: BakeRequest) -> None:
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
     scene = load_scene(
-        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+        request.scene,
+        request.up_axis,
+        request.meters_per_unit,
+        request.resources or (),
+        baked=NO_BAKED_LIGHT,
     )
     for notice in scene.notices:
         print_note(notice)

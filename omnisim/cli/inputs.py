@@ -170,7 +170,7 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
     is_labelled = request.boxes_3d or not LABELLED.isdisjoint(channels)
     if request.labels is not None and not is_labelled:
         raise OutputError("--labels: requires --also semantic")
-    scene = load_requested_scene(request, request.sky)
+    scene = load_requested_scene(request, request.sky, request.baked)
     if request.no_shadows:
         scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     if request.labels is not None:
@@ -181,15 +181,26 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
 
 
 def load_requested_scene(
-    request: RenderRequest | ScanRequest | DriveRequest, sky: str | None = None
+    request: RenderRequest | ScanRequest | DriveRequest,
+    sky: str | None = None,
+    baked: Path | None = None,
 ) -> Scene:
     """Load a scene in the axes and the unit of the options; print its notices.
+
+    Args:
+        request: names the scene.
+        sky, baked: see `load_scene`.
 
     Raises:
         SceneError: it cannot be read.
     """
     scene = load_scene(
-        request.scene, request.up_axis, request.meters_per_unit, request.resources or (), sky=sky
+        request.scene,
+        request.up_axis,
+        request.meters_per_unit,
+        request.resources or (),
+        sky=sky,
+        baked=baked,
     )
     for notice in scene.notices:
         print_note(notice)

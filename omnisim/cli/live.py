@@ -24,7 +24,7 @@ SCENE, SIZE_PX = "soccer", 400
 RUN_REFUSES = {
     "--robot": "robot", "--sensor": "sensor", "--optics": "optics", "--camera": "camera",
     "--preset": "preset", "--size": "size_px", "--at": "at", "--yaw": "yaw_deg",
-    "--record": "record",
+    "--record": "record", "--baked": "baked",
 }  # fmt: skip
 ROBOT_REFUSES = {"--sensor": "sensor", "--optics": "optics", "--camera": "camera"}
 
@@ -38,7 +38,11 @@ def run(request: LiveRequest) -> None:
         _serve(LivePage(source, request.host, request.port), request)
         return
     scene = load_scene(
-        request.scene or SCENE, request.up_axis, request.meters_per_unit, request.resources or ()
+        request.scene or SCENE,
+        request.up_axis,
+        request.meters_per_unit,
+        request.resources or (),
+        baked=request.baked,
     )
     for notice in scene.notices:
         print_note(notice)
@@ -88,6 +92,8 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         scene_words += ["--up-axis", request.up_axis]
     if request.meters_per_unit is not None:
         scene_words += ["--meters-per-unit", repr(request.meters_per_unit)]
+    if request.baked is not None:
+        scene_words += ["--baked", str(request.baked)]
     for folder in request.resources or ():
         scene_words += ["--resources", str(folder)]
     if request.robot is not None:

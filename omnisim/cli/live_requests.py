@@ -8,6 +8,7 @@ import typer
 
 from omnisim.cli.arguments import (
     AtOption,
+    BakedOption,
     CalibrationOption,
     CameraNameOption,
     DeviceOption,
@@ -65,6 +66,7 @@ class LiveRequest:
     at: AtOption = None
     yaw_deg: YawOption = None
     time_s: TimeOption = 0.0
+    baked: BakedOption = None
     host: Annotated[
         str,
         typer.Option(

@@ -15,6 +15,7 @@ from omnisim.cli.arguments import (
     AxesOption,
     Backend,
     BackendOption,
+    BakedOption,
     Boxes3dOption,
     CalibrationOption,
     ChannelFormatOption,
@@ -89,6 +90,7 @@ class RenderRequest:
     unlit: UnlitOption = False
     no_shadows: NoShadowsOption = False
     sky: SkyOption = None
+    baked: BakedOption = None
     faces: Annotated[
         Path | None,
         typer.Option(

@@ -11,6 +11,7 @@ from omnisim.cli.arguments import (
     TRAJECTORY,
     AlsoOption,
     AxesOption,
+    BakedOption,
     Boxes3dOption,
     ChannelFormatOption,
     DeviceOption,
@@ -145,6 +146,7 @@ class DriveRequest:
     unlit: UnlitOption = False
     no_shadows: NoShadowsOption = False
     sky: SkyOption = None
+    baked: BakedOption = None
     also: AlsoOption = None
     channel_format: ChannelFormatOption = None
     boxes_3d: Boxes3dOption = False

@@ -120,7 +120,7 @@ def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
         kelvins = values["lamp_temperatures_k"]
         lamps = [_of_temperature(*pair) for pair in zip(lamps, kelvins, strict=True)]
     red, green, blue = (values["ambient_factor"] * one for one in lighting.ambient)
-    lit = dataclasses.replace(lighting, lights=tuple(lamps), ambient=(red, green, blue))
+    lit = dataclasses.replace(lighting, lights=tuple(lamps), ambient=(red, green, blue), baked=None)
     return dataclasses.replace(scene, lighting=lit)
 
 

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_write, check_suffix
 from omnisim.errors import LocalizationError
+from omnisim.npz_file import read_arrays
 from omnisim.parameters import Table, parse_table
 from omnisim.perception.color_model import ColorModel
 from omnisim.scene.model import ColorBand, Landmark
@@ -72,7 +70,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
     Raises:
         LocalizationError: no such file, or it is no model.
     """
-    stored = _read_arrays(path)
+    stored = read_arrays(path, LocalizationError, "model", _EXPECTED)
     try:
         if int(stored["format"]) != FORMAT:
             raise LocalizationError(
@@ -91,18 +89,6 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
         message = str(reason)
         raise LocalizationError(message if str(path) in message else f"{path}: {message}") from None
     return model, landmarks
-
-
-def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        quiet = warnings.catch_warnings(action="ignore")
-        with quiet, np.load(path, allow_pickle=False) as stored:
-            return dict(stored.items())
-    except OSError as reason:
-        words = reason.strerror or "not a model"
-        raise LocalizationError(f"{path}: cannot be read: {words}: {_EXPECTED}") from None
-    except Exception:  # NumPy and zipfile raise all kinds of a damaged file
-        raise LocalizationError(f"{path}: is no model: {_EXPECTED}") from None
 
 
 def _landmarks(content: object) -> tuple[Landmark, ...]:

@@ -25,6 +25,7 @@ class Surface(NamedTuple):
         material: of the mesh.
         is_textured: the mesh has texture coordinates.
         has_second_coordinates: it has second ones.
+        is_lightmapped: it has a rectangle of baked light.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Surface(NamedTuple):
     material: Material
     is_textured: bool
     has_second_coordinates: bool = False
+    is_lightmapped: bool = False
 
     def is_placed(self, texture: Texture) -> bool:
         """True where the mesh has the coordinates that place a texture."""
@@ -93,6 +95,7 @@ class Geometry:
         normals: (n, 3) float32, not of unit length; zero: flat.
         texture_coordinates: (n, 2) float32.
         second_coordinates: (n, 2) float32, or None: no mesh has any.
+        light_coordinates: (n, 2) float32 places in the scene's baked light, or None: there is none.
         colors: (n, 4) float32 linear RGBA, or None: all are white.
         part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
         is_double_sided: (surfaces,).
@@ -107,6 +110,7 @@ class Geometry:
     normals: NDArray[np.float32]
     texture_coordinates: NDArray[np.float32]
     second_coordinates: NDArray[np.float32] | None
+    light_coordinates: NDArray[np.float32] | None
     colors: NDArray[np.float32] | None
     part_of_surface: NDArray[np.intp]
     is_double_sided: NDArray[np.bool_]
@@ -208,6 +212,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
                 material,
                 mesh.texture_coordinates is not None,
                 mesh.second_texture_coordinates is not None,
+                not number and _is_lightmapped(scene, instance),
             )
             for (number, _, instance, mesh), material in zip(placed, materials, strict=True)
         ),
@@ -220,6 +225,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
         normals=np.concatenate([table.normals for table in tables]),
         texture_coordinates=np.concatenate([table.texture_coordinates for table in tables]),
         second_coordinates=_second_coordinates([mesh for *_, mesh in placed]),
+        light_coordinates=_light_coordinates(scene, dynamic_objects),
         colors=np.concatenate([table.colors for table in tables]) if has_colors else None,
         part_of_surface=np.array([number for number, *_ in placed], dtype=np.intp),
         is_double_sided=np.array([material.double_sided for material in materials], np.bool_),
@@ -237,6 +243,33 @@ def _second_coordinates(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
             for coordinates in (mesh.second_texture_coordinates,)
         ]
     )
+
+
+def _is_lightmapped(scene: Scene, instance: Instance) -> bool:
+    has_rectangle = instance.light_rectangle is not None and scene.lighting.baked is not None
+    return has_rectangle and scene.meshes[instance.mesh].light_coordinates is not None
+
+
+def _light_coordinates(
+    scene: Scene, dynamic_objects: Sequence[Scene]
+) -> NDArray[np.float32] | None:
+    """Places (n, 2) of all vertices in baked light; None: the scene has none."""
+    if scene.lighting.baked is None:
+        return None
+    places = []
+    for instance in scene.instances:
+        mesh, rectangle = scene.meshes[instance.mesh], instance.light_rectangle
+        if mesh.light_coordinates is None or rectangle is None:
+            places.append(_floats(len(mesh.positions), 2))
+        else:
+            own = np.array(rectangle[:2]) + mesh.light_coordinates * np.array(rectangle[2:])
+            places.append(own.astype(np.float32))
+    others = [
+        _floats(len(part.meshes[one.mesh].positions), 2)
+        for part in dynamic_objects
+        for one in part.instances
+    ]
+    return np.concatenate([_floats(0, 2), *places, *others])
 
 
 class _Vertices(NamedTuple):

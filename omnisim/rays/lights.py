@@ -69,7 +69,17 @@ def light_on_surfaces(
     lighting: Lighting, lamps: Sequence[LampLight], normals: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Light on white surfaces, linear RGB (n, 3), by all lamps, with unit normals (n, 3)."""
-    total = ambient_light(lighting, normals)
+    return _with_lamps(ambient_light(lighting, normals), lamps, normals)
+
+
+def light_of_lamps(lamps: Sequence[LampLight], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Light of lamps alone (n, 3) on white surfaces with unit normals (n, 3)."""
+    return _with_lamps(np.zeros((len(normals), 3), dtype=np.float32), lamps, normals)
+
+
+def _with_lamps(
+    total: NDArray[np.float32], lamps: Sequence[LampLight], normals: NDArray[np.float32]
+) -> NDArray[np.float32]:
     for lamp in lamps:
         cosines = np.maximum(np.einsum("nc,nc->n", normals, lamp.directions), np.float32(0.0))
         total += (cosines * lamp.levels)[:, None] * lamp.color

@@ -49,13 +49,25 @@ class Placed(NamedTuple):
 
 
 def reflected_light(
-    surface: Reflectance, placed: Placed, lighting: Lighting, lamps: Sequence[LampLight]
+    surface: Reflectance,
+    placed: Placed,
+    lighting: Lighting,
+    lamps: Sequence[LampLight],
+    surroundings: Floats | None = None,
 ) -> Floats:
-    """Light (n, 3), linear RGB, that surfaces send along the views."""
+    """Light (n, 3), linear RGB, that surfaces send along the views.
+
+    Args:
+        surface, placed: (n,).
+        lighting: of the scene.
+        lamps: on the surfaces.
+        surroundings: (n, 3) baked light on white surfaces beyond that of lamps; None: it is not
+            baked.
+    """
     grazing = (1.0 - _cosines(placed.plain_normals, placed.views)) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     total = (1.0 - coat)[:, None] * surface.emissive
-    total += _environment(surface, placed, coat, lighting)
+    total += _environment(surface, placed, coat, lighting, surroundings)
     for lamp in lamps:
         total += _lamp(surface, placed, coat, lamp)
     return total
@@ -80,28 +92,41 @@ def _lamp(surface: Reflectance, placed: Placed, coat: Floats, lamp: LampLight) -
     return lit
 
 
-def _environment(surface: Reflectance, placed: Placed, coat: Floats, lighting: Lighting) -> Floats:
+def _environment(
+    surface: Reflectance,
+    placed: Placed,
+    coat: Floats,
+    lighting: Lighting,
+    baked: Floats | None,
+) -> Floats:
     normals, views = placed.normals, placed.views
     shares = _shares(_cosines(normals, views), surface.roughness)
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, shares[:, 2]).max(axis=1)
     body = surface.body * (1.0 - lost)[:, None]
     gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
-    total = body * ambient_light(lighting, normals.astype(np.float32))
-    total += gloss * _radiance(lighting, normals, views, surface.roughness)
+    light = ambient_light(lighting, normals.astype(np.float32)) if baked is None else baked
+    total = body * light
+    total += gloss * _radiance(lighting, normals, views, surface.roughness, baked)
     total *= (1.0 - coat)[:, None]
     if coat.any():
         coated = _shares(_cosines(placed.plain_normals, views), surface.coat_roughness)
-        seen = _radiance(lighting, placed.plain_normals, views, surface.coat_roughness)
+        seen = _radiance(lighting, placed.plain_normals, views, surface.coat_roughness, baked)
         total += (coat * coated[:, :2].sum(axis=1))[:, None] * seen
     lit: Floats = surface.occlusion[:, None] * total
     return lit
 
 
-def _radiance(lighting: Lighting, normals: Floats, views: Floats, roughness: Floats) -> Floats:
+def _radiance(
+    lighting: Lighting, normals: Floats, views: Floats, roughness: Floats, baked: Floats | None
+) -> Floats:
     """Radiance (n, 3) of the environment around the direction that most light comes from.
 
-    Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
+    With baked light a map is reflected as far as its light reaches the surface.
+    Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22; Lazarov, "Getting
+    more physical in Call of Duty: Black Ops II", 2013.
     """
+    if baked is not None and lighting.environment is None:
+        return baked
     total: Floats = np.tile(np.array(lighting.ambient), (len(normals), 1))
     if lighting.environment is not None:
         mirrored = 2.0 * _dot(normals, views)[:, None] * normals - views
@@ -110,6 +135,9 @@ def _radiance(lighting: Lighting, normals: Floats, views: Floats, roughness: Flo
         towards = normals + share * (mirrored - normals)
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
         total = total + lighting.environment.light(towards, roughness)
+    if baked is not None:
+        ambient = ambient_light(lighting, normals.astype(np.float32))
+        total = total * np.clip(baked / np.maximum(ambient, 1e-4), 0.0, 1.0)
     return total
 
 

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from omnisim.rays.caster import RayHits, Rays
 from omnisim.rays.geometry import Geometry, Poses
-from omnisim.rays.lights import LampLight, lamps_at, light_on_surfaces
+from omnisim.rays.lights import LampLight, lamps_at, light_of_lamps, light_on_surfaces
 from omnisim.rays.normal_maps import mapped_normals
 from omnisim.rays.reflectance import Placed, reflected_light
 from omnisim.rays.shadows import CastShadow, Shadows
 from omnisim.rays.surface_table import NORMAL, Sampler, SurfaceTable
 from omnisim.rays.textures import TextureTable
+from omnisim.scene.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
 
 # Of mip levels, as in `omnisim.sensors.tiles`: what is a little sharp is averaged in the pixel.
@@ -63,6 +64,7 @@ class Shading:
         self._base_color = np.array(
             [material.base_color for material in materials], dtype=np.float32
         ).reshape(-1, 4)
+        self._is_lightmapped = np.array([one.is_lightmapped for one in geometry.surfaces], np.bool_)
         self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
@@ -180,17 +182,55 @@ class Shading:
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)
-        lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
-        light = light_on_surfaces(self._lighting, lamps, normals)
+        glossy = np.flatnonzero(~self.table.is_matte[surfaces])
+        baked = self._lighting.baked
+        if baked is None:
+            lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
+            light = light_on_surfaces(self._lighting, lamps, normals)
+            lamps = [lamp.take(glossy) for lamp in lamps]
+        else:
+            light = self._baked_light(baked, hits, points_m, normals)
+            shadows = Shadows(hits.take(glossy), cast_shadow)
+            lamps = lamps_at(self._lighting, points_m[glossy], normals[glossy], shadows)
+        surroundings = self._surroundings(light[glossy], normals[glossy], lamps)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
-        glossy = np.flatnonzero(~self.table.is_matte[surfaces])
         if len(glossy):
             view = View(rays, hits, world_from_objects, footprints).take(glossy)
             light[glossy] = self._reflected(
-                colors[glossy, :3], view, [lamp.take(glossy) for lamp in lamps], normals[glossy]
+                colors[glossy, :3], view, lamps, normals[glossy], surroundings
             )
         return light
+
+    def _baked_light(
+        self,
+        baked: BakedLight,
+        hits: RayHits,
+        points_m: NDArray[np.float64],
+        normals: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Baked light (n, 3) on white surfaces at points (n, 3) with unit normals (n, 3)."""
+        light = np.empty((len(points_m), 3), dtype=np.float32)
+        is_lightmapped = self._is_lightmapped[self.surfaces(hits)]
+        static, others = np.flatnonzero(is_lightmapped), np.flatnonzero(~is_lightmapped)
+        places = self._geometry.light_coordinates
+        if places is not None and len(static):
+            light[static] = baked.light(self._interpolated(places, hits.take(static)))
+        if len(others):
+            light[others] = baked.probes.light(points_m[others], normals[others])
+        return light
+
+    def _surroundings(
+        self,
+        baked: NDArray[np.float32],
+        normals: NDArray[np.float32],
+        lamps: Sequence[LampLight],
+    ) -> NDArray[np.float32] | None:
+        """Light (n, 3) beyond that of lamps, of baked light (n, 3); None: it is not baked."""
+        if self._lighting.baked is None:
+            return None
+        beyond: NDArray[np.float32] = baked - light_of_lamps(lamps, normals)
+        return np.maximum(beyond, np.float32(0.0), out=beyond)
 
     def _reflected(
         self,
@@ -198,12 +238,14 @@ class Shading:
         view: View,
         lamps: Sequence[LampLight],
         normals: NDArray[np.float32],
+        surroundings: NDArray[np.float32] | None,
     ) -> NDArray[np.float32]:
         """Light (n, 3) of surfaces that are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
         placed = Placed(self._mapped(normals, view, sampled), normals, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        return reflected_light(reflectance, placed, self._lighting, lamps).astype(np.float32)
+        light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings)
+        return light.astype(np.float32)
 
     def _sampler(self, view: View) -> Sampler:
         """Look-up of maps at some of the hits."""

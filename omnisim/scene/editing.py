@@ -72,6 +72,7 @@ def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content
             one,
             world_from_mesh=displacement @ one.world_from_mesh,
             world_from_node=displacement @ one.world_from_node,
+            light_rectangle=None,  # which was baked where it stood
         )
         if one.name == name
         else one

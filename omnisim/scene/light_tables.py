@@ -43,6 +43,14 @@ class LightTable(Table):
     exposure: Positive | None = None
     """Brightness of a white surface for one lux of the lamps; left out: so that most of the lit
     surfaces are not overexposed."""
+    baked: Annotated[str, Field(min_length=1, strict=True)] | None = None
+    """Folder of baked light, relative to this file, as `omnisim bake` writes it, in place of the
+    light of lamps and sky; left out: none."""
+
+    @property
+    def has_own_light(self) -> bool:
+        """Some key changes the light on surfaces."""
+        return bool(self.model_fields_set - {"baked"})
 
 
 class LampTable(Table):

@@ -37,6 +37,7 @@ from omnisim.scene.source import SceneSource, resolve_source, sky_table
 from omnisim.scene.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
+NO_BAKED_LIGHT = "none"  # in place of a folder
 
 
 def load_scene(
@@ -46,6 +47,7 @@ def load_scene(
     resources: Sequence[str | Path] = (),
     animation: str | None = None,
     sky: str | Path | None = None,
+    baked: str | Path | None = None,
 ) -> Scene:
     """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
 
@@ -62,6 +64,7 @@ def load_scene(
         animation: name of the animation of a glTF file that is played, "none" for none; by default
             that of its TOML, or else the first. What it moves are dynamic objects.
         sky: "clear", or an environment map (.hdr, .exr), instead of the sky of its TOML.
+        baked: folder of its baked light, "none" for none; by default that of its TOML, if any.
 
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
@@ -71,8 +74,12 @@ def load_scene(
         tuple(map(Path, resources)),
         animation,
         sky=None if sky is None else sky_table(sky),
+        takes_baked=baked is None and sky is None,
     )
-    return _load_source(source, options, ())
+    scene = _load_source(source, options, ())
+    if baked is None or str(baked) == NO_BAKED_LIGHT:
+        return scene
+    return _with_baked_light(scene, Path(baked))
 
 
 class _Options(NamedTuple):
@@ -81,6 +88,7 @@ class _Options(NamedTuple):
     Attributes:
         is_shape: of an object, in which nobody stands and no other object moves.
         sky: instead of those of the TOMLs.
+        takes_baked: the light that its TOML names.
     """
 
     axes: FileAxes
@@ -88,6 +96,7 @@ class _Options(NamedTuple):
     animation: str | None
     is_shape: bool = False
     sky: SkyTable | None = None
+    takes_baked: bool = False
 
 
 def _load_source(
@@ -125,7 +134,16 @@ def _load_source(
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
     except SceneError as reason:
         raise SceneError(f"{found.toml}: {reason}") from None
-    return with_objects(scene, objects, str(found.toml))
+    scene = with_objects(scene, objects, str(found.toml))
+    if found.settings.light.baked is None or not options.takes_baked:
+        return scene
+    return _with_baked_light(scene, found.toml.parent / found.settings.light.baked)
+
+
+def _with_baked_light(scene: Scene, folder: Path) -> Scene:
+    from omnisim.scene.baked import with_baked_light  # reads pictures, slow to import
+
+    return with_baked_light(scene, folder)
 
 
 def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
@@ -148,6 +166,8 @@ def _load_extended(
     assert settings.extends is not None
     assert toml is not None
     beside = toml.parent / settings.extends
+    if settings.has_own_light:
+        options = options._replace(takes_baked=False)
     try:
         base = _load_source(beside if beside.exists() else settings.extends, options, outer)
     except SceneError as reason:

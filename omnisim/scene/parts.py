@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.baked_light import BakedLight
 from omnisim.scene.deformation import Deformation
 from omnisim.scene.environment import Environment
 from omnisim.short_repr import counted, short_repr
@@ -154,6 +155,7 @@ class Mesh:
         colors: (n, 4) float32 linear RGBA, or None.
         second_texture_coordinates: (n, 2) float32, or None.
         deformation: by time, or None: it is rigid; else positions and normals are those at 0 s.
+        light_coordinates: (n, 2) float32 from 0 to 1, see `Instance.light_rectangle`; or None.
     """
 
     name: str
@@ -165,6 +167,7 @@ class Mesh:
     colors: NDArray[np.float32] | None = None
     second_texture_coordinates: NDArray[np.float32] | None = None
     deformation: Deformation | None = None
+    light_coordinates: NDArray[np.float32] | None = None
 
     def coordinates_of(self, texture: Texture) -> NDArray[np.float32] | None:
         """Texture coordinates (n, 2) that place a texture, before its transform."""
@@ -185,12 +188,15 @@ class Instance:
         world_from_mesh: (4, 4) float64, metres.
         world_from_node: (4, 4) float64, metres, of the node, whose axes are the world's where it is
             not turned; by default the world's own frame.
+        light_rectangle: left, top, width and height in the scene's baked light, from 0 to 1, which
+            the mesh's light coordinates are of; None: it takes the probes'.
     """
 
     name: str
     mesh: int
     world_from_mesh: NDArray[np.float64]
     world_from_node: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    light_rectangle: tuple[float, float, float, float] | None = None
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), f"mesh {self.mesh}")
@@ -268,6 +274,8 @@ class Lighting:
         environment: light from far away, beside the ambient; None: there is no more.
         fog: between cameras and what they see; None: the air is clear.
         is_matte: all materials, also of dynamic objects, are drawn as matte ones.
+        baked: light on surfaces, in place of the ambient light and all lamps' diffuse light; None:
+            it is computed.
     """
 
     ambient: tuple[float, float, float]
@@ -276,6 +284,7 @@ class Lighting:
     environment: Environment | None = None
     fog: Fog | None = None
     is_matte: bool = False
+    baked: BakedLight | None = None
 
     def background(self, color: tuple[float, float, float]) -> tuple[float, float, float]:
         """Linear RGB where nothing is hit: the background's, or the fog's before it."""

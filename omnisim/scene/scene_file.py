@@ -249,6 +249,12 @@ class SceneFile(Table):
     labels: LabelTables = ()
     objects: Annotated[tuple[ObjectTable, ...], _distinct("name")] = ()
 
+    @property
+    def has_own_light(self) -> bool:
+        """Light on surfaces is not that of a scene that it extends."""
+        tables = (self.lamps, self.sun, self.sky, self.light.baked)
+        return any(tables) or self.light.has_own_light
+
     @model_validator(mode="after")
     def _one_source(self) -> SceneFile:
         if self.file is None and self.extends is None:

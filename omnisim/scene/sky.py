@@ -46,6 +46,7 @@ def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Sce
         before,
         ambient=settings.light.ambient or (0.0, 0.0, 0.0),
         lights=() if is_even else before.lights,
+        baked=None,
     )
     if table.file is not None:
         path = find_beside(folder, table.file, f"{toml}: sky.file", SceneError)

@@ -98,9 +98,9 @@ class CubeBackend(SceneBackend):
         try:
             with self.context:
                 self.buffers = SceneBuffers(self.context, scene, tuple(objects.values()))
-                self._shadows = (
-                    ShadowMaps(self.buffers, scene.lighting) if scene.lighting.has_shadows else None
-                )
+                self._shadows = None
+                if has_computed_shadows((scene, *objects.values())):
+                    self._shadows = ShadowMaps(self.buffers, scene.lighting)
                 self.surface_programs = SurfacePrograms(self.buffers, scene.lighting, self._shadows)
         except BaseException:
             self.close()
@@ -157,6 +157,20 @@ class CubeBackend(SceneBackend):
             for name in ("buffers", "surface_programs", "_shadows"):
                 self.__dict__.pop(name, None)
             release_context(self.context)
+
+
+def has_computed_shadows(parts: Sequence[Scene]) -> bool:
+    """Tell whether lamps cast shadows in a scene, the first part, on it or on dynamic objects.
+
+    Baked light has its own; beside it they are for what is glossy.
+    """
+    lighting = parts[0].lighting
+    if lighting.baked is None:
+        return lighting.has_shadows
+    materials = [one for part in parts for one in part.materials]
+    return lighting.has_shadows and not (
+        lighting.is_matte or all(one.is_matte for one in materials)
+    )
 
 
 def _advice(sensor: OmniCamera, largest_px: int) -> str:

@@ -4,6 +4,8 @@
 // vec3 ambient_light(vec3 normal): light of the environment on a white surface.
 // vec3 environment_light(vec3 direction, float roughness): radiance of the environment around a
 // direction, as a surface of this roughness reflects it.
+// vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white surface.
+// With BAKED_LIGHT, which LIGHTMAP or PROBES have, light_on_surface is scene/baked_light.glsl's.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
@@ -18,12 +20,18 @@ uniform vec3 u_directional_color[DIRECTIONAL_LIGHTS];      // intensity and expo
 uniform vec3 u_directional_direction[DIRECTIONAL_LIGHTS];  // unit, the way the light travels
 #endif
 #ifdef SHADOWS
-const int POSITIONS = PUNCTUAL_LIGHTS + 1;
+const int PROBES_POSITION = PUNCTUAL_LIGHTS + 1;
 #else
-const int POSITIONS = PUNCTUAL_LIGHTS;
+const int PROBES_POSITION = PUNCTUAL_LIGHTS;
+#endif
+#ifdef BAKED_LIGHT
+const int POSITIONS = PROBES_POSITION + 1;
+#else
+const int POSITIONS = PROBES_POSITION;
 #endif
 #ifdef LAYERED
-// Of the punctual lights and of the shadow maps' origin, metres from the viewpoint: [camera].
+// Of the punctual lights, of the shadow maps' origin and of the first probe, metres from the viewpoint:
+// [camera].
 layout(std430, binding = 15) readonly buffer LightPositions { vec4 light_positions[]; };
 flat in int v_camera;
 #define PUNCTUAL_POSITION(i) light_positions[v_camera * POSITIONS + i].xyz
@@ -88,8 +96,8 @@ vec3 illuminance(Lamp lamp, vec3 normal) {
     return lamp.color * (lamp.level * max(dot(normal, lamp.direction), 0.0));
 }
 
-vec3 light_on_surface(vec3 position, vec3 normal) {
-    vec3 total = ambient_light(normal);
+vec3 with_lamps(vec3 light, vec3 position, vec3 normal) {
+    vec3 total = light;
 #if DIRECTIONAL_LIGHTS > 0
 #define ADD_DIRECTIONAL(i) total += illuminance(directional_lamp(i, position, normal), normal);
     EACH_DIRECTIONAL(ADD_DIRECTIONAL)
@@ -100,3 +108,15 @@ vec3 light_on_surface(vec3 position, vec3 normal) {
 #endif
     return total;
 }
+
+#ifdef BAKED_LIGHT
+#include "scene/baked_light.glsl"
+
+vec3 light_on_surface(vec3 position, vec3 normal) {
+    return baked_light(position, normal);
+}
+#else
+vec3 light_on_surface(vec3 position, vec3 normal) {
+    return with_lamps(ambient_light(normal), position, normal);
+}
+#endif

@@ -3,8 +3,11 @@
 // vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 view): linear RGB that a
 // lit surface reflects and emits. Position, normal and view in axes of the world; the view is a unit
 // vector towards the viewpoint.
+// With BAKED_LIGHT the light of the surroundings is what the baked light has beyond that of the lamps; an
+// environment map is reflected as far as its light reaches the surface.
 // Twin of omnisim/rays/reflectance.py. Includes scene/lighting.glsl.
-// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat.
+// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; of baked light beside maps:
+// Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
 const float PI = 3.14159265358979;
 const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/reflectance.py
@@ -73,23 +76,46 @@ vec3 dominant_direction(vec3 normal, vec3 view, float roughness) {
     return normalize(mix(normal, reflect(-view, normal), share));
 }
 
+// Radiance around a direction, where the surroundings give this light to a white surface.
+vec3 surroundings(vec3 direction, float roughness, vec3 normal, vec3 light) {
+#if defined(BAKED_LIGHT) && defined(ENVIRONMENT)
+    vec3 share = clamp(light / max(ambient_light(normal), 1e-4), 0.0, 1.0);
+    return share * environment_light(direction, roughness);
+#elif defined(BAKED_LIGHT)
+    return light;
+#else
+    return environment_light(direction, roughness);
+#endif
+}
+
+// Light of the surroundings on a white surface; shape_normal: without its normal map.
+vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
+#ifdef BAKED_LIGHT
+    vec3 lamps = with_lamps(vec3(0.0), position, shape_normal);
+    return max(baked_light(position, shape_normal) - lamps, 0.0);
+#else
+    return ambient_light(normal);
+#endif
+}
+
 vec3 reflected_environment(
-    Reflectance surface, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
+    Reflectance surface, vec3 normal, vec3 coat_normal, vec3 view, float coat, vec3 light) {
     float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
     vec3 shares = environment_shares(cosine, surface.roughness);
     float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), shares.z));
-    vec3 total = surface.body * (1.0 - lost) * ambient_light(normal)
+    vec3 total = surface.body * (1.0 - lost) * light
         + (surface.f0 * shares.x + surface.f90 * shares.y)
-            * environment_light(
-                dominant_direction(normal, view, surface.roughness), surface.roughness);
+            * surroundings(
+                dominant_direction(normal, view, surface.roughness), surface.roughness,
+                normal, light);
     total *= 1.0 - coat;
     if (coat > 0.0) {
         vec2 coated = environment_shares(
             clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0), surface.coat_roughness).xy;
         total += coat * (coated.x + coated.y)
-            * environment_light(
+            * surroundings(
                 dominant_direction(coat_normal, view, surface.coat_roughness),
-                surface.coat_roughness);
+                surface.coat_roughness, coat_normal, light);
     }
     return surface.occlusion * total;
 }
@@ -98,8 +124,9 @@ vec3 reflected_light(
     Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view) {
     float coat_cosine = clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0);
     float coat = surface.coat * mix(COAT_F0, 1.0, pow(1.0 - coat_cosine, 5.0));
+    vec3 light = light_of_surroundings(position, normal, coat_normal);
     vec3 total = (1.0 - coat) * surface.emissive
-        + reflected_environment(surface, normal, coat_normal, view, coat);
+        + reflected_environment(surface, normal, coat_normal, view, coat, light);
 #if DIRECTIONAL_LIGHTS > 0
     for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
         total += reflected_lamp(

@@ -3,7 +3,8 @@
 // With REFLECTANCE it has metal, gloss, maps or emission; TEXTURE_COORDINATES: one of the maps counts.
 // With NORMALS_AGREE all normals point to the front side, which alone is seen: none is missing, and
 // none is flipped. POSITION: the position counts, for punctual lights, missing normals,
-// shadows or FOG.
+// shadows, probes or FOG.
+// With LIGHTMAP and without LIT it is matte, and all of its light is in the lightmap.
 #version 430 core
 
 #include "scene/material.glsl"
@@ -22,6 +23,9 @@ in vec3 v_position;
 #endif
 #ifdef FOG
 #include "scene/fog.glsl"
+#endif
+#if defined(LIGHTMAP) && !defined(LIT)
+#include "scene/baked_light.glsl"
 #endif
 #ifdef LIT
 in vec3 v_normal;
@@ -83,6 +87,9 @@ void main() {
 #endif
     color.rgb *= light;
 #endif
+#endif
+#if defined(LIGHTMAP) && !defined(LIT)
+    color.rgb *= lightmap_light();
 #endif
 #if defined(ALPHA_MASK) && defined(REFLECTANCE)
     if (is_hole) discard;

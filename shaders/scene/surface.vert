@@ -2,6 +2,7 @@
 // u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, metres
 // u_normal_from_mesh  cofactors of the above: normals under any scale
 // With BAKED in_light is the light on a white surface, linear RGB.
+// u_light_rectangle  left, top, width and height of an item in the lightmap; of clusters it is applied
 #version 430 core
 
 #include "scene/vertex.glsl"
@@ -18,6 +19,10 @@ out vec2 v_texture_coordinate;
 #endif
 #ifdef BAKED
 in vec3 in_light;
+#endif
+#ifdef LIGHTMAP
+in vec2 in_light_coordinate;
+out vec2 v_light_coordinate;
 #endif
 #ifdef LIT
 in vec3 in_normal;
@@ -43,6 +48,9 @@ uniform mat4 u_viewpoint_from_mesh;
 #ifdef LIT
 uniform mat3 u_normal_from_mesh;
 #endif
+#ifdef LIGHTMAP
+uniform vec4 u_light_rectangle;
+#endif
 #endif
 
 #ifdef REFLECTANCE
@@ -64,6 +72,13 @@ void main() {
 #endif
 #ifdef BAKED
     v_color.rgb *= in_light;
+#endif
+#ifdef LIGHTMAP
+#ifdef CLUSTERED
+    v_light_coordinate = in_light_coordinate;
+#else
+    v_light_coordinate = u_light_rectangle.xy + in_light_coordinate * u_light_rectangle.zw;
+#endif
 #endif
 #ifdef POSITION
 #ifdef CLUSTERED

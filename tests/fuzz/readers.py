@@ -61,6 +61,7 @@ from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import write_trajectory
 from omnisim.trajectories.files import FORMATS
+from tests.baked import write_baked
 from tests.calibration.sample_files import EXACT_SAMPLES
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.fuzz.mutations import glb
@@ -73,6 +74,9 @@ from tests.vehicles import p2at_with_every_sensor
 SIZE_PX = 24
 GAZEBO_ROBOT = Path(__file__).parents[2] / "examples" / "gazebo/models/rover/model.sdf"
 OPTICS = Path(__file__).parents[2] / "examples" / "optics"
+BAKED_FILES = tuple(
+    f"a/{name}" for name in ("baked.json", "irradiance.exr", "unwrapping.npz", "probes.npz")
+)
 LINES = re.compile(r"(?m)^\[\[labels\]\]\n(?:.+\n)*")
 
 
@@ -134,6 +138,13 @@ def _scene_file(folder: Path) -> None:
     )
     labels = LINES.findall(text)
     (folder / "scene.toml").write_text(LINES.sub("", text) + "".join(labels[:4]))
+
+
+def _baked_light(folder: Path) -> None:
+    _box_obj(folder)
+    (folder / "scene.toml").write_text('file = "box.obj"\n[light]\nbaked = "a"\n')
+    scene = load_scene(folder / "scene.toml", baked="none")
+    write_baked(folder / "a", scene, np.abs, spacing_m=10.0)
 
 
 def _gazebo_world(folder: Path) -> None:
@@ -429,6 +440,7 @@ def _readers() -> list[Reader]:
         Reader("urdf", _urdf, partial(_read_scene, "a.urdf"), ("a.urdf",)),
         Reader("mujoco", _mujoco_model, partial(_read_scene, "a.xml"), ("a.xml",)),
         Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
+        Reader("baked", _baked_light, partial(_read_scene, "scene.toml"), BAKED_FILES),
         Reader("objects", _moving_objects, partial(_read_scene, "objects.toml"),
                ("objects.toml", "ball.tum")),
     ]  # fmt: skip

@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.gl_functions import COMMAND_BYTES, IndirectDraws, bind_storage_buffers
 from omnisim.gpu.scene.clip_distances import clip_distances
-from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, object_triangles
+from omnisim.gpu.scene.clustered_geometry import (
+    ClusteredGeometry,
+    item_light_coordinates,
+    object_triangles,
+)
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.scene.vertex_format import cluster_vertex_array
@@ -99,7 +103,12 @@ class BlendedDrawer:
         self._count = context.buffer(np.array([self._written], dtype="<u4"))
         self._indices = indices = context.buffer(reserve=12 * total * views.cameras)
         self._vertices = cluster_vertex_array(
-            context, program, context.buffer(vertices), indices, culler.instances
+            context,
+            program,
+            context.buffer(vertices),
+            indices,
+            culler.instances,
+            item_light_coordinates(context, items),
         )
         self._shader = build_compute_shader(context, "culling/blended.comp")
         self._shader["u_items"], self._shader["u_triangles"] = len(items), total

@@ -56,7 +56,12 @@ class ClusterDrawer:
         self._draws = IndirectDraws()
         arrays = {
             id(one.program): cluster_vertex_array(
-                context, one.program, geometry.vertices, geometry.indices, culler.instances
+                context,
+                one.program,
+                geometry.vertices,
+                geometry.indices,
+                culler.instances,
+                geometry.light_coordinates,
             )
             for one in programs
         }

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.culling.cluster_buffers import ClusterBuffers
 from omnisim.gpu.culling.clusters import ClusterHierarchy, Clusters, build_clusters
-from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.draw_item import DrawItem, LightSource
 from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
 from omnisim.gpu.scene.material_table import vertex_details
 from omnisim.gpu.scene.texture_array import TextureArray
-from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX, fill_vertices
+from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX, fill_vertices, light_coordinates
 from omnisim.scene.model import AlphaMode, Lighting
 
 # Each instance has its own copy here: one that would take more triangles than this is drawn on its
@@ -40,6 +40,7 @@ class Bucket(NamedTuple):
         array: of their textures; None: they have none.
         maps: arrays of their maps, see `Reflectance`; None: they are matte.
         second_coordinates: place some of their maps.
+        light: on them.
     """
 
     unlit: bool
@@ -50,6 +51,7 @@ class Bucket(NamedTuple):
     array: TextureArray | None
     maps: tuple[TextureArray | None, ...] | None = None
     second_coordinates: bool = False
+    light: LightSource = LightSource.COMPUTED
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,7 @@ class ClusteredGeometry:
         indices: buffer of the triangles.
         buffers: of clusters and groups, for culling.
         details: of the vertices, see `vertex_details`; None: all materials are matte.
+        light_coordinates: of the vertices in the lightmap; None: no light is baked.
     """
 
     buckets: tuple[Bucket, ...]
@@ -84,6 +87,7 @@ class ClusteredGeometry:
     indices: moderngl.Buffer
     buffers: ClusterBuffers
     details: moderngl.Texture | None
+    light_coordinates: moderngl.Buffer | None
 
     def show(self, shown: NDArray[np.bool_]) -> None:
         """Show some of the draw items (items,), and no others."""
@@ -120,13 +124,17 @@ def build_clustered_geometry(
     vertices, triangles = object_triangles(items, anchor_m)
     corners = vertices["in_position"][triangles]
     is_static = np.array([item.object_index is None for item in items])
-    shading, normals = shadings(vertices, triangles, lighting, is_static[item_of_triangle])
+    is_bakeable = is_static & (lighting.baked is None)
+    shading, normals = shadings(vertices, triangles, lighting, is_bakeable[item_of_triangle])
     # both sides are seen, or no light: what is known of a front is of no use
     ignores = [item.material.double_sided or item.material.unlit for item in items]
     shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
     # light that depends on the view cannot be baked
     reflective = np.array([item.texture_layer.reflectance is not None for item in items])
     shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
+    # the lightmap has all light of matte surfaces, whatever their normals are
+    in_lightmap = np.array([item.light is LightSource.LIGHTMAP for item in items])
+    shading[(in_lightmap & ~reflective)[item_of_triangle]] = Shading.UNKNOWN.value
     baked = shading == Shading.BAKED.value
     lights = bake_directional_light(normals[baked], lighting)
     vertices, triangles[baked] = _bake(vertices, triangles, baked, lights)
@@ -167,6 +175,7 @@ def build_clustered_geometry(
             bucket_of_group,
         ),
         details=_details(context, items) if reflective.any() else None,
+        light_coordinates=item_light_coordinates(context, items),
     )
 
 
@@ -189,10 +198,10 @@ def _buckets(
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
         material, found = item.material, item.texture_layer.reflectance
+        maps, second = (None, False) if found is None else (found.maps, found.second_coordinates)
         of_kind[kind] = Bucket(
             material.unlit, material.alpha_mode, material.double_sided,
-            material.hit_cutoff > 0.0, shading, item.texture_layer.array,
-            *((None, False) if found is None else (found.maps, found.second_coordinates)),
+            material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
     numbers = np.zeros(len(Shading) * len(items), dtype=np.intp)
@@ -206,7 +215,8 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
     arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
     return (
         bucket.alpha_mode.value != AlphaMode.OPAQUE.value, bucket.double_sided, bucket.unlit,
-        bucket.shading.value, bucket.maps is not None, arrays, bucket.second_coordinates,
+        bucket.shading.value, bucket.maps is not None, bucket.light.value, arrays,
+        bucket.second_coordinates,
     )  # fmt: skip
 
 
@@ -258,6 +268,19 @@ def object_triangles(
         triangles.append(own + np.uint32(base))
         base += len(part)
     return vertices, np.concatenate(triangles)
+
+
+def item_light_coordinates(
+    context: moderngl.Context, items: Sequence[DrawItem]
+) -> moderngl.Buffer | None:
+    """Places of the vertices of `object_triangles` in the lightmap; None: no light is baked."""
+    if not any(item.light.is_baked for item in items):
+        return None
+    bases = np.cumsum([0, *(len(item.mesh.positions) for item in items)]).tolist()
+    parts = [
+        (base, item.mesh, item.light_rectangle) for base, item in zip(bases, items, strict=False)
+    ]
+    return context.buffer(light_coordinates(parts, bases[-1]))
 
 
 def _bake(

@@ -76,7 +76,8 @@ class CubeLayers:
         self._blended: BlendedDrawer | None = None
         geometry, culler = buffers.clustered_geometry, self._tiles.culler
         if blended and geometry is not None and culler is not None:
-            program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit))
+            is_baked = blended[0].light.is_baked
+            program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit, is_baked))
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._programs, self._tile_count = list(used.values()), len(plan.tiles)
         self._surface_programs, positions = programs, len(programs.positions_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import NamedTuple
 
 import moderngl
@@ -14,6 +15,20 @@ from omnisim.scene.deformation import Sphere
 from omnisim.scene.model import Material, Mesh
 
 MAX_DISTANCE_M = 1500.0
+
+
+class LightSource(Enum):
+    """Source of the light on a lit surface, with the defines of its programs."""
+
+    COMPUTED = ()
+    LIGHTMAP = ("LIGHTMAP",)
+    PROBES = ("PROBES",)
+    LIGHTMAP_OR_PROBES = ("LIGHTMAP", "PROBES")  # of vertices with and without light coordinates
+
+    @property
+    def is_baked(self) -> bool:
+        """It is the scene's baked light."""
+        return self is not LightSource.COMPUTED
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +47,8 @@ class DrawItem:
         normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
         flips_winding: its triangles are wound the other way round in the world.
         centre_m, radius_m: its bounding sphere in the world or the dynamic object's frame.
+        light: on it.
+        light_rectangle: in the lightmap, see `Instance`; None: it has none.
     """
 
     name: str
@@ -47,6 +64,8 @@ class DrawItem:
     flips_winding: bool
     centre_m: NDArray[np.float64]
     radius_m: float
+    light: LightSource = LightSource.COMPUTED
+    light_rectangle: tuple[float, float, float, float] | None = None
 
     @property
     def triangles(self) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import DrawItem
-from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices
+from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices, light_coordinates
 from omnisim.scene.model import Mesh, Scene
 
 # Vertices and indices that may be appended, as many as were there before aside.
@@ -39,7 +39,8 @@ class IndexRange(NamedTuple):
 def geometry_key(mesh: Mesh) -> GeometryKey:
     """Identity of a mesh's arrays, which meshes of other materials may share."""
     arrays = (mesh.positions, mesh.triangles, mesh.normals, mesh.texture_coordinates, mesh.colors)
-    return tuple(map(id, (*arrays, mesh.second_texture_coordinates, mesh.deformation)))
+    others = (mesh.second_texture_coordinates, mesh.deformation, mesh.light_coordinates)
+    return tuple(map(id, (*arrays, *others)))
 
 
 class GeometryStore:
@@ -75,6 +76,12 @@ class GeometryStore:
     def is_overgrown(self) -> bool:
         """More was appended than there was, and than is worth keeping."""
         return self._vertex_count + self._index_count > self._limit
+
+    def light_coordinates(self) -> moderngl.Buffer:
+        """Upload the light coordinates of all vertices."""
+        whole = (0.0, 0.0, 1.0, 1.0)
+        parts = [(one.base, one.mesh, whole) for one in self.ranges]
+        return _buffer(self._context, light_coordinates(parts, self._vertex_count))
 
     def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:
         """First index and first vertex for one more instance of a mesh, appended if it is new."""

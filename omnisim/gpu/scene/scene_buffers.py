@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
-from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
+from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms, LightSource
 from omnisim.gpu.scene.geometry_store import GeometryStore, geometry_key
 from omnisim.gpu.scene.material_table import MaterialTable, placed_details
 from omnisim.gpu.scene.mesh_deformer import MeshDeformer
@@ -86,6 +86,7 @@ class SceneBuffers:
                 number - 1 if number else None,
                 self._store.offsets[number],
                 self._textures,
+                scene.lighting.baked is not None,
             )
         ]
         materials = [material for part in parts for material in part.materials]
@@ -93,6 +94,7 @@ class SceneBuffers:
         items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
         self._set_items(items)
         self._item_details: tuple[int, moderngl.Texture | None] | None = None
+        self._light_coordinates: tuple[int, moderngl.Buffer] | None = None
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
         for name in ("triangles", "clustered_geometry"):
             self.__dict__.pop(name, None)
@@ -132,6 +134,15 @@ class SceneBuffers:
         return self._item_details[1]
 
     @property
+    def light_coordinates(self) -> moderngl.Buffer | None:
+        """Light coordinates of the vertices; None: the scene has no baked light."""
+        if self._lighting.baked is None:
+            return None
+        if self._light_coordinates is None or self._light_coordinates[0] != len(self._store.ranges):
+            self._light_coordinates = len(self._store.ranges), self._store.light_coordinates()
+        return self._light_coordinates[1]
+
+    @property
     def vertices(self) -> moderngl.Buffer:
         """Vertices of all meshes."""
         return self._store.vertices
@@ -157,7 +168,8 @@ class SceneBuffers:
         if self._store.is_overgrown:
             self._build(scene)
             return
-        new = make_draw_items(scene, added, None, offsets, self._textures)
+        is_baked = self._lighting.baked is not None
+        new = make_draw_items(scene, added, None, offsets, self._textures, is_baked)
         # from here on nothing fails
         free = np.flatnonzero(~drawn & ~static).tolist()
         for index in set(free) - self._free:
@@ -334,6 +346,7 @@ def make_draw_items(
     object_index: int | None,
     offsets: Sequence[tuple[int, int]],
     textures: MaterialTextures,
+    is_baked: bool = False,
 ) -> list[DrawItem]:
     """Draw items of some of a scene's instances, whose meshes have offsets in the two buffers."""
     if not instances:
@@ -351,6 +364,12 @@ def make_draw_items(
         centre = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
         radius = np.linalg.norm(mesh.positions - centre, axis=1).max()
         object_from_mesh = instance.world_from_mesh
+        light = LightSource.PROBES if is_baked else LightSource.COMPUTED
+        rectangle = instance.light_rectangle if is_baked and object_index is None else None
+        if mesh.light_coordinates is None:
+            rectangle = None
+        if rectangle is not None:
+            light = LightSource.LIGHTMAP
         items.append(
             DrawItem(
                 name=instance.name,
@@ -366,6 +385,8 @@ def make_draw_items(
                 flips_winding=bool(flips_winding[number]),
                 centre_m=object_from_mesh[:3, :3] @ centre + object_from_mesh[:3, 3],
                 radius_m=float(radius) * float(scales[number]),
+                light=light,
+                light_rectangle=rectangle,
             )
         )
     return items

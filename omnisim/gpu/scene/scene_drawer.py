@@ -72,7 +72,9 @@ class SceneDrawer(Generic[P]):
         }
         self.programs = set(self._programs.values())
         self._arrays = {
-            one: vertex_array(buffers.context, one.program, buffers.vertices, indices)
+            one: vertex_array(
+                buffers.context, one.program, buffers.vertices, indices, buffers.light_coordinates
+            )
             for one in self.programs
         }
         self._id_of_item = id_of_item

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import GraphicsError
+from omnisim.gpu.scene import baked_textures
 from omnisim.gpu.scene.clustered_geometry import Bucket
-from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.draw_item import DrawItem, LightSource
 from omnisim.gpu.scene.environment_textures import filtered_texture, sky_texture
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.material_units import (
@@ -25,7 +26,7 @@ from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.shadow_source import ShadowSource
 from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import find_uniform, set_sampler, uniform, write_fog
+from omnisim.gpu.uniforms import find_uniform, set_sampler, write_fog
 from omnisim.scene.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.reflectance import environment_table
@@ -47,6 +48,7 @@ class SurfaceVariant(NamedTuple):
         maps: the material has such a map, in the order of `Material.maps`; None: it is matte.
         second_coordinates: place some of the maps.
         in_fog: it is seen through the scene's fog, if there is some.
+        light: on it, if it is lit.
     """
 
     lit: bool
@@ -59,11 +61,13 @@ class SurfaceVariant(NamedTuple):
     maps: tuple[bool, ...] | None = None
     second_coordinates: bool = False
     in_fog: bool = True
+    light: LightSource = LightSource.COMPUTED
 
     @property
     def computes_light(self) -> bool:
         """Light is computed for each fragment."""
-        return self.lit and self.shading is not Shading.BAKED
+        in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
+        return self.lit and self.shading is not Shading.BAKED and not in_lightmap
 
     def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
         """Defines of the shaders."""
@@ -82,14 +86,18 @@ class SurfaceVariant(NamedTuple):
             if agree:
                 defines.append("NORMALS_AGREE")
             is_placed = is_placed or bool(punctual) or not agree or self.maps is not None
-            is_placed = is_placed or shadows is not None
+            is_placed = is_placed or shadows is not None or self.light.is_baked
             if lighting.environment is not None:
                 defines.append("ENVIRONMENT")
             if shadows is not None:
                 defines += shadows.defines
+            if self.light.is_baked:
+                defines.append("BAKED_LIGHT")
             defines += reflectance_defines(self.maps, self.second_coordinates)
-        elif self.lit:
+        elif self.lit and not self.light.is_baked:
             defines.append("BAKED")
+        if self.lit:
+            defines += self.light.value
         if is_placed:
             defines.append("POSITION")
         if in_fog:
@@ -113,7 +121,7 @@ def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
     textured = material.texture is not None
     if unlit or material.unlit:
         return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
-    variant = SurfaceVariant(True, material.alpha_mode, textured)
+    variant = SurfaceVariant(True, material.alpha_mode, textured, light=item.light)
     return variant if found is None else _reflective(variant, found.maps, found.second_coordinates)
 
 
@@ -129,13 +137,15 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     textured = bucket.array is not None
     if unlit or bucket.unlit:
         return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
-    variant = SurfaceVariant(True, bucket.alpha_mode, textured, bucket.shading, clustered=True)
+    variant = SurfaceVariant(
+        True, bucket.alpha_mode, textured, bucket.shading, clustered=True, light=bucket.light
+    )
     if bucket.maps is None:
         return variant
     return _reflective(variant, bucket.maps, bucket.second_coordinates)
 
 
-def variant_of_blended(arrays: int, unlit: bool) -> SurfaceVariant:
+def variant_of_blended(arrays: int, unlit: bool, is_baked: bool) -> SurfaceVariant:
     """Variant that draws all blended items, of so many texture arrays."""
     return SurfaceVariant(
         not unlit,
@@ -144,6 +154,7 @@ def variant_of_blended(arrays: int, unlit: bool) -> SurfaceVariant:
         clustered=True,
         blended_arrays=arrays,
         in_fog=not unlit,
+        light=LightSource.LIGHTMAP_OR_PROBES if is_baked and not unlit else LightSource.COMPUTED,
     )
 
 
@@ -171,6 +182,11 @@ class SurfaceProgram:
         self.program = program = build_program(context, *files, variant.defines(lighting, shadows))
         self._shadows = shadows
         self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
+        self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
+        self._light_rectangle = find_uniform(program, "u_light_rectangle")
+        self._baked = lighting.baked
+        if lighting.baked is not None:
+            baked_textures.connect(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
         self._is_textured = variant.textured
@@ -208,6 +224,9 @@ class SurfaceProgram:
         if self._shadow_viewpoint is not None and self._shadows is not None:
             offset_m = viewpoint_m - self._shadows.anchor_m
             self._shadow_viewpoint.write(offset_m.astype(np.float32))
+        if self._probes_viewpoint is not None and self._baked is not None:
+            offset_m = viewpoint_m - self._baked.probes.origin_m
+            self._probes_viewpoint.write(offset_m.astype(np.float32))
 
     def set_matrices(
         self,
@@ -235,6 +254,8 @@ class SurfaceProgram:
         if self._record is not None and found is not None:
             self._record.value = found.record
             bind_maps(found.maps)
+        if self._light_rectangle is not None and item.light_rectangle is not None:
+            self._light_rectangle.value = item.light_rectangle
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; colours need no IDs."""
@@ -272,15 +293,19 @@ class SurfacePrograms:
 
     @property
     def positions_m(self) -> NDArray[np.float64]:
-        """Positions (n, 3) that count from the viewpoint, world: those of the punctual lights, and
-        the origin of their shadow maps, where they have some."""  # fmt: skip
+        """Positions (n, 3) that count from the viewpoint, world: those of the punctual lights, the
+        origin of their shadow maps, where they have some, and the first probe of baked light."""
         positions_m = [light.position_m for light in self._lighting.by_kind()[1]]
         if self.shadows is not None:
             positions_m.append(self.shadows.anchor_m)
+        if self._lighting.baked is not None:
+            positions_m.append(self._lighting.baked.probes.origin_m)
         return np.array(positions_m, dtype=np.float64).reshape(-1, 3)
 
     def bind_tables(self) -> None:
-        """Bind what materials that are not matte look up, if there are any."""
+        """Bind baked light, and what materials that are not matte look up, if there are any."""
+        if self._baked_textures is not None:
+            self._baked_textures.bind()
         if self._buffers.materials.texture is None:
             return
         needed = any(one.needs_item_details for one in self._programs.values())
@@ -302,6 +327,11 @@ class SurfacePrograms:
     def _filtered_sky(self) -> moderngl.Texture | None:
         environment = self._lighting.environment
         return None if environment is None else filtered_texture(self._context, environment)
+
+    @cached_property
+    def _baked_textures(self) -> baked_textures.BakedTextures | None:
+        baked = self._lighting.baked
+        return None if baked is None else baked_textures.BakedTextures(self._context, baked)
 
     @cached_property
     def _environment_table(self) -> moderngl.Texture:
@@ -331,10 +361,12 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
     """Write the uniforms of all lights, but for positions, which count from the viewpoint."""
 
     def write(name: str, values: ArrayLike) -> None:
-        uniform(program, name).write(np.asarray(values, dtype=np.float32))
+        found = find_uniform(program, name)  # none of what baked light takes the place of
+        if found is not None:
+            found.write(np.asarray(values, dtype=np.float32))
 
     directional, punctual = lighting.by_kind()
-    program["u_ambient"] = lighting.ambient
+    write("u_ambient", lighting.ambient)
     for name, lights in (("directional", directional), ("punctual", punctual)):
         if lights:
             colors = [np.array(one.color) * one.intensity for one in lights]

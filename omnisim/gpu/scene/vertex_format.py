@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +37,8 @@ INSTANCE = np.dtype(  # of an object in a view, as in shaders/culling/views.glsl
 )
 # Attribute of baked triangles, stored in the place of another one.
 _LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
+# Attribute of a buffer of its own, which only scenes with baked light have.
+_LIGHT_COORDINATE = "in_light_coordinate"
 
 
 def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
@@ -54,9 +58,10 @@ def vertex_array(
     program: moderngl.Program,
     vertices: moderngl.Buffer,
     indices: moderngl.Buffer,
+    light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
     """Vertex array that feeds a program; attributes it does not use are skipped."""
-    content = [(vertices, *_layout(program, VERTEX))]
+    content = [(vertices, *_layout(program, VERTEX)), *_light(program, light_coordinates)]
     return context.vertex_array(program, content, indices, index_element_size=4)
 
 
@@ -66,14 +71,42 @@ def cluster_vertex_array(
     vertices: moderngl.Buffer,
     indices: moderngl.Buffer,
     instances: moderngl.Buffer,
+    light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
     """Vertex array of `CLUSTER_VERTEX`, whose base instance is an entry of `INSTANCE`."""
     layout, *names = _layout(program, INSTANCE)
     content = [
         (vertices, *_layout(program, CLUSTER_VERTEX)),
+        *_light(program, light_coordinates),
         (instances, f"{layout} /i", *names),
     ]
     return context.vertex_array(program, content, indices, index_element_size=4)
+
+
+def light_coordinates(
+    parts: Sequence[tuple[int, Mesh, tuple[float, float, float, float] | None]], count: int
+) -> NDArray[np.float32]:
+    """Places (count, 2) of vertices in the lightmap; negative: they have none.
+
+    Args:
+        parts: first vertex of a mesh, the mesh, and its rectangle.
+        count: of all vertices.
+    """
+    places = np.full((count, 2), -1.0, dtype=np.float32)
+    for base, mesh, rectangle in parts:
+        if mesh.light_coordinates is not None and rectangle is not None:
+            places[base : base + len(mesh.positions)] = np.array(
+                rectangle[:2]
+            ) + mesh.light_coordinates * np.array(rectangle[2:])
+    return places
+
+
+def _light(
+    program: moderngl.Program, light_coordinates: moderngl.Buffer | None
+) -> list[tuple[moderngl.Buffer, str, str]]:
+    if light_coordinates is None or _LIGHT_COORDINATE not in program:
+        return []
+    return [(light_coordinates, "2f4", _LIGHT_COORDINATE)]
 
 
 def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:

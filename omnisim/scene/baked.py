@@ -1,0 +1,226 @@
+"""Folders of baked light, as `omnisim bake` writes them: their reading.
+
+A folder is for one scene in one light, which its fingerprint tells.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
+
+from omnisim.errors import OutputError, SceneError
+from omnisim.image_files import read_radiance
+from omnisim.npz_file import read_arrays
+from omnisim.parameters import Positive, Signed, Table, parse_table
+from omnisim.scene.baked_fingerprint import baked_fingerprint
+from omnisim.scene.baked_light import FACTORS, LARGEST, BakedLight, Probes
+from omnisim.scene.model import Instance, Mesh, Scene
+
+CONTENTS, IRRADIANCE = "baked.json", "irradiance.exr"
+UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
+MAX_SIZE_PX, MAX_PROBES = 16384, 1_000_000
+_EXPECTED = "expected that of omnisim bake"
+_TOLERANCE = 1e-4  # of rectangles and places within them
+
+Share = Annotated[float, Field(strict=True, ge=-_TOLERANCE, le=1.0 + _TOLERANCE)]
+Count = Annotated[int, Field(strict=True, ge=1, le=4096)]
+
+
+class _OpenTable(Table):
+    """Table with further keys, which are for the record."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Grid(_OpenTable):
+    origin_m: tuple[Signed, Signed, Signed]
+    spacing_m: tuple[Positive, Positive, Positive]
+    shape: tuple[Count, Count, Count]
+
+
+class _Contents(_OpenTable):
+    version: Literal[1]
+    fingerprint: str
+    rects: dict[str, tuple[Share, Share, Share, Share]]
+    probes: _Grid
+
+
+def with_baked_light(scene: Scene, folder: Path) -> Scene:
+    """Scene, loaded without baked light, in the light of a folder.
+
+    Its meshes are split at the seams of their unwrapping; triangles keep their order.
+
+    Raises:
+        SceneError: the light is another scene's, or a file is missing or damaged.
+    """
+    if not folder.is_dir():
+        raise SceneError(f"{folder}: no such folder: {_advice(scene, folder)}")
+    contents = _read_contents(folder / CONTENTS)
+    if contents.fingerprint != baked_fingerprint(scene):
+        raise SceneError(
+            f"{folder}: expected the light of {scene.name}, got that of another scene, or of this "
+            f"one before its surfaces or lights changed: {_advice(scene, folder)}"
+        )
+    rectangles = _rectangles(contents, len(scene.instances), folder / CONTENTS)
+    baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
+    used = sorted({scene.instances[number].mesh for number in rectangles})
+    return dataclasses.replace(
+        scene,
+        meshes=_split_meshes(scene.meshes, used, folder / UNWRAPPING),
+        instances=tuple(
+            _with_rectangle(one, rectangles.get(number))
+            for number, one in enumerate(scene.instances)
+        ),
+        lighting=dataclasses.replace(scene.lighting, baked=baked),
+    )
+
+
+def _advice(scene: Scene, folder: Path) -> str:
+    return f"run `omnisim bake {scene.name} -o {folder}`"
+
+
+def _read_contents(path: Path) -> _Contents:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as reason:
+        raise SceneError(f"{path}: cannot be read: {reason.strerror}: {_EXPECTED}") from None
+    except (ValueError, RecursionError):
+        raise SceneError(f"{path}: is damaged: not JSON: {_EXPECTED}") from None
+    if not isinstance(content, dict):
+        raise SceneError(f"{path}: is damaged: {_EXPECTED}")
+    try:
+        return parse_table(content, _Contents, SceneError, str(path))
+    except SceneError as faults:  # one is enough: nobody mends such a file by hand
+        raise SceneError(str(faults).partition("\n")[0]) from None
+
+
+def _rectangles(
+    contents: _Contents, instances: int, path: Path
+) -> dict[int, tuple[float, float, float, float]]:
+    """Rectangles by the number of an instance, of those that have one."""
+    found = {}
+    for key, rectangle in contents.rects.items():
+        left, top, width, height = rectangle
+        if not (key.isascii() and key.isdigit() and len(key) < 10 and int(key) < instances):
+            raise SceneError(
+                f"{path}: rects: expected numbers of instances, up to {instances - 1}, got {key!r}"
+            )
+        if left + width > 1.0 + _TOLERANCE or top + height > 1.0 + _TOLERANCE:
+            raise SceneError(f"{path}: rects.{key} = {list(rectangle)}: expected it within 0 to 1")
+        if width > 0.0 and height > 0.0:
+            found[int(key)] = rectangle
+    return found
+
+
+def _with_rectangle(
+    instance: Instance, rectangle: tuple[float, float, float, float] | None
+) -> Instance:
+    return (
+        instance if rectangle is None else dataclasses.replace(instance, light_rectangle=rectangle)
+    )
+
+
+def _read_irradiance(path: Path) -> NDArray[np.float16]:
+    try:
+        pixels = read_radiance(path)
+    except OutputError as reason:
+        raise SceneError(str(reason)) from None
+    height, width = pixels.shape[:2]
+    if max(height, width) > MAX_SIZE_PX:
+        raise SceneError(f"{path}: expected at most {MAX_SIZE_PX} px, got {width} × {height}")
+    if not ((pixels >= 0.0) & (pixels <= LARGEST)).all():
+        raise SceneError(f"{path}: expected light from 0 to {LARGEST:g}")
+    return pixels.astype(np.float16)
+
+
+def _read_probes(folder: Path, grid: _Grid) -> Probes:
+    path, shape = folder / PROBES, grid.shape
+    if np.prod(shape, dtype=np.float64) > MAX_PROBES:
+        raise SceneError(
+            f"{folder / CONTENTS}: probes.shape = {list(shape)}: expected at most {MAX_PROBES} "
+            "probes"
+        )
+    stored = read_arrays(path, SceneError, "archive", _EXPECTED, ("sh", "valid"))
+    factors = _array(stored, "sh", "f", (*shape, FACTORS, 3), path)
+    valid = _array(stored, "valid", "b", shape, path)
+    if not (np.abs(factors[valid]) <= LARGEST).all():
+        raise SceneError(f"{path}: sh: expected finite numbers up to {LARGEST:g}")
+    return Probes(
+        np.array(grid.origin_m), np.array(grid.spacing_m),
+        np.where(valid[..., None, None], factors, 0.0).astype(np.float32), valid,
+    )  # fmt: skip
+
+
+def _split_meshes(meshes: tuple[Mesh, ...], used: list[int], path: Path) -> tuple[Mesh, ...]:
+    names = {f"{key}_{mesh}" for mesh in used for key in ("vertex_of", "triangles", "uv")}
+    stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
+    split = list(meshes)
+    for number in used:
+        split[number] = _split_mesh(meshes[number], number, stored, path)
+    return tuple(split)
+
+
+def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: Path) -> Mesh:
+    vertex_of = _array(stored, f"vertex_of_{number}", "iu", (None,), path)
+    triangles = _array(stored, f"triangles_{number}", "iu", mesh.triangles.shape, path)
+    places = _array(stored, f"uv_{number}", "f", (len(vertex_of), 2), path)
+    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(vertex_of)):
+        raise SceneError(
+            f"{path}: triangles_{number}: expected vertices from 0 to {len(vertex_of) - 1}"
+        )
+    if not np.array_equal(vertex_of[triangles], mesh.triangles):
+        raise SceneError(f"{path}: vertex_of_{number}: expected the scene's triangles, got others")
+    if not ((places >= -_TOLERANCE) & (places <= 1.0 + _TOLERANCE)).all():
+        raise SceneError(f"{path}: uv_{number}: expected places from 0 to 1")
+    if len(vertex_of) and not (vertex_of.min() >= 0 and vertex_of.max() < len(mesh.positions)):
+        raise SceneError(
+            f"{path}: vertex_of_{number}: expected vertices from 0 to {len(mesh.positions) - 1}"
+        )
+    return dataclasses.replace(
+        mesh,
+        positions=mesh.positions[vertex_of],
+        triangles=triangles.astype(np.uint32),
+        normals=_taken(mesh.normals, vertex_of),
+        texture_coordinates=_taken(mesh.texture_coordinates, vertex_of),
+        colors=_taken(mesh.colors, vertex_of),
+        second_texture_coordinates=_taken(mesh.second_texture_coordinates, vertex_of),
+        light_coordinates=places.astype(np.float32),
+    )
+
+
+def _taken(
+    values: NDArray[np.float32] | None, vertices: NDArray[np.integer[Any]]
+) -> NDArray[np.float32] | None:
+    return None if values is None else values[vertices]
+
+
+def _array(
+    stored: dict[str, NDArray[Any]],
+    name: str,
+    kinds: str,
+    shape: tuple[int | None, ...],
+    path: Path,
+) -> NDArray[Any]:
+    """Array of an archive, of one of the kinds of NumPy and of a shape; None: of any length."""
+    if name not in stored:
+        raise SceneError(f"{path}: {name}: missing: {_EXPECTED}")
+    array = stored[name]
+    fits = array.ndim == len(shape) and all(
+        wanted in (None, got) for wanted, got in zip(shape, array.shape, strict=True)
+    )
+    if array.dtype.kind not in kinds or not fits:
+        wanted = " × ".join("n" if one is None else str(one) for one in shape)
+        raise SceneError(
+            f"{path}: {name}: expected {wanted} {_KINDS[kinds]}, "
+            f"got {array.dtype} of shape {array.shape}"
+        )
+    return array
+
+
+_KINDS = {"f": "floats", "b": "flags", "iu": "whole numbers"}

@@ -1,0 +1,53 @@
+// Baked light of a scene: its lamps, sky and bounces, with their shadows.
+// vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in metres from
+// the effective viewpoint, normal a unit vector, both in axes of the world.
+// LIGHTMAP: of static surfaces, by their places in the lightmap. PROBES: of all else, by spherical
+// harmonics of order 2 between the probes of a grid. With both: the lightmap's, unless the place is
+// negative.
+// Twin of omnisim/scene/baked_light.py.
+
+#ifdef LIGHTMAP
+in vec2 v_light_coordinate;
+uniform sampler2D u_lightmap;
+
+vec3 lightmap_light() {
+    return textureLod(u_lightmap, v_light_coordinate, 0.0).rgb;
+}
+#endif
+
+#ifdef PROBES
+uniform sampler3D u_probes;  // blocks along z, of four numbers each: factors times weights, and weights
+uniform vec3 u_probes_per_m;
+#ifdef LAYERED
+#define PROBES_VIEWPOINT (-light_positions[v_camera * POSITIONS + PROBES_POSITION].xyz)
+#else
+uniform vec3 u_probes_viewpoint;  // metres from the first probe
+#define PROBES_VIEWPOINT u_probes_viewpoint
+#endif
+const float PROBE_BLOCKS = 7.0;
+
+vec3 probe_light(vec3 position, vec3 n) {
+    vec3 size = vec3(textureSize(u_probes, 0)) / vec3(1.0, 1.0, PROBE_BLOCKS);
+    vec3 place = (position + PROBES_VIEWPOINT) * u_probes_per_m;
+    place = (clamp(place, vec3(0.0), size - 1.0) + 0.5) / vec3(size.xy, size.z * PROBE_BLOCKS);
+#define PROBE_BLOCK(i) textureLod(u_probes, place + vec3(0.0, 0.0, i / PROBE_BLOCKS), 0.0)
+    vec4 a = PROBE_BLOCK(0.0), b = PROBE_BLOCK(1.0), c = PROBE_BLOCK(2.0), d = PROBE_BLOCK(3.0);
+    vec4 e = PROBE_BLOCK(4.0), f = PROBE_BLOCK(5.0), g = PROBE_BLOCK(6.0);
+    vec3 total = a.rgb
+        + vec3(a.a, b.rg) * n.y + vec3(b.ba, c.r) * n.z + c.gba * n.x
+        + d.rgb * (n.x * n.y) + vec3(d.a, e.rg) * (n.y * n.z)
+        + vec3(e.ba, f.r) * (3.0 * n.z * n.z - 1.0) + f.gba * (n.x * n.z)
+        + g.rgb * (n.x * n.x - n.y * n.y);
+    return max(total / g.a, 0.0);
+}
+#endif
+
+vec3 baked_light(vec3 position, vec3 normal) {
+#if defined(LIGHTMAP) && defined(PROBES)
+    return v_light_coordinate.x < 0.0 ? probe_light(position, normal) : lightmap_light();
+#elif defined(PROBES)
+    return probe_light(position, normal);
+#else
+    return lightmap_light();
+#endif
+}

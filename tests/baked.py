@@ -1,0 +1,84 @@
+"""Folders of baked light whose light is known: the same formula in all texels and probes."""
+
+import json
+
+import numpy as np
+
+from omnisim.image_files import write_image
+from omnisim.scene.baked_fingerprint import baked_fingerprint
+
+CELL_PX = 8  # of a triangle's chart, which its cell holds with a texel to spare
+
+
+def write_baked(folder, scene, light, without=(), spacing_m=0.5):
+    """Write light (n, 3) at points (n, 3), linear in them, as the baked light of a scene.
+
+    Each triangle is a chart of its own, and each instance has a page, but for those without.
+    """
+    folder.mkdir()
+    numbers = [i for i in range(len(scene.instances)) if i not in without]
+    meshes = sorted({scene.instances[i].mesh for i in numbers})
+    side = max(_cells(scene.meshes[i]) for i in meshes) * CELL_PX
+    pages = int(np.ceil(np.sqrt(len(numbers))))
+    texels = np.zeros((pages * side, pages * side, 3))
+    rects, charts = {}, {}
+    for page, number in enumerate(numbers):
+        top, left = (side * place for place in divmod(page, pages))
+        instance = scene.instances[number]
+        mesh = scene.meshes[instance.mesh]
+        texels[top : top + side, left : left + side] = _page(instance, mesh, side, light)
+        scale = 1.0 / (pages * side)
+        rects[str(number)] = [left * scale, top * scale, side * scale, side * scale]
+    for number in meshes:
+        mesh = scene.meshes[number]
+        charts |= {
+            f"vertex_of_{number}": mesh.triangles.ravel().astype(np.int32),
+            f"triangles_{number}": np.arange(mesh.triangles.size, dtype=np.int32).reshape(-1, 3),
+            f"uv_{number}": (_corners_px(mesh).reshape(-1, 2) / side).astype(np.float32),
+        }
+    write_image(folder / "irradiance.exr", texels.astype(np.float32))
+    np.savez(folder / "unwrapping.npz", **charts)
+    low, high = scene.bounds_m()
+    shape = tuple(int(n) for n in np.ceil((high - low) / spacing_m) + 1)
+    points = low + spacing_m * np.stack(np.indices(shape), axis=-1)
+    factors = np.zeros((*shape, 9, 3), dtype=np.float32)
+    factors[..., 0, :] = light(points.reshape(-1, 3)).reshape(*shape, 3)
+    np.savez(folder / "probes.npz", sh=factors, valid=np.ones(shape, dtype=np.bool_))
+    contents = {
+        "version": 1,
+        "fingerprint": baked_fingerprint(scene),
+        "rects": rects,
+        "probes": {
+            "origin_m": low.tolist(), "spacing_m": [spacing_m] * 3, "shape": list(shape)
+        },
+    }  # fmt: skip
+    (folder / "baked.json").write_text(json.dumps(contents))
+    return folder
+
+
+def _cells(mesh):
+    return int(np.ceil(np.sqrt(len(mesh.triangles))))
+
+
+def _corners_px(mesh):
+    """Corners (m, 3, 2) of the triangles' charts."""
+    cells = np.stack(np.divmod(np.arange(len(mesh.triangles)), _cells(mesh))[::-1], axis=1)
+    corners = np.array([[1.5, 1.5], [CELL_PX - 1.5, 1.5], [1.5, CELL_PX - 1.5]])
+    return CELL_PX * cells[:, None] + corners
+
+
+def _page(instance, mesh, side, light):
+    """Texels (side, side, 3): each cell has its triangle's plane, past its edges too."""
+    matrix = instance.world_from_mesh
+    points = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    page = np.zeros((side, side, 3))
+    at = (np.arange(CELL_PX) + 0.5 - 1.5) / (CELL_PX - 3.0)
+    v, u = np.meshgrid(at, at, indexing="ij")
+    for (a, b, c), corners in zip(mesh.triangles, _corners_px(mesh), strict=True):
+        left, top = (corners[0] - 1.5).astype(int)
+        plane = points[a] + u[..., None] * (points[b] - points[a])
+        plane = plane + v[..., None] * (points[c] - points[a])
+        page[top : top + CELL_PX, left : left + CELL_PX] = light(plane.reshape(-1, 3)).reshape(
+            CELL_PX, CELL_PX, 3
+        )
+    return np.maximum(page, 0.0)
