@@ -67,7 +67,7 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
             f"{folder}: expected the light of {scene.name}, got that of another scene, or of this "
             f"one before its surfaces or lights changed: {_advice(scene, folder)}"
         )
-    rectangles = _rectangles(contents, len(scene.instances), folder / CONTENTS)
+    rectangles = _rectangles(contents, scene, folder / CONTENTS)
     baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
     used = sorted({scene.instances[number].mesh for number in rectangles})
     return dataclasses.replace(
@@ -101,10 +101,10 @@ def _read_contents(path: Path) -> _Contents:
 
 
 def _rectangles(
-    contents: _Contents, instances: int, path: Path
+    contents: _Contents, scene: Scene, path: Path
 ) -> dict[int, tuple[float, float, float, float]]:
-    """Rectangles by the number of an instance, of those that have one."""
-    found = {}
+    """Rectangles by the number of an instance, of those that have one and do not deform."""
+    found, instances = {}, len(scene.instances)
     for key, rectangle in contents.rects.items():
         left, top, width, height = rectangle
         if not (key.isascii() and key.isdigit() and len(key) < 10 and int(key) < instances):
@@ -113,7 +113,8 @@ def _rectangles(
             )
         if left + width > 1.0 + _TOLERANCE or top + height > 1.0 + _TOLERANCE:
             raise SceneError(f"{path}: rects.{key} = {list(rectangle)}: expected it within 0 to 1")
-        if width > 0.0 and height > 0.0:
+        is_rigid = scene.meshes[scene.instances[int(key)].mesh].deformation is None
+        if width > 0.0 and height > 0.0 and is_rigid:
             found[int(key)] = rectangle
     return found
 
