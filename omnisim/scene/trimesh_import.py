@@ -144,15 +144,21 @@ def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.fl
     """Texture coordinates (n, 2), v down; MTL's scale and offset of the map applied."""
     extra = getattr(visual.material, "kwargs", {})
     coordinates = np.array(visual.uv, dtype=np.float64)[:, :2]
-    coordinates *= _pair(extra.get("map_kd-s"), 1.0)
-    coordinates += _pair(extra.get("map_kd-o"), 0.0)
+    coordinates *= _pair(extra, "s", 1.0)
+    coordinates += _pair(extra, "o", 0.0)
     coordinates[:, 1] = 1.0 - coordinates[:, 1]
     return coordinates
 
 
-def _pair(words: Sequence[str] | None, default: float) -> list[float]:
-    """The first two numbers of a texture map's option."""
-    return ([float(word) for word in words or ()] + [default, default])[:2]
+def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> list[float]:
+    """The first two numbers of an option of MTL's map of colours."""
+    words = extra.get(f"map_kd-{option}") or ()
+    try:
+        return ([float(word) for word in words] + [default, default])[:2]
+    except ValueError:
+        raise SceneError(
+            f"map_Kd -{option} = {' '.join(words)}: expected up to three numbers"
+        ) from None
 
 
 def _material_of_file(

@@ -80,6 +80,12 @@ def test_mtl_options_of_a_map(tmp_path, line):
     np.testing.assert_allclose(scene.meshes[0].texture_coordinates[2], [0.5, 1.0 - 3.25])
 
 
+def test_mtl_options_that_are_no_numbers_are_refused(tmp_path):
+    path = _obj(tmp_path, "newmtl m\nmap_Kd-s 2 2 1 wood.png\n")
+    with pytest.raises(SceneError, match=r"a\.obj: .*map_Kd -s = 2 2 1 wood\.png: expected up to"):
+        load_scene(path)
+
+
 def test_several_material_files_in_every_encoding(tmp_path):
     (tmp_path / "a.mtl").write_bytes("\ufeffnewmtl rot\nKd 1 0 0\n".encode())
     (tmp_path / "b c.mtl").write_bytes("newmtl grün\nKd 0 1 0\n".encode("latin-1"))
