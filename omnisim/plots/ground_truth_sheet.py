@@ -8,9 +8,10 @@ ahead.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,8 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
 from omnisim.plots.contact_sheet import run_sheet
-from omnisim.scene import load_scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Material
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.simulation.vehicle import Vehicle
 
@@ -29,6 +31,8 @@ BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
 PREVIOUS_BASE = poses.pose((-1.0, 0.5, 0.0), yaw_deg=29.0)
 NEXT_BASE = poses.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
 LENS_THETA_MAX_DEG = 95.0
+# That the tiles of materials show something: soccer has neither metal nor what glows.
+GLOWING, METALLIC = ("lamp_glow", "screens", "outside"), 0.8
 LENS_CHANNELS = ("range", "normals", "semantic")
 Tile = tuple[str, NDArray[np.uint8]]
 
@@ -43,10 +47,30 @@ def ground_truth_tiles() -> list[Tile]:
         SIDE_PX, SIDE_PX, 0.5 * SIDE_PX / lens_theta_max, (middle, middle), lens_theta_max
     )
     ahead = OmniCamera(lens, polygons=None, base_from_rig=mounted.sensor.base_from_rig)
-    with Stage(load_scene("soccer"), vehicle.body) as stage:
+    body = _with_materials(vehicle.body, lambda one: dataclasses.replace(one, metallic=METALLIC))
+    with Stage(_with_materials(load_scene("soccer"), _glowing), body) as stage:
         mirror = mounted.sensor.with_polygons(None).resized(SIDE_PX)
         tiles = _tiles(stage, mirror, mounted.hides, tuple(CHANNELS), "")
         return tiles + _tiles(stage, ahead, mounted.hides, LENS_CHANNELS, "fisheye: ")
+
+
+def _glowing(material: Material) -> Material:
+    """Material that emits its own colour, if it is one of what glows."""
+    if material.name not in GLOWING:
+        return material
+    red, green, blue, _ = material.base_color
+    return dataclasses.replace(
+        material, emissive=(red, green, blue), emissive_map=material.texture, unlit=False
+    )
+
+
+def _with_materials(scene: Scene, change: Callable[[Material], Material]) -> Scene:
+    """Scene with changed materials, drawn in full."""
+    return dataclasses.replace(
+        scene,
+        materials=tuple(change(one) for one in scene.materials),
+        lighting=dataclasses.replace(scene.lighting, is_matte=False),
+    )
 
 
 def _tiles(

@@ -136,7 +136,7 @@ def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
         base_color=(0.8, 0.6, 0.5, 1.0), metallic=metallic, roughness=0.25, specular=1.0,
         double_sided=True,
     )  # fmt: skip
-    # the inside of a bowl around the camera, below and above which all edges of the cube are
+    # the inside of a bowl: it is behind all edges of the cube
     scene = scene_of([sphere], [glossy], lighting=LIGHTINGS["sky"])
     lens = EquirectangularCamera(256, 128)
     camera = OmniCamera(lens, polygons=None, supersampling=2)
