@@ -164,7 +164,7 @@ class LiveSource:
             "robot": None if vehicle is None else vehicle.title,
             "outline_m": None if size is None else [size.length_m, size.width_m],
             "steps": None,
-            "has_clock": bool(self.scene.objects),
+            "has_clock": bool(self.scene.objects) or self.scene.deforms,
             "is_editable": True,
         }
 

@@ -14,6 +14,7 @@ from omnisim.rays.ray_scene import ObjectState, RayScene
 from omnisim.world import ObjectPart
 
 _FIRINGS_AT_ONCE = 128
+_BESIDE = 0.01  # weight of a corner: of a triangle that deforms, a ray may pass beside it
 
 
 class LidarCaster:
@@ -90,7 +91,9 @@ class LidarCaster:
             )
             corners_m = start_m + share * (end_m - start_m)
             exact = scene.caster.exact_at(corners_m, some, found.take(mine))
-            ranges_m[hit[mine]] = exact.ranges_m
+            # one that it leaves meanwhile is hit as in the middle of the slice
+            inside = np.flatnonzero(exact.weights.min(axis=1) > -_BESIDE)
+            ranges_m[hit[mine[inside]]] = exact.ranges_m[inside]
         draws_plus_one[hit] = geometry.surface_of_triangle[found.triangles] + 1
         return ranges_m, draws_plus_one
 

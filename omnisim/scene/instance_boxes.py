@@ -12,8 +12,10 @@ from omnisim.poses import nearest_rotation
 from omnisim.scene.parts import Instance, Mesh
 
 
-def instance_boxes(instances: Sequence[Instance], meshes: Sequence[Mesh]) -> dict[str, OrientedBox]:
-    """Boxes by the instances' names, in the frame that they are placed in.
+def instance_boxes(
+    instances: Sequence[Instance], meshes: Sequence[Mesh], time_s: float = 0.0
+) -> dict[str, OrientedBox]:
+    """Boxes by the instances' names at a time, in the frame that they are placed in.
 
     Parts of one name have one box, along the axes of the instance's frame, see `Scene.pose_of`: it
     has the bounds of the instance in this frame.
@@ -23,15 +25,18 @@ def instance_boxes(instances: Sequence[Instance], meshes: Sequence[Mesh]) -> dic
         parts.setdefault(instance.name, []).append(instance)
     boxes = {}
     for name, of_name in parts.items():
-        points_m = np.concatenate([_points_m(one, meshes[one.mesh]) for one in of_name])
+        points_m = np.concatenate([_points_m(one, meshes[one.mesh], time_s) for one in of_name])
         if len(points_m):
             boxes[name] = OrientedBox.of_points(points_m, _axes(of_name[0]))
     return boxes
 
 
-def _points_m(instance: Instance, mesh: Mesh) -> NDArray[np.float64]:
+def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> NDArray[np.float64]:
     """Corners (n, 3) of an instance's triangles."""
-    points = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
+    used = np.unique(mesh.triangles).astype(np.intp)
+    points = mesh.positions[used].astype(np.float64)
+    if mesh.deformation is not None:
+        points = mesh.deformation.positions_at(time_s, used)
     matrix = instance.world_from_mesh
     placed: NDArray[np.float64] = points @ matrix[:3, :3].T + matrix[:3, 3]
     return placed

@@ -139,8 +139,23 @@ class Scene:
 
     @cached_property
     def instance_boxes(self) -> dict[str, OrientedBox]:
-        """Oriented boxes of the instances by name, along the axes of their own frames."""
+        """Oriented boxes of the instances by name, along the axes of their own frames, at 0 s."""
         return instance_boxes(self.instances, self.meshes)
+
+    @cached_property
+    def deforms(self) -> bool:
+        """True where the mesh of an instance deforms by the world's time."""
+        return any(self.meshes[one.mesh].deformation is not None for one in self.instances)
+
+    def boxes_at(self, time_s: float) -> dict[str, OrientedBox]:
+        """Oriented boxes as `instance_boxes`, at a time of the world."""
+        if not self.deforms or time_s == 0.0:
+            return self.instance_boxes
+        names = {
+            one.name for one in self.instances if self.meshes[one.mesh].deformation is not None
+        }
+        deforming = [one for one in self.instances if one.name in names]
+        return self.instance_boxes | instance_boxes(deforming, self.meshes, time_s)
 
     @property
     def instance_names(self) -> tuple[str, ...]:

@@ -58,8 +58,9 @@ from omnisim.sensors.backend import (
 )
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
-from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
+from omnisim.sensors.degraded_camera import DegradedCamera
 from omnisim.sensors.hit_source import HitSource, deforming_draws
+from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.quality import QUALITIES
 from omnisim.sensors.tiles import sensor_tiles
@@ -286,8 +287,8 @@ class CubeCamera(CameraBackend):
             degradation.sensor_steps(geometry, key_of("noise", seed)),
             degradation.encoding_step(),
         )
-        corners_m = object_corners_m(self._graphics.objects.values())
-        return DegradedCamera(sensor, seed, DegradedPipeline(ideal, passes), corners_m)
+        boxes = MovingBoxes(self._graphics.scene, self._graphics.objects.values())
+        return DegradedCamera(sensor, seed, DegradedPipeline(ideal, passes), boxes)
 
     def _cube_pass(self, plan: TilePlan) -> CubePass:
         graphics = self._graphics

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.gpu.pipeline import Exposed, Readback, SubFrame
-from omnisim.scene import Scene
 from omnisim.sensors.backend import FrameRequest
 from omnisim.sensors.motion import moved_px
+from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.sensors.omnicamera import OmniCamera
 
 
@@ -43,7 +39,7 @@ class DegradedCamera:
         sensor: the camera.
         seed: of its noise.
         pipeline: of its sub-frames.
-        object_corners_m: (8, 3) corners of the box around each moving object, in its own frame.
+        boxes: around all that moves.
     """
 
     def __init__(
@@ -51,9 +47,9 @@ class DegradedCamera:
         sensor: OmniCamera,
         seed: int | str,
         pipeline: SubFramePipeline,
-        object_corners_m: Sequence[NDArray[np.float64]],
+        boxes: MovingBoxes,
     ):
-        self._sensor, self._seed, self._object_corners_m = sensor, seed, object_corners_m
+        self._sensor, self._seed, self._boxes = sensor, seed, boxes
         self._pipeline = pipeline
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
@@ -89,16 +85,13 @@ class DegradedCamera:
             return [SubFrame(request.poses, None)]
         half_s = 0.5 * shutter.duration_s
         ends = [motion(seconds) for seconds in (-half_s, 0.0, half_s)]
-        count = shutter.sub_frame_count(moved_px(sensor.model, ends, self._object_corners_m))
+        boxes = self._boxes
+        moved = [
+            one._replace(world_from_objects=boxes.poses(one.world_from_objects)) for one in ends
+        ]
+        count = shutter.sub_frame_count(moved_px(sensor.model, moved, boxes.corners_m))
         poses = [motion(float(seconds)) for seconds in shutter.times_s(count)]
         if count == 1:
             return [SubFrame(poses[0], None)]
         row_weights = shutter.row_weights(count, sensor.model.height_px)
         return [SubFrame(*part) for part in zip(poses, row_weights, strict=True)]
-
-
-def object_corners_m(objects: Iterable[Scene]) -> list[NDArray[np.float64]]:
-    """Corners (8, 3) of the box around each object; (0, 3) of an empty one."""
-    boxes_m = [one.bounds_m() for one in objects]
-    corners_m = [np.array(list(itertools.product(*box_m.T))) for box_m in boxes_m]
-    return [corners if np.isfinite(corners).all() else corners[:0] for corners in corners_m]

@@ -12,8 +12,8 @@ from omnisim.ground_truth.lidar_beams import LidarPoses
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.sensors.backend import BeamCaster, LabelCache
-from omnisim.sensors.degraded_camera import object_corners_m
 from omnisim.sensors.ground_truth import instances_of_draws
+from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.sensors.point_cloud import PointCloud, make_points
 from omnisim.sensors.revolution import plan_revolution
 from omnisim.sensors.spinning_lidar import SpinningLidar
@@ -65,7 +65,7 @@ class LidarRenderer(SensorRenderer[BeamCaster]):
 
         super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
         self._labels = LabelCache()
-        self._object_corners_m = object_corners_m(self._stage.objects.values())
+        self._boxes = MovingBoxes(self.scene, self._stage.objects.values())
 
     def _sensor_summary(self) -> str:
         return f"{self.lidar.rings} rings × {self.lidar.firings} firings"
@@ -95,7 +95,7 @@ class LidarRenderer(SensorRenderer[BeamCaster]):
         lidar, stage = self.lidar, self._stage
         start_s = time_s - lidar.period_s
         with self._current() as caster:
-            plan = plan_revolution(lidar, poses_at, start_s, self._object_corners_m)
+            plan = plan_revolution(lidar, poses_at, start_s, self._boxes)
             hits = caster.cast(plan)
             draws = caster.draws
         labels = self._labels.find(stage.scene, stage.objects, tuple(stage.vehicles))

@@ -34,7 +34,8 @@ from omnisim.sensors.backend import (
 )
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
-from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
+from omnisim.sensors.degraded_camera import DegradedCamera
+from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.parallax_plan import parallax_tiles
 from omnisim.sensors.sample_rays import sample_rays
@@ -204,8 +205,8 @@ class ParallaxCamera(CameraBackend):
             degradation.sensor_steps(geometry, key_of("noise", seed)),
             degradation.encoding_step(),
         )
-        corners_m = object_corners_m(self.world.objects.values())
-        return DegradedCamera(sensor, seed, DegradedPipeline(self._pipeline, passes), corners_m)
+        boxes = MovingBoxes(self.world.scene, self.world.objects.values())
+        return DegradedCamera(sensor, seed, DegradedPipeline(self._pipeline, passes), boxes)
 
 
 def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:

@@ -33,8 +33,9 @@ from omnisim.sensors.degradations.development import (
 from omnisim.sensors.degradations.encoding import Encoding
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
-from omnisim.sensors.degraded_camera import DegradedCamera, object_corners_m
+from omnisim.sensors.degraded_camera import DegradedCamera
 from omnisim.sensors.hit_source import DeformingDraw, HitSource
+from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.world import ObjectPart
 
 
@@ -121,14 +122,14 @@ class RayCamera(CameraBackend):
         self._pictures = self._ray_pictures()
         self._degraded = None
         if not sensor.degradation.is_ideal:
-            corners_m = object_corners_m(world.objects.values())
+            boxes = MovingBoxes(world.scene, world.objects.values())
             pipeline = _Development(
                 self._linear,
                 sensor.degradation,
                 PictureGeometry.of_camera(sensor.model),
                 key_of("noise", setup.seed),
             )
-            self._degraded = DegradedCamera(sensor, setup.seed, pipeline, corners_m)
+            self._degraded = DegradedCamera(sensor, setup.seed, pipeline, boxes)
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""

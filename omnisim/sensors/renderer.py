@@ -23,7 +23,7 @@ from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import BackendName, Stage
 from omnisim.srgb import srgb8_from_linear
 from omnisim.version import __version__
-from omnisim.world import Motion, ObjectPart, WorldState
+from omnisim.world import Motion, ObjectPart, WorldState, time_of
 
 if TYPE_CHECKING:
     from omnisim.calibration import CalibratedCamera, Calibration
@@ -176,11 +176,12 @@ class Renderer(BatchRenderer):
         """Boxes of all instances by ID at some poses, world frame."""
         stage = self._stage
         world_from_object = dict(zip(stage.objects, poses.world_from_objects, strict=True))
-        boxes = {}
+        time_s, boxes = time_of(poses.world_from_objects), {}
+        of_scenes = {name: one.boxes_at(time_s) for name, one in stage.objects.items()}
+        of_static = stage.scene.boxes_at(time_s)
         for label in labels.instances:
             owner = label.object_name
-            scene = stage.scene if owner is None else stage.objects[owner]
-            box = scene.instance_boxes.get(label.name)
+            box = (of_static if owner is None else of_scenes[owner]).get(label.name)
             if box is not None:
                 world = box if owner is None else box.transformed(world_from_object[owner])
                 boxes[label.id] = world

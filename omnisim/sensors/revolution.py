@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import scipy  # its submodules load when first used
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OmnisimError
 from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
+from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.sensors.spinning_lidar import SpinningLidar
 
 SLICES = (8, 16, 32, 64)  # of a revolution in motion
@@ -27,7 +28,7 @@ def plan_revolution(
     lidar: SpinningLidar,
     poses_at: PosesAt,
     start_s: float,
-    object_corners_m: Sequence[NDArray[np.float64]] = (),
+    boxes: MovingBoxes,
 ) -> Revolution:
     """Cut a revolution into slices that are short enough; one, where nothing moves.
 
@@ -35,18 +36,18 @@ def plan_revolution(
         lidar: that turns.
         poses_at: seconds.
         start_s: of the first firing.
-        object_corners_m: (8, 3) of the box around each dynamic object, in its own frame.
+        boxes: around all that moves.
 
     Raises:
         OmnisimError: a lidar that turns too fast.
     """
     ends = [poses_at(start_s + share * lidar.period_s) for share in (0.0, 0.3, 0.7, 1.0)]
-    if all(_is_same(ends[0], one) for one in ends[1:]):
+    if all(_is_same(ends[0], one, boxes) for one in ends[1:]):
         whole = Slice(0, lidar.firings, ends[0], ends[0], ends[0])
         return _revolution(lidar, (whole,))
     for count in SLICES:
         slices = _cut(lidar, poses_at, start_s, count)
-        if all(_is_short(one, object_corners_m) for one in slices):
+        if all(_is_short(one, boxes) for one in slices):
             break
     turn_rad = max(_turn_rad(one) for one in slices)
     if turn_rad > MAX_TURN_RAD:
@@ -97,19 +98,20 @@ def _rotations(
     return rotations
 
 
-def _is_same(one: LidarPoses, other: LidarPoses) -> bool:
+def _is_same(one: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:
     pairs = zip(
-        (one.world_from_lidar, *one.world_from_objects),
-        (other.world_from_lidar, *other.world_from_objects),
+        (one.world_from_lidar, *boxes.poses(one.world_from_objects)),
+        (other.world_from_lidar, *boxes.poses(other.world_from_objects)),
         strict=True,
     )
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-def _is_short(one: Slice, object_corners_m: Sequence[NDArray[np.float64]]) -> bool:
+def _is_short(one: Slice, boxes: MovingBoxes) -> bool:
     """A slice keeps to the limits."""
     moving = [(np.zeros((1, 3)), *(pose.world_from_lidar for pose in _poses(one)))]
-    moving += zip(object_corners_m, *(pose.world_from_objects for pose in _poses(one)), strict=True)
+    moved = (boxes.poses(pose.world_from_objects) for pose in _poses(one))
+    moving += zip(boxes.corners_m, *moved, strict=True)
     if _turn_rad(one) > MAX_TURN_RAD:
         return False
     for corners_m, *poses in moving:

@@ -8,6 +8,9 @@ import pytest
 from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer, Stage, load_scene
 from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.poses import pose
+from omnisim.sensors.degradations import Degradation, Shutter
+from omnisim.sensors.lidar_renderer import LidarRenderer
+from omnisim.sensors.spinning_lidar import SpinningLidar
 from omnisim.world import WorldState
 from tests.skinned_figure import Figure
 
@@ -211,3 +214,68 @@ def test_a_laser_scanner_sees_the_shins_where_they_are(tmp_path):
     assert len(seen) > 5
     np.testing.assert_allclose(scan.ranges_m[seen], expected_m[seen], atol=1e-5)
     assert not np.array_equal(scan.ranges_m, still.ranges_m)
+
+
+def test_boxes_hold_the_figure_as_it_is(tmp_path):
+    stage, renderer = _open(tmp_path, "cube")
+    with stage, renderer:
+        for time_s in (0.0, 0.7):
+            state = WorldState({renderer.vehicle: HERE}, time_s)
+            frame = renderer.render(state, boxes_3d=True)
+            (box,) = [one for one in frame.boxes_3d if one.label.name == "walker"]
+            vertices_m = FIGURE.vertices_m(time_s)
+            low, high = vertices_m.min(axis=0), vertices_m.max(axis=0)
+            np.testing.assert_allclose(box.full.corners_m.min(axis=0), low, atol=1e-5)
+            np.testing.assert_allclose(box.full.corners_m.max(axis=0), high, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_rolling_shutter_has_rows_of_their_times(tmp_path):
+    """A camera at rest: sub-frames are chosen by how far joints move."""
+    shutter = Shutter(readout_s=0.3)
+    stage, renderer = _open(tmp_path, "cube")
+    rolling = Renderer(stage, _camera(degradation=Degradation(shutter=shutter)))
+    with stage, renderer, rolling:
+
+        def state_at(time_s):
+            return WorldState({renderer.vehicle: HERE}, time_s)
+
+        frame = rolling.render(state_at(0.5), motion=state_at)
+        count = frame.metadata["degradation"]["sub_frames"]
+        assert count > 4
+        times_s = 0.5 + ((np.arange(count) + 0.5) / count - 0.5) * 0.3
+        rows = np.linspace(0, LENS.height_px, count + 1).astype(int)
+        for time_s, first, last in zip(times_s, rows[:-1], rows[1:], strict=True):
+            instant = renderer.render(state_at(float(time_s))).rgb.astype(int)
+            middle = (first + last) // 2
+            np.testing.assert_allclose(frame.rgb[middle].astype(int), instant[middle], atol=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("backend", "bound_m"), [("cube", 3e-4), ("rays", 1e-6)])
+def test_a_lidar_meets_the_figure_where_it_is_at_each_firing(backend, bound_m, tmp_path):
+    """In the middle of each slice by the virtual cameras, which is 1 cm at most; else exactly."""
+    if backend == "rays":
+        pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+    scene = load_scene(FIGURE.write(tmp_path / "a.glb"))
+    lidar = SpinningLidar.vlp16().without_errors()
+    at = pose((-0.2, -0.9, 0.9))
+    with LidarRenderer(scene, lidar, backend=backend) as renderer:
+
+        def state_at(time_s):
+            return WorldState({renderer.vehicle: at}, time_s)
+
+        cloud = renderer.scan(state_at, 0.6)
+    points = cloud.points[cloud.points["instance"] == cloud.points["instance"].max()]
+    points = points[np.hypot(points["x"], points["y"]) < 2.5]
+    assert len(points) > 60
+    local_m = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(float)
+    points_m = local_m @ at[:3, :3].T + cloud.world_from_lidar[:3, 3]
+    away_m = np.array(
+        [
+            _nearest(point_m[None], FIGURE.vertices_m(0.6 - lidar.period_s + float(after_s)))[2][0]
+            for point_m, after_s in zip(points_m, points["time"], strict=True)
+        ]
+    )
+    assert np.median(away_m) < bound_m
+    assert away_m.max() < 0.005

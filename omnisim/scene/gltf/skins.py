@@ -46,9 +46,11 @@ def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
         raise primitive.entry.error("attributes", "as many JOINTS and WEIGHTS as POSITION")
     if not ((joints >= 0) & (joints < joint_count)).all():  # also NaN
         raise primitive.entry.error("attributes", f"JOINTS below {joint_count}")
+    if not np.isfinite(weights).all():
+        raise primitive.entry.error("attributes", "finite WEIGHTS")
     total = weights.sum(axis=1, keepdims=True)
     shares = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0.0)
-    shares[total[:, 0] == 0.0, 0] = 1.0
+    shares[~(total[:, 0] > 0.0), 0] = 1.0
     mended = int((np.abs(total - 1.0) > _SUM_TOLERANCE).sum())
     return JointWeights(joints.astype(np.int64), shares, mended)
 
