@@ -8,12 +8,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.baking.texel_sizes import areas_m2, texel_sizes_m
+from omnisim.baking.texel_sizes import (
+    MOST_GIVEN_TEXELS,
+    MOST_TEXELS,
+    TEXEL_BUDGET,
+    areas_m2,
+    first_texel_m,
+    texel_sizes_m,
+)
 from omnisim.baking.unwrapping import Unwrapping, unwrap
 from omnisim.errors import SceneError
 from omnisim.scene.model import Scene
 
 GUTTER_PX = 2  # around each rectangle
+_STEP_PX = 2
 MAX_SIDE_PX = 8192
 _LEAST_SCALE = 0.5  # of a mesh's page: below it its padding would be less than a texel
 _LEAST_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
@@ -46,18 +54,36 @@ class Atlas(NamedTuple):
         }
 
 
-def build_atlas(scene: Scene, texel_m: float, has_back: NDArray[np.bool_]) -> Atlas:
+def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_]) -> tuple[float, Atlas]:
+    """Finest width of texels, of two digits, whose atlas keeps to `TEXEL_BUDGET`; the atlas."""
+    texel_m = first_texel_m(scene, has_back)
+    while True:
+        texel_m = float(f"{texel_m:.2g}")
+        atlas = build_atlas(scene, texel_m, has_back, MOST_TEXELS)
+        needed = atlas.size_px[0] * atlas.size_px[1]
+        if needed <= TEXEL_BUDGET:
+            return texel_m, atlas
+        texel_m *= max((needed / TEXEL_BUDGET) ** 0.5, 1.05)
+
+
+def build_atlas(
+    scene: Scene,
+    texel_m: float,
+    has_back: NDArray[np.bool_],
+    most_texels: int = MOST_GIVEN_TEXELS,
+) -> Atlas:
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
     Args:
         scene: to bake.
         texel_m: width of the finest texels.
         has_back: (n,) instances of which both sides are seen: they have two rectangles.
+        most_texels: of one instance, about; texels of a larger one are wider.
 
     Raises:
         SceneError: texels so small that the atlas has more than `MAX_SIDE_PX`.
     """
-    texels_m, areas = texel_sizes_m(scene, texel_m, has_back), areas_m2(scene)
+    texels_m, areas = texel_sizes_m(scene, texel_m, has_back, most_texels), areas_m2(scene)
     scales = np.array(
         [_scale(instance.world_from_mesh) for instance in scene.instances]
     ) / np.maximum(texels_m, 1e-12)
@@ -89,22 +115,26 @@ def build_atlas(scene: Scene, texel_m: float, has_back: NDArray[np.bool_]) -> At
 
 
 def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:
-    """Rectangles (n, 4) of sizes (n, 2) on shelves, with gutters, and the size of their atlas."""
+    """Rectangles (n, 4) of sizes (n, 2), with gutters, and the size of their atlas.
+
+    The highest come first, each as near to the top as there is room below the others.
+    """
     rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
     used = np.flatnonzero(sizes_px.min(axis=1, initial=1))
-    outer = sizes_px[used] + 2 * GUTTER_PX
     if not len(used):
         return rects, (1, 1)
+    outer = -(-(sizes_px[used] + 2 * GUTTER_PX) // _STEP_PX)
     width = max(int(outer[:, 0].max()), int(np.ceil(np.sqrt(outer.prod(axis=1).sum()))))
-    width = -(-width // 16) * 16
-    left = top = shelf = 0
+    ends = np.zeros(width, dtype=np.intp)  # of what each column holds
     for at in np.lexsort((used, -outer[:, 0], -outer[:, 1])):
-        wide, high = (int(side) for side in outer[at])
-        if left + wide > width:
-            left, top, shelf = 0, top + shelf, 0
-        rects[used[at]] = left + GUTTER_PX, top + GUTTER_PX, *sizes_px[used[at]]
-        left, shelf = left + wide, max(shelf, high)
-    return rects, (width, top + shelf)
+        wide, high = outer[at]
+        tops = np.lib.stride_tricks.sliding_window_view(ends, wide).max(axis=1)
+        left = int(tops.argmin())
+        top = int(tops[left])
+        ends[left : left + wide] = top + high
+        corner = _STEP_PX * np.array((left, top)) + GUTTER_PX
+        rects[used[at]] = *corner, *sizes_px[used[at]]
+    return rects, (_STEP_PX * width, _STEP_PX * int(ends.max()))
 
 
 def _scale(matrix: NDArray[np.float64]) -> float:

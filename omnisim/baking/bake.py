@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.baking.atlas import Atlas, build_atlas
+from omnisim.baking.atlas import automatic_atlas, build_atlas
+from omnisim.baking.denoising import TexelSurfaces, denoised
 from omnisim.baking.emitters import Emitters
 from omnisim.baking.gathering import Gatherer
 from omnisim.baking.lamps import lamp_light, lamps_on
@@ -18,7 +19,6 @@ from omnisim.baking.probes import ProbeBaker, ProbeGrid
 from omnisim.baking.sampling import Floats, generator, spread_points
 from omnisim.baking.settings import BakeSettings
 from omnisim.baking.solids import hollow_triangles, instances_of
-from omnisim.baking.texel_sizes import automatic_texel_m
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, in_tiles
 from omnisim.baking.transport import INSIDE, SKY, Transport
 from omnisim.rays.ray_scene import RayScene
@@ -66,8 +66,11 @@ class Bake:
         self.rays = RayScene(scene)
         hollow = hollow_triangles(scene)
         has_back = instances_of(scene, hollow)
-        self.texel_m = settings.texel_m or automatic_texel_m(scene, has_back)
-        self.atlas: Atlas = build_atlas(scene, self.texel_m, has_back)
+        self.texel_m, self.atlas = (
+            automatic_atlas(scene, has_back)
+            if settings.texel_m is None
+            else (settings.texel_m, build_atlas(scene, settings.texel_m, has_back))
+        )
         patches = build_patches(self.rays, self.atlas, hollow)
         self.patches = usable(self.rays, Transport(self.rays, patches), patches)
         self.transport = Transport(self.rays, self.patches)
@@ -100,6 +103,11 @@ class Bake:
             found["is_valid"],
         )
 
+    def light(self, found: BakedPatches) -> Floats:
+        """Light (p, 3) of patches, whose noise is filtered."""
+        surfaces = self.surfaces(found.is_valid)
+        return found.lamps + denoised(self.patches, surfaces, found.gathered, found.halves)
+
     def probes(
         self, folder: TileFolder, found: BakedPatches, jobs: int | None, progress: Progress
     ) -> tuple[ProbeGrid, Arrays]:
@@ -109,6 +117,17 @@ class Bake:
         tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
         shape = baker.grid.shape
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
+
+    def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
+        """Surfaces at the patches, in the first sample of each."""
+        positions, normals = np.zeros((2, self.patches.count, 3), dtype=np.float32)
+        for tile in range(self.tiles):
+            first, last = self._range(tile)
+            some, places = self._places(first, last)
+            if len(some):
+                positions[first + some] = places[0].origins_m
+                normals[first + some] = places[0].normals
+        return TexelSurfaces(positions, normals, is_valid)
 
     def _range(self, tile: int) -> tuple[int, int]:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)

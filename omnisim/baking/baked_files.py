@@ -10,7 +10,6 @@ import numpy as np
 
 from omnisim.atomic_file import atomic_folder, check_new_folder
 from omnisim.baking.bake import Bake
-from omnisim.baking.denoising import denoised
 from omnisim.baking.lightmap import lightmap
 from omnisim.baking.settings import BakeSettings
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, no_progress, write_arrays
@@ -76,8 +75,7 @@ def bake_scene(
     folder = TileFolder(output, plan)
     found = bake.run(folder, jobs, progress)
     grid, probes = bake.probes(folder, found, jobs, progress)
-    gathered = denoised(bake.patches, found) if settings.denoises else found.gathered
-    pixels = lightmap(bake.patches, found.lamps + gathered, found.is_valid)
+    pixels = lightmap(bake.patches, bake.light(found), found.is_valid)
     document = plan | {
         "version": VERSION,
         "exposure": scene.lighting.exposure,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.baking.patches import BACK, Patches
+from omnisim.baking.patches import Patches
 from omnisim.baking.sampling import Floats
 
 _AROUND_PX = 2  # charts
@@ -20,8 +20,7 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
     """
     width, height = patches.size_px
     used = np.flatnonzero(is_valid & (patches.places < width * height))
-    shifts = np.where(patches.sides == BACK, patches.back_shift[patches.surfaces], 0)
-    places = (patches.places + shifts)[used]
+    places = patches.atlas_places[used]
     counts = np.bincount(places, minlength=width * height).astype(np.float32)
     pixels = np.stack(
         [
@@ -33,7 +32,7 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
     pixels /= np.maximum(counts, 1.0)[:, None]
     known = (counts > 0.0).reshape(height, width)
     charts = np.zeros(width * height, dtype=np.bool_)
-    charts[(patches.places + shifts)[patches.places < width * height]] = True
+    charts[patches.atlas_places[patches.places < width * height]] = True
     return _spread(pixels.reshape(height, width, 3), known, charts.reshape(height, width))
 
 

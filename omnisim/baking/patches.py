@@ -62,6 +62,12 @@ class Patches:
         """Number of patches."""
         return len(self.sides)
 
+    @property
+    def atlas_places(self) -> NDArray[np.intp]:
+        """Texels (p,) in the atlas: those of backs are in a rectangle of their own."""
+        shifts = np.where(self.sides == BACK, self.back_shift[self.surfaces], 0)
+        return self.places + shifts
+
     def kept(self, is_kept: NDArray[np.bool_]) -> Patches:
         """The same patches with some of the entries of `of_sample`."""
         counts = np.concatenate(([0], np.cumsum(is_kept)))

@@ -17,11 +17,9 @@ class BakeSettings:
         samples: rays that gather light in each texel.
         bounces: reflections of light between lamps and the texel; 0: direct light alone.
         seed: of the random numbers.
-        denoises: noise of the gathered light is filtered.
     """
 
     texel_m: float | None = None
     samples: int = DEFAULT_SAMPLES
     bounces: int = DEFAULT_BOUNCES
     seed: int = 0
-    denoises: bool = True

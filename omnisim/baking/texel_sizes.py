@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.model import Scene
-from omnisim.scene.parts import instance_bounds_m
 
-TEXEL_BUDGET = 1 << 20  # of the atlas: 6 MB of half floats
-_FILL = 0.55  # share of an atlas that charts cover, seen in our scenes
+TEXEL_BUDGET = 3 << 19  # of the atlas: 9 MB of half floats, half of that in the file
 _NEAR_M = 4.0  # up to here texels are as fine as they are anywhere
-_LARGEST_SHARE = 0.125  # of the budget, for one instance
+# Texels of one instance, by default, and where their size is given.
+MOST_TEXELS, MOST_GIVEN_TEXELS = TEXEL_BUDGET // 16, 1 << 21
 _FINEST_M = 0.01
 
 
@@ -27,49 +26,49 @@ def areas_m2(scene: Scene) -> NDArray[np.float64]:
 
 
 def coarseness(scene: Scene) -> NDArray[np.float64]:
-    """Factors (n,) of the texels' size, by the instances' distance from where cameras are."""
-    if not scene.instances:
-        return np.empty(0)
-    boxes = instance_bounds_m(scene.meshes, scene.instances)
-    distances_m = [
-        np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - one, one - boxes[:, 1]), 0.0), axis=1)
-        for one in _places_m(scene)
-    ]
-    factors: NDArray[np.float64] = np.maximum(np.min(distances_m, axis=0) / _NEAR_M, 1.0)
+    """Factors (n,) of the texels' size, by the distance of the triangles from cameras."""
+    places = _places_m(scene)
+    nearest_m = []
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
+        placed = mesh.positions.astype(np.float64) @ instance.world_from_mesh[:3, :3].T
+        corners = (placed + instance.world_from_mesh[:3, 3])[mesh.triangles]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        off = np.maximum(np.maximum(low - places[:, None], places[:, None] - high), 0.0)
+        nearest_m.append(np.sqrt(np.einsum("ptc,ptc->pt", off, off).min(initial=np.inf)))
+    factors: NDArray[np.float64] = np.maximum(np.array(nearest_m) / _NEAR_M, 1.0)
     return factors
 
 
-def automatic_texel_m(scene: Scene, has_back: NDArray[np.bool_]) -> float:
-    """Finest size with which the atlas is about `TEXEL_BUDGET` texels; of two digits."""
+def first_texel_m(scene: Scene, has_back: NDArray[np.bool_]) -> float:
+    """Size with which charts cover an atlas of `TEXEL_BUDGET` texels, none lost between them."""
     areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
-    texels = _FILL * TEXEL_BUDGET
     texel_m = _FINEST_M
     for _ in range(20):  # the share of the largest depends on the size
-        texel_m = max(texel_m, _FINEST_M)
-        sizes = _limited(areas, factors, texel_m)
-        needed = float((areas / sizes**2).sum())
-        if needed <= texels:
+        needed = float((areas / _limited(areas, factors, texel_m, MOST_TEXELS) ** 2).sum())
+        if needed <= TEXEL_BUDGET:
             break
-        texel_m *= max(float(np.sqrt(needed / texels)), 1.02)
-    return float(f"{texel_m:.2g}")
+        texel_m *= max(float(np.sqrt(needed / TEXEL_BUDGET)), 1.02)
+    return texel_m
 
 
-def texel_sizes_m(scene: Scene, texel_m: float, has_back: NDArray[np.bool_]) -> NDArray[np.float64]:
+def texel_sizes_m(
+    scene: Scene, texel_m: float, has_back: NDArray[np.bool_], most_texels: int
+) -> NDArray[np.float64]:
     """Sizes (n,) of the instances' texels; those with a back have twice as many."""
-    return _limited(areas_m2(scene) * (1 + has_back), coarseness(scene), texel_m)
+    return _limited(areas_m2(scene) * (1 + has_back), coarseness(scene), texel_m, most_texels)
 
 
 def _limited(
-    areas: NDArray[np.float64], factors: NDArray[np.float64], texel_m: float
+    areas: NDArray[np.float64], factors: NDArray[np.float64], texel_m: float, most_texels: int
 ) -> NDArray[np.float64]:
-    least_m = np.sqrt(areas / (_LARGEST_SHARE * TEXEL_BUDGET))
-    sizes: NDArray[np.float64] = np.maximum(factors * texel_m, least_m)
+    sizes: NDArray[np.float64] = np.maximum(factors * texel_m, np.sqrt(areas / most_texels))
     return sizes
 
 
-def _places_m(scene: Scene) -> list[NDArray[np.float64]]:
-    """Places (3,) of cameras and vehicles."""
+def _places_m(scene: Scene) -> NDArray[np.float64]:
+    """Places (n, 3) of cameras and vehicles."""
     height_m = scene.start.position_m[2]
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
     places += [(x, y, height_m) for path in scene.paths for x, y in path.waypoints_m]
-    return [np.array(one) for one in places]
+    return np.array(places, dtype=np.float64)
