@@ -10,6 +10,7 @@ from pathlib import Path
 
 from omnisim.atomic_file import write_text
 from omnisim.datasets.card import write_card
+from omnisim.datasets.free_space_file import PATTERN
 from omnisim.datasets.manifest import MANIFEST, Manifest
 from omnisim.datasets.prepared_plan import PreparedPlan
 from omnisim.datasets.shard import ShardMaker, ShardSummary, find_shard
@@ -71,7 +72,7 @@ class Generation:
         workers: int = 1,
         device: int | None = None,
     ):
-        self.prepared = PreparedPlan.read(path)
+        self.prepared = PreparedPlan.read(path, folder)
         self.job, self._workers = Job(path, folder, device), workers
         count = self.prepared.plan.shards
         self.shards = range(count) if shards is None else shards
@@ -93,6 +94,8 @@ class Generation:
         if not self.missing:
             return
         if self._workers > 1:
+            for number in range(len(self.prepared.plan.scenes)):
+                self.prepared.find_free_space(number)  # once for all workers
             with threads_shared(self._workers):
                 yield from make_shards(self.job, self.missing, self._workers)
             return
@@ -127,6 +130,8 @@ class Generation:
         if not target.is_file() or target.read_text(encoding="utf-8") != content:
             write_card(self.job.folder, manifest)
             write_text(target, content)
+        for free_space in self.job.folder.glob(PATTERN):
+            free_space.unlink(missing_ok=True)
         return manifest
 
     def _found(self, number: int) -> ShardSummary | None:
@@ -160,12 +165,12 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
     Raises:
         OmnisimError: a fault of the plan or of one of its files, or a sample that cannot be drawn.
     """
-    prepared = PreparedPlan.read(path)
     begin_s = time.perf_counter()
-    prepared.check()
-    read_s = time.perf_counter() - begin_s
-    samples = min(PROBED_SAMPLES, prepared.plan.pictures_per_shard)
     with scratch_folder() as folder:
+        prepared = PreparedPlan.read(path, folder)
+        prepared.check()
+        read_s = time.perf_counter() - begin_s
+        samples = min(PROBED_SAMPLES, prepared.plan.pictures_per_shard)
         job = Job(path, folder, device, samples)
         times_s: dict[int, list[float]] = {number: [] for number in range(workers)}
         if workers > 1:

@@ -10,19 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.calibration import load_calibration
-from omnisim.calibration.rig import Rig
 from omnisim.cameras import CentralCamera
 from omnisim.datasets.distributions import Distribution, Shares
 from omnisim.datasets.plan import PlanCameraTable
 from omnisim.errors import PlanError, did_you_mean
-from omnisim.optics.system_file import read_optics_file
 from omnisim.poses import pose
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.camera_parameters import camera_of_parameters
 from omnisim.sensors.degradations import Degradation, Exposure, preset
 from omnisim.sensors.degradations.degradation_file import EFFECTS, parse_degradation
-from omnisim.simulation.rig_vehicle import rig_vehicle
 
 WHOLE_RIG = "all"
 ROUNDING = 1e-9  # of a parameter that is computed from others
@@ -149,9 +145,16 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
     if table.sensor is not None:
         return {"": OmniCamera.from_file(folder / table.sensor)}
     if table.optics is not None:
+        from omnisim.optics.system_file import read_optics_file  # few plans have one
+
         return {"": OmniCamera(read_optics_file(folder / table.optics))}
     if table.calibration is None:
         return {"": OmniCamera()}
+    # formats and fits are worth their time only to plans with a calibration
+    from omnisim.calibration import load_calibration
+    from omnisim.calibration.rig import Rig
+    from omnisim.simulation.rig_vehicle import rig_vehicle
+
     calibration = load_calibration(folder / table.calibration, mirrored=table.mirrored)
     if table.camera_name == WHOLE_RIG:
         vehicle = rig_vehicle(table.title, Rig.of(calibration))

@@ -17,6 +17,11 @@ from numpy.typing import NDArray
 
 from omnisim.datasets.distributions import Even
 from omnisim.datasets.free_space import FreeSpace, find_free_space
+from omnisim.datasets.free_space_file import (
+    free_space_path,
+    read_free_space,
+    write_free_space,
+)
 from omnisim.datasets.plan import PlacedTable, Plan, PlanSceneTable, read_plan
 from omnisim.datasets.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.plan_light import draw_light
@@ -59,21 +64,22 @@ class PreparedPlan:
     Args:
         plan: as read.
         path: of its file, which other files are relative to.
+        folder: of its data set, where free floors are kept; None: they are not.
     """
 
-    def __init__(self, plan: Plan, path: Path):
-        self.plan, self.path = plan, path
+    def __init__(self, plan: Plan, path: Path, folder: Path | None = None):
+        self.plan, self.path, self._folder = plan, path, folder
         self._scenes: dict[int, Scene] = {}
         self._free: dict[int, FreeSpace] = {}
 
     @classmethod
-    def read(cls, path: Path) -> PreparedPlan:
+    def read(cls, path: Path, folder: Path | None = None) -> PreparedPlan:
         """Read a plan.
 
         Raises:
             PlanError: one line for each fault.
         """
-        return cls(read_plan(path), path)
+        return cls(read_plan(path), path, folder)
 
     def check(self) -> None:
         """Read all files, and look for all places.
@@ -85,8 +91,7 @@ class PreparedPlan:
         self.check_setups()
         for number in range(len(self.plan.scenes)):
             self.scene(number)
-            if self.plan.stand.where == "free" or self.objects:
-                self.free_space(number)
+            self.find_free_space(number)
             if self.plan.stand.where == "path":
                 self.paths(number)
             if self.plan.stand.where == "around":
@@ -131,21 +136,45 @@ class PreparedPlan:
         beside = self.path.parent / table.file
         return beside if beside.exists() else table.file
 
+    def find_free_space(self, number: int) -> None:
+        """Find the free floor of a scene, where it is needed.
+
+        Raises:
+            OmnisimError: there is none.
+        """
+        if self.plan.stand.where != "poses" or self.objects:
+            self.free_space(number)
+
     def free_space(self, number: int) -> FreeSpace:
-        """Free floor of a scene."""
+        """Free floor of a scene.
+
+        Raises:
+            OmnisimError: there is none.
+        """
         if number not in self._free:
-            stand, scene = self.plan.stand, self.scene(number)
-            tallest = max((one.height_m for one in self.objects), default=0.0)
-            height_m = max(_top(stand.height_m.high), min(tallest, 2.0))
-            self._free[number] = find_free_space(
-                scene,
-                stand.radius_m,
-                height_m,
-                stand.step_m,
-                self.plan.scenes[number].floor_m,
-                stand.region == "start",
-            )
+            file = None
+            if self._folder is not None:
+                file = free_space_path(self._folder, self.fingerprint, number)
+            found = None if file is None else read_free_space(file)
+            if found is None:
+                found = self._find_free_space(number)
+                if file is not None:
+                    write_free_space(file, found)
+            self._free[number] = found
         return self._free[number]
+
+    def _find_free_space(self, number: int) -> FreeSpace:
+        stand = self.plan.stand
+        tallest = max((one.height_m for one in self.objects), default=0.0)
+        return find_free_space(
+            self.scene(number),
+            stand.radius_m,
+            max(_top(stand.height_m.high), min(tallest, 2.0)),
+            stand.step_m,
+            self.plan.scenes[number].floor_m,
+            # along paths and around objects the floor is asked for everywhere
+            stand.where == "free" and stand.region == "start",
+        )
 
     def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
         """Waypoints (n, 2) of the paths to stand along in a scene."""

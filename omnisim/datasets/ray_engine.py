@@ -21,7 +21,7 @@ class _Maker:
     """Actor: reads the plan once and makes shards."""
 
     def __init__(self, job: Job):
-        self._maker = ShardMaker(PreparedPlan.read(job.plan), job.folder, job.device)
+        self._maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
 
     def make(self, number: int) -> int | str:
         """Make a shard; return its number, or the fault."""

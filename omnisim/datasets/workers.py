@@ -139,7 +139,7 @@ def _work(connection: Connection, job: Job) -> None:
     signal.signal(signal.SIGTERM, _end)
     maker: ShardMaker | None = None
     try:
-        maker = ShardMaker(PreparedPlan.read(job.plan), job.folder, job.device)
+        maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
         while True:
             shard: int = connection.recv()
             maker.make(shard, lambda: connection.send(Made(shard, False)), job.samples)  # noqa: B023

@@ -16,6 +16,8 @@ import pytest
 from typer.testing import CliRunner
 
 from omnisim.cli.app import app
+from omnisim.datasets.free_space import find_free_space
+from omnisim.datasets.prepared_plan import PreparedPlan
 from omnisim.datasets.samples import Shards
 from omnisim.datasets.shard import find_shard
 from omnisim.errors import OmnisimError
@@ -336,3 +338,27 @@ def test_a_network_learns_depth_better_than_the_mean(tmp_path):
         ((one - logs[test]).abs() * hit[test]).sum() / hit[test].sum() for one in (found, mean)
     ]
     assert errors[0] < 0.9 * errors[1]
+
+
+def test_free_floors_are_found_once_for_all_processes(tmp_path, monkeypatch):
+    plan, out = write_plan(tmp_path), tmp_path / "out"
+    assert _omnisim("generate", plan, "-o", out, "--shards", "0").exit_code == 0
+    (kept,) = out.glob(".free-*.npz")
+    found = []
+
+    def find(*given):
+        found.append(given)
+        return find_free_space(*given)
+
+    monkeypatch.setattr("omnisim.datasets.prepared_plan.find_free_space", find)
+    known = PreparedPlan.read(plan, out).free_space(0)
+    assert not found
+    np.testing.assert_array_equal(known.is_free, PreparedPlan.read(plan).free_space(0).is_free)
+    assert len(found) == 1
+    for damage in (b"", kept.read_bytes()[:-100], b"PK" + kept.read_bytes()[2:200]):
+        kept.write_bytes(damage)
+        again = PreparedPlan.read(plan, out).free_space(0)
+        np.testing.assert_array_equal(again.clearance_m, known.clearance_m)
+    assert len(found) == 4
+    assert _omnisim("generate", plan, "-o", out).exit_code == 0
+    assert not list(out.glob(".*"))

@@ -1,0 +1,49 @@
+"""Free floors in files: found once for a data set, and read by all of its processes."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from omnisim.atomic_file import atomic_write
+from omnisim.datasets.free_space import FreeSpace
+
+PATTERN = ".free-*.npz"  # hidden: they are no part of the data set
+
+
+def free_space_path(folder: Path, fingerprint: str, scene: int) -> Path:
+    """File of the free floor of a plan's scene in the folder of its data set."""
+    return folder / f".free-{fingerprint}-{scene}.npz"
+
+
+def read_free_space(path: Path) -> FreeSpace | None:
+    """Read a free floor; None: it is not there, or damaged."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
+            low_m, cell_m = found["low_m"], float(found["cell_m"])
+            floor_m, clearance_m, is_free = (
+                found[key] for key in ("floor_m", "clearance_m", "is_free")
+            )
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    same = floor_m.shape == clearance_m.shape == is_free.shape
+    return FreeSpace(low_m, cell_m, floor_m, clearance_m, is_free) if same else None
+
+
+def write_free_space(path: Path, free: FreeSpace) -> None:
+    """Write a free floor, whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with atomic_write(path) as partial, partial.open("wb") as file:
+        np.savez(
+            file,
+            low_m=free.low_m,
+            cell_m=np.float64(free.cell_m),
+            floor_m=free.floor_m,
+            clearance_m=free.clearance_m,
+            is_free=free.is_free,
+        )
