@@ -27,7 +27,8 @@ class GenerateRequest:
             "-o",
             "--output",
             metavar="DIR",
-            help="Folder of the data set; shards that are there stay. With --preview: its picture.",
+            help="Folder of the data set; shards that are there stay. With --preview and --map: a "
+            "picture.",
         ),
     ] = None
     shards: Annotated[
@@ -77,6 +78,14 @@ class GenerateRequest:
             rich_help_panel=BEFORE,
         ),
     ] = None
+    map: Annotated[
+        bool,
+        typer.Option(
+            "--map",
+            help="Only plot the free floors and the places of the first 400 samples, from above.",
+            rich_help_panel=BEFORE,
+        ),
+    ] = False
     estimate: Annotated[
         bool,
         typer.Option(

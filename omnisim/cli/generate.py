@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from omnisim.atomic_file import check_target
+from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cli.completion import ENGINES
 from omnisim.cli.console import err, out, pluralize, print_note, track
 from omnisim.cli.dataset_requests import GenerateRequest
@@ -41,7 +41,12 @@ def run(request: GenerateRequest) -> None:
         raise PlanError(f"--engine {request.engine!r}: {did_you_mean(request.engine, ENGINES)}")
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
-    only = {"--check": request.check, "--preview": request.preview, "--estimate": request.estimate}
+    only = {
+        "--check": request.check,
+        "--preview": request.preview,
+        "--map": request.map,
+        "--estimate": request.estimate,
+    }
     asked = [option for option, value in only.items() if value]
     if len(asked) > 1:
         raise PlanError(f"{', '.join(asked)}: expected one of them")
@@ -49,6 +54,8 @@ def run(request: GenerateRequest) -> None:
         _check(request)
     elif request.preview is not None:
         _preview(request, request.preview)
+    elif request.map:
+        _map(request)
     elif request.estimate:
         _estimate(request)
     else:
@@ -112,6 +119,19 @@ def _preview(request: GenerateRequest, count: int) -> None:
         renderer.close()
     write_image(request.output, sheet([rows[number] for number in sorted(rows)], columns))
     out.print(f"{request.output}: {pluralize(count, 'sample')}", markup=False)
+
+
+def _map(request: GenerateRequest) -> None:
+    require_extra("plots", "--map")
+    from omnisim.plots.plan_map import plan_figure
+    from omnisim.plots.plot_file import check_plot_target, write_plot
+
+    if request.output is None:
+        raise OutputError("-o: expected a .png, .pdf or .svg for the map")
+    check_plot_target(request.output)
+    check_distinct({"-o": request.output}, {"the plan": request.plan})
+    write_plot(request.output, plan_figure(PreparedPlan.read(request.plan)))
+    out.print(f"{request.output}: free floors and places", markup=False)
 
 
 def sheet(samples: list[list[NDArray[np.uint8]]], columns: int) -> NDArray[np.uint8]:

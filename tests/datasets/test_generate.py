@@ -139,6 +139,8 @@ def test_the_card_counts_all_pixels(made):
         (("generate", "PLAN", "-o", "NEW", "--address", "a"), "--address: requires --engine ray"),
         (("generate", "PLAN", "--check", "--estimate"), "expected one of them"),
         (("generate", "PLAN", "--preview", "4", "-o", "NEW"), "-o: expected a .png or .jpg"),
+        (("generate", "PLAN", "--map", "-o", "NEW"), "expected .png, .pdf"),
+        (("generate", "PLAN", "--map"), "-o: expected a .png, .pdf or .svg for the map"),
         (("generate", "OTHER", "-o", "OUT"), "is of another plan, or of other scenes"),
         (("generate", "PLAN", "-o", "FOLDER"), "is of no data set: expected a new folder"),
         (("generate", "no.toml", "-o", "NEW"), "no.toml: cannot be read"),
@@ -174,6 +176,9 @@ def test_estimate_and_preview(made, tmp_path):
     sheet = tmp_path / "sheet.png"
     assert _omnisim("generate", plan, "--preview", "4", "-o", sheet).exit_code == 0
     assert read_image(sheet)[0].shape == (2 * 108, 2 * 36, 3)
+    chart = tmp_path / "map.png"
+    assert _omnisim("generate", plan, "--map", "-o", chart).exit_code == 0
+    assert read_image(chart)[0].shape[2] >= 3
     assert "2 shards; plan" in _omnisim("generate", plan, "--check").output
 
 
