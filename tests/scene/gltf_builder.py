@@ -121,10 +121,23 @@ def skinned_and_textured():
     gltf.node(mesh=mesh, extensions={"KHR_lights_punctual": {"light": 0}})
     times = gltf.accessor(np.array([0.0, 1.0], "<f4"), "SCALAR")
     turns = gltf.accessor(np.repeat(np.eye(4, dtype="<f4")[1:3], 3, axis=0), "VEC4")
+    offsets = gltf.accessor(np.eye(3, dtype="<f4"), "VEC3")
+    primitive["targets"] = [{"POSITION": offsets, "NORMAL": offsets}, {"POSITION": offsets}]
+    gltf.tree["meshes"][mesh]["weights"] = [0.5, 0.0]
+    weights = gltf.accessor(np.array([0, 1, 2, 0], "<f4"), "SCALAR")
+    scales = gltf.accessor(np.array([[1, 1, 1], [2, 1, 1]], "<f4"), "VEC3")
+    targets = [(2, "rotation"), (0, "weights"), (1, "scale")]
     gltf.tree["animations"] = [
         {
-            "channels": [{"sampler": 0, "target": {"node": 2, "path": "rotation"}}],
-            "samplers": [{"input": times, "output": turns, "interpolation": "CUBICSPLINE"}],
+            "channels": [
+                {"sampler": number, "target": {"node": node, "path": path}}
+                for number, (node, path) in enumerate(targets)
+            ],
+            "samplers": [
+                {"input": times, "output": turns, "interpolation": "CUBICSPLINE"},
+                {"input": times, "output": weights},
+                {"input": times, "output": scales, "interpolation": "STEP"},
+            ],
         }
     ]
     gltf.tree["buffers"] = [{"byteLength": len(gltf.blob)}]
