@@ -12,6 +12,7 @@ from omnisim.sensors.degradations import Degradation, Shutter
 from omnisim.sensors.lidar_renderer import LidarRenderer
 from omnisim.sensors.spinning_lidar import SpinningLidar
 from omnisim.world import WorldState
+from tests.optics.examples import SYSTEMS
 from tests.skinned_figure import Figure
 
 LENS = EquirectangularCamera(480, 240)
@@ -279,3 +280,48 @@ def test_a_lidar_meets_the_figure_where_it_is_at_each_firing(backend, bound_m, t
     )
     assert np.median(away_m) < bound_m
     assert away_m.max() < 0.005
+
+
+@pytest.mark.slow
+def test_flow_through_optics_without_a_viewpoint(tmp_path):
+    """A ball as a mirror, beside which the figure walks: by its virtual cameras and by rays."""
+    pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+    scene = load_scene(FIGURE.write(tmp_path / "a.glb"))
+    model = SYSTEMS["sphere"].scaled(0.4)
+    found = []
+    for backend in ("cube", "rays"):
+        with Renderer(scene, OmniCamera(model, supersampling=1), backend=backend) as renderer:
+            base = pose((0.6, -0.9, 0.9), yaw_deg=20.0)
+            now, after = (WorldState({renderer.vehicle: base}, time_s) for time_s in (0.4, 0.45))
+            also = ("instance", "flow", "occluded", "scene_flow")
+            found.append(renderer.render(now, also=also, next_state=after).channels)
+    same = (found[0]["instance"] == found[1]["instance"]) & (found[0]["instance"] > 0)
+    moves = same & (np.linalg.norm(found[1]["scene_flow"], axis=-1) > 0.0)
+    assert moves.sum() > 300
+    for name, bound in (("flow", 0.02), ("scene_flow", 2e-4)):
+        error = np.linalg.norm(found[0][name] - found[1][name], axis=-1)[moves]
+        assert np.nanmean(error) < bound
+        assert np.isfinite(error).mean() > 0.95
+    assert (found[0]["occluded"] != found[1]["occluded"])[moves].mean() < 0.02
+
+
+def test_edits_of_the_scene_keep_the_figure_walking(tmp_path):
+    stage, renderer = _open(tmp_path, "cube")
+    with stage, renderer:
+        state = WorldState({renderer.vehicle: HERE}, 0.6)
+        before = renderer.render(state, also=("range", "instance"))
+        green = stage.scene.recolored("walker", (0, 1, 0))
+        stage.scene = stage.scene.added("box", green, pose((9, 9, 0)))
+        stage.scene = stage.scene.removed("box")
+        again = renderer.render(state, also=("range", "instance"))
+        np.testing.assert_array_equal(again.channels["range"], before.channels["range"])
+        shifted = pose((0.0, 0.3, 0.0))
+        stage.scene = stage.scene.moved("walker", shifted)
+        moved = renderer.render(state, also=("position", "instance"))
+        stage.scene = stage.scene.removed("walker")
+        gone = renderer.render(state)
+    name_of = {label.id: label.name for label in moved.labels.instances}
+    on_figure = np.vectorize(name_of.get)(moved.channels["instance"]) == "walker"
+    points_m = moved.channels["position"][on_figure] - (0.0, 0.3, 0.0)
+    assert _nearest(points_m, FIGURE.vertices_m(0.6))[2].max() < 5e-6
+    assert np.abs(gone.rgb.astype(int) - before.rgb).max() > 20
