@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cli.arguments import Backend
 from omnisim.cli.console import print_note
 from omnisim.cli.picture_requests import RenderRequest, ScanRequest
 from omnisim.cli.run_requests import DriveRequest
 from omnisim.errors import CalibrationError, OpticsError, OutputError
+from omnisim.extras import require_extra
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.poses import pose
 from omnisim.scene import Scene, load_scene
@@ -21,6 +23,7 @@ from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import Degradation, preset
 from omnisim.sensors.omnicamera import Polygons
+from omnisim.sensors.stage import BackendName
 
 LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
 
@@ -178,6 +181,20 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
     for notice in find_labels(scene).notices() if is_labelled else ():
         print_note(notice)
     return scene
+
+
+def checked_backend(request: RenderRequest | DriveRequest) -> BackendName:
+    """Back end of a request.
+
+    Raises:
+        OmnisimError: --device, or a package that is missing, with rays.
+    """
+    if request.backend is Backend.CUBE:
+        return "cube"
+    if request.device is not None:
+        raise OutputError("--device: expected --backend cube, got --backend rays")
+    require_extra("rays", "--backend rays")
+    return "rays"
 
 
 def load_requested_scene(

@@ -17,6 +17,7 @@ from rich.text import Text
 
 from omnisim.cli.console import err, out, pluralize
 from omnisim.cli.inputs import (
+    checked_backend,
     load_labelled_scene,
     parse_channel_format,
     parse_polygons,
@@ -57,6 +58,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
         seed=request.seed,
         unlit=request.unlit,
         device=request.device,
+        backend=checked_backend(request),
         up_axis=request.up_axis,
         meters_per_unit=request.meters_per_unit,
         resources=tuple(request.resources or ()),

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from omnisim.atomic_file import check_distinct, check_target
 from omnisim.cameras import NonCentralCamera, check_central
-from omnisim.cli.arguments import Backend
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.inputs import (
     Viewpoint,
     check_seconds,
+    checked_backend,
     load_labelled_scene,
     parse_channel_format,
     parse_polygons,
@@ -53,7 +53,6 @@ TRAJECTORY_OPTIONS = {
     "--rate": "rate_hz",
     "--force": "force",
 }
-CUBE_OPTIONS = {"--faces": "faces", "--device": "device"}
 SIGNS = {"next": 1.0, "previous": -1.0}  # of times
 DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
 
@@ -65,9 +64,9 @@ def run(request: RenderRequest) -> None:
 
         return run_trajectory(request, request.trajectory)
     refuse_options(request, TRAJECTORY_OPTIONS, "requires --trajectory")
-    if request.backend is Backend.RAYS:
-        refuse_options(request, CUBE_OPTIONS, "expected --backend cube, got --backend rays")
-        require_extra("rays", "--backend rays")
+    backend = checked_backend(request)
+    if backend == "rays" and request.faces is not None:
+        raise OutputError("--faces: expected --backend cube, got --backend rays")
     _check_motion(request)
     is_float = is_float_format(request.output)
     channels = _check_outputs(request)
@@ -91,7 +90,7 @@ def run(request: RenderRequest) -> None:
         unlit=request.unlit,
         device=request.device,
         seed=request.seed,
-        backend=request.backend.value,
+        backend=backend,
     ) as renderer:
         states = {
             other: WorldState({renderer.vehicle: there}, time_s + SIGNS[other] * interval_s)

@@ -11,6 +11,8 @@ from omnisim.cli.arguments import (
     TRAJECTORY,
     AlsoOption,
     AxesOption,
+    Backend,
+    BackendOption,
     BakedOption,
     Boxes3dOption,
     ChannelFormatOption,
@@ -156,6 +158,7 @@ class DriveRequest:
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
     resources: ResourcesOption = None
+    backend: BackendOption = Backend.CUBE
     device: DeviceOption = None
 
 

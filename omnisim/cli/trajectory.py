@@ -25,7 +25,6 @@ ALL = "all"
 SINGLE_PICTURE = {
     "--faces": "faces",
     "--robot": "robot",
-    "--backend": "backend",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",
     "--previous": "previous_at",

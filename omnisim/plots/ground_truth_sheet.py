@@ -47,6 +47,7 @@ def ground_truth_tiles() -> list[Tile]:
         SIDE_PX, SIDE_PX, 0.5 * SIDE_PX / lens_theta_max, (middle, middle), lens_theta_max
     )
     ahead = OmniCamera(lens, polygons=None, base_from_rig=mounted.sensor.base_from_rig)
+    assert vehicle.body is not None
     body = _with_materials(vehicle.body, lambda one: dataclasses.replace(one, metallic=METALLIC))
     with Stage(_with_materials(load_scene("soccer"), _glowing), body) as stage:
         mirror = mounted.sensor.with_polygons(None).resized(SIDE_PX)

@@ -195,6 +195,11 @@ class SceneBackend(ABC):
     def is_open(self) -> bool:
         """False after `close`."""
 
+    @property
+    @abstractmethod
+    def renderer(self) -> str:
+        """Name of what renders: others round differently."""
+
     @abstractmethod
     def current(self) -> AbstractContextManager[None]:
         """Make it ready to work for a `with` block.

@@ -112,6 +112,11 @@ class CubeBackend(SceneBackend):
         """False after `close`."""
         return self._finalizer.alive
 
+    @property
+    def renderer(self) -> str:
+        """OpenGL's name of the renderer."""
+        return graphics_info(self.context).renderer
+
     @contextmanager
     def current(self) -> Iterator[None]:
         """Make its context current for a `with` block, as another one may be.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,11 @@ class RayBackend(SceneBackend):
     def is_open(self) -> bool:
         """False after `close`."""
         return self._rays is not None
+
+    @property
+    def renderer(self) -> str:
+        """Name and version of the package that casts rays."""
+        return f"embreex {version('embreex')}"
 
     @contextmanager
     def current(self) -> Iterator[None]:

@@ -16,13 +16,12 @@ from typing import Any
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, TrajectoryError
 from omnisim.extras import require_extra
-from omnisim.gpu.context import graphics_info
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.robot import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
-from omnisim.sensors.stage import Stage
+from omnisim.sensors.stage import BackendName, Stage
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import Contact, find_contacts
@@ -61,6 +60,7 @@ class Drive:
             robot file.
         unlit: show plain base colours.
         device: EGL's number of the GPU, or None.
+        backend: makes pictures and hits.
         up_axis, meters_per_unit: that the scene was loaded with, for the record, or None.
         resources: folders that it was loaded with, for the record.
         channels: of ground truth, as `check_channels` gives them.
@@ -75,6 +75,7 @@ class Drive:
     seed: int = 0
     unlit: bool = False
     device: int | None = None
+    backend: BackendName = "cube"
     up_axis: str | None = None
     meters_per_unit: float | None = None
     resources: tuple[Path, ...] = ()
@@ -196,7 +197,12 @@ class PlannedDrive:
         with ExitStack() as stack:
             world = self.world
             stage = stack.enter_context(
-                Stage(world.scene, vehicles=world.bodies, device=drive.device)
+                Stage(
+                    world.scene,
+                    vehicles=world.bodies,
+                    device=drive.device,
+                    backend=drive.backend,
+                )
             )
             settings = DriveSettings(
                 self.name,
@@ -210,7 +216,7 @@ class PlannedDrive:
                 sensor.name: stack.enter_context(sensor.open(stage, settings))
                 for sensor in vehicle.sensors
             }
-            content = self._manifest(graphics_info(stage.context).renderer)
+            content = self._manifest(stage.backend.renderer)
             run = stack.enter_context(open_run(folder, content, force))
             self._write_records(run)
             labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
@@ -243,7 +249,7 @@ class PlannedDrive:
         """Manifest of the run, of JSON's types.
 
         Args:
-            renderer: OpenGL's name of it: others round differently.
+            renderer: its name: others round differently.
         """
         drive, vehicle = self.drive, self.drive.vehicle
         unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}

@@ -11,6 +11,7 @@ from omnisim.errors import OutputError
 from omnisim.image_files import read_image
 from omnisim.plots.video_file import write_video
 from omnisim.resources import SCENES
+from omnisim.sensors import cube_backend
 
 ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
 DRIVE = ["drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise", *ROUTE]
@@ -22,6 +23,27 @@ def run_folder(omnisim, needs_opengl):
     assert (status, error) == (0, "")
     assert "run: " in out
     return "run"
+
+
+def test_a_drive_by_rays_opens_no_opengl(omnisim, tmp_path, monkeypatch):
+    pytest.importorskip("embreex")
+    monkeypatch.setattr(cube_backend, "open_context", None)
+    (tmp_path / "path.csv").write_text("x_m,y_m\n0,0\n0.4,0\n")
+    drive = ["drive", "soccer", "--robot", "superscout", "--path", "path.csv", "--size", "32"]
+    rays = [*drive, "--quality", "fast", "--also", "range", "--backend", "rays", "-o", "run"]
+    status, _, error = omnisim(*rays)
+    assert (status, error) == (0, "")
+    picture = tmp_path / "run" / "omnicam" / "000000.png"
+    before = picture.read_bytes()
+    assert read_image(picture)[0].std() > 20
+    picture.unlink()
+    status, _, _ = omnisim(*rays)  # goes on
+    assert status == 0
+    assert picture.read_bytes() == before
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert manifest["renderer"].startswith("embreex ")
+    status, _, error = omnisim(*drive, "--backend", "rays", "--device", "0", "-o", "other")
+    assert (status, error) == (1, "error: --device: expected --backend cube, got --backend rays\n")
 
 
 @pytest.mark.slow
