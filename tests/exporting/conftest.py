@@ -68,7 +68,7 @@ position_m = [0.3, 0.0, 0.2]
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory):
-    """Run of a drive with every sensor, four steps, with ranges, classes and flow."""
+    """Run of a drive with every sensor, four steps, with ranges, labels and flow."""
     folder = tmp_path_factory.mktemp("cart")
     for name, text in LENSES.items():
         (folder / name).write_text(text)
@@ -81,7 +81,7 @@ def run(tmp_path_factory):
         load_scene("soccer"),
         vehicle,
         Route(str(path)),
-        channels=("range", "semantic", "flow", "occluded"),
+        channels=("range", "semantic", "instance", "flow", "occluded"),
     )
     list(drive.plan().record(folder / "run"))
     return folder / "run"

@@ -154,8 +154,9 @@ def test_sensors_and_channels_that_a_format_has_no_place_for_are_named(run, tmp_
     else:
         assert "laser" in sensors[0]
         assert ("lidar" in sensors[0]) == (format != "kitti360")
-        named = channels[0].partition("channels ")[2].partition(":")[0].split(", ")
-        assert set(named) == {"range", "semantic", "flow", "occluded"} - set(form.channels)
+        named = "".join(channels).partition("channels ")[2].partition(":")[0].split(", ")
+        recorded = {"range", "semantic", "instance", "flow", "occluded"}
+        assert set(named) == recorded - set(form.channels)
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -1,5 +1,7 @@
 """KITTI-360, read and projected as its development kit documents it."""
 
+import json
+
 import numpy as np
 import pytest
 import yaml
@@ -8,7 +10,9 @@ from omnisim.calibration import load_calibration
 from omnisim.errors import OmnisimError
 from omnisim.exporting.export import export_run
 from omnisim.exporting.export_format import ExportSettings
+from omnisim.exporting.formats.kitti360_labels import _instances
 from omnisim.exporting.recording import Recording
+from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels
 from omnisim.image_files import read_image
 from omnisim.trajectories import read_trajectory
 
@@ -129,3 +133,38 @@ def test_three_fisheyes_are_refused(run, tmp_path):
     ):
         list(export_run(tmp_path / "run", "kitti360", tmp_path / "out"))
     assert not (tmp_path / "out").exists()
+
+
+def test_labels_are_those_of_the_run(kitti, run):
+    """Numbers as kitti360scripts' global2local takes them apart."""
+    folder = kitti / "data_2d_semantics" / "train" / DRIVE
+    labels = json.loads((folder / "labels.json").read_text())
+    names = {one["id"]: one["name"] for one in labels["instances"]}
+    classes = {one["id"]: one["class"] for one in labels["instances"]}
+    numbers = {}
+    for camera, name in (("front", "image_00"), ("fisheye", "image_02"), ("mirror", "image_03")):
+        recorded = Recording.read(run, camera).cameras[0]
+        for step in range(4):
+            semantic = read_image(folder / name / "semantic" / f"{step:010d}.png")[0][..., 0]
+            instance = read_image(folder / name / "instance" / f"{step:010d}.png")[0][..., 0]
+            assert (semantic.dtype, instance.dtype) == (np.uint8, np.uint16)
+            own = {kind: recorded.channel(step, kind) for kind in ("semantic", "instance")}
+            if camera == "mirror":
+                own = {kind: values[:, ::-1] for kind, values in own.items()}
+            np.testing.assert_array_equal(semantic, own["semantic"])
+            np.testing.assert_array_equal(instance // 1000, own["semantic"])
+            for number in np.unique(own["instance"]).tolist():
+                (found,) = np.unique(instance[own["instance"] == number])
+                assert numbers.setdefault(number, found) == found
+    assert len(set(numbers.values())) == len(numbers) > 5
+    for number, found in numbers.items():
+        same = [one for one in names if number and classes[one] == classes[number]]
+        assert found == (1000 * classes[number] + 1 + same.index(number) if number else 0)
+
+
+def test_labels_that_do_not_fit_are_left_out():
+    instances = [InstanceLabel(number, f"tree_{number}", 3) for number in range(1, 1001)]
+    labels = Labels((ClassLabel(3, "tree", (0, 0, 0)),), tuple(instances), "names")
+    numbers = _instances(labels)
+    assert (numbers[1], numbers[999]) == (3001, 3999)
+    assert numbers[1000] > 65535

@@ -57,3 +57,39 @@ def test_classes_are_the_runs_own(run, tmp_path):
         found = read_image(root / "seg_lcam_front" / f"{step:06d}_lcam_front_seg.png")[0][..., 0]
         np.testing.assert_array_equal(found, recorded.channel(step, "semantic"))
     assert (root / "labels.json").read_bytes() == (run / "labels.json").read_bytes()
+
+
+def _read_flow(path):
+    """Decoder of tartanair.org's page "Modalities"."""
+    cv2 = pytest.importorskip("cv2")
+    flow16 = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    return (flow16[..., :2].astype(np.float32) - 32768) / 64.0, flow16[..., 2].astype(np.uint8)
+
+
+@pytest.mark.parametrize("camera", NAMES)
+def test_flow_leads_to_where_the_points_are_in_the_next_picture(run, tmp_path, seen, camera):
+    list(export_run(run, "tartanair", tmp_path / "out", camera_name=camera))
+    folder = tmp_path / "out" / "P000" / f"flow_{NAMES[camera]}"
+    names = [f"{step:06d}_{step + 1:06d}_flow.png" for step in range(3)]
+    assert sorted(path.name for path in folder.iterdir()) == names
+    recording = Recording.read(run, camera)
+    recorded = recording.cameras[0]
+    for step, name in enumerate(names):
+        flow, mask = _read_flow(folder / name)
+        expected = seen(camera, step)
+        pose = recording.truth.world_from_base[step + 1] @ recorded.mount.base_from_optical
+        points = (expected.world_m - pose[:3, 3]) @ pose[:3, :3]
+        pixels, valid = recorded.mount.camera.pixel_from_ray(points)
+        u, v = expected.pixels.T
+        last = expected.width_px - 1
+        at, to = (last - u, last - pixels[:, 0]) if camera == "mirror" else (u, pixels[:, 0])
+        visible = valid & (mask[v, at] == 0)
+        assert visible.mean() > 0.5
+        found = flow[v, at][visible]
+        # steps of 1/64 px, and a mirror is a mesh
+        within_px = 0.05 if camera == "mirror" else 0.01
+        np.testing.assert_allclose(found[:, 0], (to - at)[visible], atol=within_px)
+        np.testing.assert_allclose(found[:, 1], (pixels[:, 1] - v)[visible], atol=within_px)
+        assert set(np.unique(mask)) <= {0, 1, 100, 200}
+        inside = np.all((pixels >= -0.5) & (pixels <= (last + 0.5, mask.shape[0] - 0.5)), axis=-1)
+        assert np.all(mask[v, at][~(valid & inside)] == 100)

@@ -3,13 +3,17 @@
     calibration/calib_cam_to_pose.txt, perspective.txt, image_02.yaml, calib_cam_to_velo.txt
     data_2d_raw/<drive>/image_02/data_rgb/0000000000.png, timestamps.txt    fisheyes: 02, 03
     data_2d_raw/<drive>/image_00/data_rect/0000000000.png                   pinholes: 00, 01
+    data_2d_semantics/train/<drive>/image_02/semantic/0000000000.png        classes, 8 bits
+    data_2d_semantics/train/<drive>/image_02/instance/0000000000.png        1000 class + instance
+    data_2d_semantics/train/<drive>/labels.json                             omnisim's
     data_3d_raw/<drive>/velodyne_points/data/0000000000.bin, timestamps.txt
     data_poses/<drive>/poses.txt, cam0_to_world.txt
 
 The body is the GPS/IMU, at the base of the vehicle: x forward, y right, z down; the world's z is
-up. Fisheyes are MEI. The drive has the name of the first one, which the development kit expects.
+up. Fisheyes are MEI. Classes are the run's own, instances are numbered in each class from 1. The
+drive has the name of the first one, which the development kit expects.
 
-Source: KITTI-360's documentation; kitti360scripts: loadCalibration.py, project.py.
+Source: KITTI-360's documentation; kitti360scripts: loadCalibration.py, project.py, annotation.py.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from omnisim.calibration.formats.format import ParsedCamera
 from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.errors import OutputError
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.exporting.formats.kitti360_labels import LabelPictures
 from omnisim.exporting.formats.tum import write_lines
 from omnisim.exporting.lens_camera import LensCamera
 from omnisim.exporting.recording import Recording
@@ -43,6 +48,7 @@ class Kitti360(ExportFormat):
 
     name = "kitti360"
     sensors = (MountedLidar,)
+    channels = ("semantic", "instance")
 
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
@@ -65,7 +71,11 @@ class Kitti360(ExportFormat):
         for data in [*pictures.values(), *([clouds] if lidars else [])]:
             data.mkdir(parents=True)
             write_lines(data.parent / "timestamps.txt", iter(dates))
+        labels = LabelPictures.of(recording, folder / "data_2d_semantics" / "train" / DRIVE,
+                                  cameras, print_note)  # fmt: skip
         for step in range(recording.steps):
+            if labels is not None:
+                labels.write(step)
             for camera, data in pictures.items():
                 camera.copy_picture(step, data / f"{step:010d}.png")
             if lidars:
