@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, NonCentralCamera
 from omnisim.cameras.camera import pixel_grid
 from omnisim.errors import RunError
+from omnisim.ground_truth.labels import Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
@@ -106,6 +107,14 @@ class RecordedCamera:
         if values.shape[:2] != (height, width):
             raise RunError(f"{path}: channel {name!r}: expected {width} × {height} px")
         return values
+
+    def labels(self, step: int) -> Labels | None:
+        """Labels of the classes and instances of a step, or None: unknown.
+
+        Raises:
+            OutputError: a damaged table.
+        """
+        return StoredChannels(self.picture_file(step), {}).labels
 
     @cached_property
     def _rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.bool_]]:

@@ -58,6 +58,7 @@ def rig(tmp_path_factory):
         camera='calibration = "chain.yaml"\ncamera_name = "all"',
         picture_format="jpg",
         pictures_per_shard=2,
+        channels=["range", "semantic", "instance"],
     )
 
 
@@ -90,6 +91,19 @@ def test_nerfstudio_has_the_poses_and_depths(rig, tmp_path):
             hit = np.isfinite(ranges)
             np.testing.assert_allclose(depths[hit], (ranges * cosines)[hit], atol=2e-3)
             assert not depths[~hit].any()
+
+
+def test_kitti360_has_the_labels_of_the_samples(rig, tmp_path):
+    target = _converted(rig, tmp_path / "k", "kitti360")
+    (folder,) = target.glob("data_2d_semantics/train/*")
+    labels = json.loads((folder / "labels.json").read_text())
+    assert len(labels["instances"]) > 5
+    shards = Shards(rig)
+    for row in range(len(shards)):
+        for name, kitti in (("cam0", "image_00"), ("cam1", "image_01")):
+            path = folder / kitti / "instance" / f"{row:010d}.png"
+            found = read_image(path)[0][..., 0] // 1000
+            np.testing.assert_array_equal(found, shards[row][name]["semantic"])
 
 
 def test_kitti360_has_the_poses_of_both_cameras(rig, tmp_path):

@@ -71,8 +71,8 @@ class Kitti360(ExportFormat):
         for data in [*pictures.values(), *([clouds] if lidars else [])]:
             data.mkdir(parents=True)
             write_lines(data.parent / "timestamps.txt", iter(dates))
-        labels = LabelPictures.of(recording, folder / "data_2d_semantics" / "train" / DRIVE,
-                                  cameras, print_note)  # fmt: skip
+        semantics = folder / "data_2d_semantics" / "train" / DRIVE
+        labels = LabelPictures.of(semantics, cameras, print_note)
         for step in range(recording.steps):
             if labels is not None:
                 labels.write(step)

@@ -6,19 +6,17 @@ Source: kitti360scripts: annotation.py; a global number is 1000 times the class,
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
 from omnisim.exporting.export_format import PrintNote
 from omnisim.exporting.lens_camera import LensCamera
-from omnisim.exporting.recording import Recording
 from omnisim.ground_truth.labels import Labels
 from omnisim.image_files import write_numbers
 from omnisim.short_repr import counted, short_repr
@@ -49,7 +47,6 @@ class LabelPictures:
     @classmethod
     def of(
         cls,
-        recording: Recording,
         folder: Path,
         cameras: Mapping[str, LensCamera],
         print_note: PrintNote,
@@ -57,14 +54,13 @@ class LabelPictures:
         """Prepare the folders; None where the run has no labels.
 
         Raises:
-            RunError: the table of labels is damaged.
+            OutputError: the table of labels is damaged.
         """
         recorded = next(iter(cameras.values())).recorded
         kinds = [kind for kind in (SEMANTIC, INSTANCE) if recorded.has(kind)]
-        if not kinds:
+        labels = recorded.labels(0) if kinds else None
+        if labels is None:
             return None
-        source = recording.run.path / LABELS
-        labels = _read(source)
         largest_class = max((one.id for one in labels.classes), default=0)
         every = {SEMANTIC: np.arange(largest_class + 1), INSTANCE: _instances(labels)}
         numbers = {}
@@ -77,7 +73,7 @@ class LabelPictures:
             for kind in numbers:
                 (folder / name / kind).mkdir(parents=True)
         if numbers:
-            shutil.copyfile(source, folder / LABELS)
+            write_text(folder / LABELS, json.dumps(labels.to_json(), indent=2) + "\n")
             print_note(f"classes are the run's own, not those of KITTI-360: {LABELS} names them")
         return cls(folder, cameras, numbers)
 
@@ -99,16 +95,6 @@ class LabelPictures:
                 dtype = np.uint8 if kind == SEMANTIC else np.uint16
                 path = self.folder / name / kind / f"{step:010d}.png"
                 write_numbers(path, camera.flip(numbers[values]).astype(dtype))
-
-
-def _read(path: Path) -> Labels:
-    try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
-        return Labels.from_json(content)
-    except OSError as reason:
-        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
-    except (KeyError, TypeError, ValueError, RecursionError):
-        raise RunError(f"{path}: is damaged: not a table of labels") from None
 
 
 def _instances(labels: Labels) -> NDArray[np.int64]:
