@@ -141,6 +141,16 @@ class IndirectDraws:
         )  # fmt: skip
 
 
+def bind_texture(unit: int, texture: int) -> None:
+    """Bind a texture to a unit."""
+    gl_function("glBindTextureUnit", _ENUM, _ENUM)(unit, texture)
+
+
+def generate_mipmaps(texture: int) -> None:
+    """Make all mip levels of a texture from its first one."""
+    gl_function("glGenerateTextureMipmap", _ENUM)(texture)
+
+
 def bind_storage_buffers(buffers: Sequence[int], first: int = 0) -> None:
     """Bind buffers to consecutive storage bindings."""
     bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)

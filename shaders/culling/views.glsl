@@ -29,22 +29,7 @@ layout(std430, binding = 13) buffer VisibleOfGroup { uint visible_of_group[]; };
 #define BANDS 2u  // of distance: all buckets are drawn band by band
 #define FAR_BIN 10u  // first of the far band, from 8 m on
 
-layout(std140, binding = 0) uniform Settings {
-    uint u_cameras;
-    uint u_tiles;  // of a camera
-    uint u_groups;
-    uint u_objects;
-    vec2 u_atlas_px;
-    vec2 u_depths_m;    // of the near and far plane
-    vec2 u_depth;       // a and b in a + b / w, w along the view
-    uint u_ranges;  // of commands, of all slices
-    bool u_both_sides;  // back faces are seen, too
-    float u_radius_px;  // distance from a texel's centre up to which it is covered
-    uint u_clusters;
-    uint u_pass;        // of those that draw: each leaves out what those before it occlude
-    float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits
-    uint u_first_range;  // of the slice of clusters whose commands are made
-};
+#include "culling/settings.glsl"
 
 // Group of clusters in a view, to be tested in a pass.
 struct Candidate {

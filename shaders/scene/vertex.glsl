@@ -8,8 +8,7 @@
 #ifdef LAYERED
 #extension GL_ARB_shader_draw_parameters : require
 #extension GL_ARB_shader_viewport_layer_array : require
-uniform uint u_cameras;
-uniform uint u_tiles;  // of a camera
+#include "culling/settings.glsl"
 flat out int v_camera;
 #endif
 

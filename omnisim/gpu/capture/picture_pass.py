@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.gl_functions import bind_storage_buffers
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import uniform
@@ -20,7 +21,7 @@ from omnisim.gpu.uniforms import uniform
 # anew in every frame.
 MAX_TABLE_BYTES = 128 * 2**20
 _UV_BYTES = 8
-_UVS, _LEVELS = 5, 6  # bindings, as in `capture/picture.frag`
+_FIRST_TABLE = 5  # bindings of UVs, and levels, as in `capture/picture.frag`
 
 
 class PicturePass(Protocol):
@@ -79,22 +80,22 @@ class RemapPass:
         target.clear(-1.0, -1.0)
         samples.vertex_array(Emit.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
-        self._buffers = {_UVS: context.buffer(uvs)}
+        self._buffers = [context.buffer(uvs)]
         defines = ["REMAP"]
         if plan.max_level:
-            self._buffers[_LEVELS] = context.buffer(_by_pixel(target, 1, supersampling))
+            self._buffers.append(context.buffer(_by_pixel(target, 1, supersampling)))
             defines.append("MIP_LEVELS")
         valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
         self._array = picture_array(context, valid, supersampling, *defines)
         self._make_batch_array = partial(
             picture_array, context, valid, supersampling, *defines, "BATCH"
         )
-        self._picture_height_px = len(valid)
+        self._picture_height_px, self._pictures = len(valid), 0
 
     @property
     def table_bytes(self) -> int:
         """Size of the table of UVs."""
-        return self._buffers[_UVS].size
+        return self._buffers[0].size
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
         """See `PicturePass`."""
@@ -116,9 +117,10 @@ class RemapPass:
         atlases.use(0)
         self._bind_tables()
         target.use()
-        uniform(self._batch_array.program, "u_pictures").value = (
-            target.height // self._picture_height_px
-        )
+        pictures = target.height // self._picture_height_px
+        if pictures != self._pictures:
+            self._pictures = pictures
+            uniform(self._batch_array.program, "u_pictures").value = pictures
         self._batch_array.render(instances=count)
 
     @cached_property
@@ -126,8 +128,7 @@ class RemapPass:
         return self._make_batch_array()
 
     def _bind_tables(self) -> None:
-        for binding, buffer in self._buffers.items():
-            buffer.bind_to_storage_buffer(binding)
+        bind_storage_buffers([one.glo for one in self._buffers], _FIRST_TABLE)
 
 
 class SamplePass:

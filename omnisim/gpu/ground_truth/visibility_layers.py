@@ -15,7 +15,6 @@ from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.tile_renderer import TileRenderer
-from omnisim.gpu.uniforms import uniform
 from omnisim.ground_truth.hits import HitDetails
 
 
@@ -36,7 +35,6 @@ class VisibilityLayers:
         self._visibility, self._wanted = visibility, details.of_texels
         context, plan = visibility.buffers.context, visibility.plan
         size = (plan.width_px, plan.height_px, count)
-        self._programs: dict[int, moderngl.Program] = {}
         visibility.drawers(self._wanted)  # of items: made before anything is drawn
         with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
             self.ids = context.texture_array(size, 1, dtype="u4")
@@ -55,15 +53,10 @@ class VisibilityLayers:
             )  # fmt: skip
 
     def _find_program(self, bucket: Bucket) -> BucketProgram:
-        found = self._visibility.bucket_program(self._wanted, bucket, layered=True)
-        self._programs[found.program.glo] = found.program
-        return found
+        return self._visibility.bucket_program(self._wanted, bucket, layered=True)
 
     def draw(self, poses: Sequence[CameraPoses]) -> None:
         """Draw all from poses of the cameras' rigs and of the dynamic objects."""
-        for program in self._programs.values():
-            uniform(program, "u_cameras").value = len(poses)
-            uniform(program, "u_tiles").value = len(self._visibility.plan.tiles)
         self._visibility.bind_materials(self._wanted)
         self._tiles.begin(self._target, (0.0, 0.0, 0.0, 0.0))
         clear_integers(0)

@@ -124,13 +124,15 @@ class BlendedDrawer:
         return self._commands.size + self._indices.size
 
     def draw(self) -> None:
-        """Sort and draw, by the culler's last run; target, depth and blending are set."""
+        """Sort and draw, by the culler's last run, whose buffers are bound.
+
+        Target, depth and blending are set.
+        """
         context, draws, views = self._context, self._draws, self._culler.views
         commands = views.count * self._items
         if commands != self._written:
             self._written = commands
             self._count.write(np.uint32(commands))
-        self._culler.bind()
         bind_storage_buffers([one.glo for one in self._bound], _COMMANDS_BINDING)
         self._shader.run(self._items, views.cameras)
         context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)

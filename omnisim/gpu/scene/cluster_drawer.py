@@ -9,8 +9,7 @@ import moderngl
 
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.command_slices import BANDS
-from omnisim.gpu.gl_functions import IndirectDraws
-from omnisim.gpu.scene.clip_distances import clip_distances
+from omnisim.gpu.gl_functions import IndirectDraws, bind_texture
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
 from omnisim.gpu.scene.texture_array import bind_maps
 from omnisim.gpu.scene.vertex_format import cluster_vertex_array
@@ -71,15 +70,13 @@ class ClusterDrawer:
         ]
 
     def draw(self, pass_index: int) -> None:
-        """Draw the commands of a pass; target, depth and viewport are set."""
-        context, draws = self._context, self._draws
-        context.front_face = "cw"
-        draws.bind(self.culler.commands.glo, self.culler.counts.glo)
-        with clip_distances(context):
-            for number in range(len(self.culler.slices)):
-                if number:
-                    self.culler.next_slice(pass_index, number)
-                self._draw_slice(pass_index, number)
+        """Draw the commands of a pass; target, depth, viewport and clip distances are set."""
+        self._context.front_face = "cw"
+        self._draws.bind(self.culler.commands.glo, self.culler.counts.glo)
+        for number in range(len(self.culler.slices)):
+            if number:
+                self.culler.next_slice(pass_index, number)
+            self._draw_slice(pass_index, number)
 
     def _draw_slice(self, pass_index: int, slice_index: int) -> None:
         context, draws, culler = self._context, self._draws, self.culler
@@ -98,7 +95,7 @@ class ClusterDrawer:
                     (context.disable if shows_back else context.enable)(moderngl.CULL_FACE)
                 if textures is not None and textures is not array:
                     array = textures
-                    array.array.use(0)
+                    bind_texture(0, array.array.glo)
                 if bucket.maps is not None:
                     bind_maps(bucket.maps)
                 if one.sampler is not None:

@@ -23,7 +23,6 @@ from omnisim.gpu.scene.surface_program import (
     variant_of_bucket,
 )
 from omnisim.gpu.scene.tile_renderer import TileRenderer, VirtualCameras
-from omnisim.gpu.uniforms import uniform
 
 EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
 _POSITIONS = 15  # binding, as in `scene/lighting.glsl`
@@ -59,12 +58,9 @@ class CubeLayers:
         self._is_unlit = cameras.unlit
         self._context = buffers.context
         self._target, self._depth = layered_target(buffers.context, atlases)
-        used: dict[int, moderngl.Program] = {}
 
         def layered(variant: SurfaceVariant) -> moderngl.Program:
-            program = programs[variant._replace(layered=True)].program
-            used[program.glo] = program
-            return program
+            return programs[variant._replace(layered=True)].program
 
         def find_program(bucket: Bucket) -> BucketProgram:
             return BucketProgram(layered(variant_of_bucket(bucket, cameras.unlit)))
@@ -79,7 +75,6 @@ class CubeLayers:
             is_baked = blended[0].light.is_baked
             program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit, is_baked))
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
-        self._programs, self._tile_count = list(used.values()), len(plan.tiles)
         self._surface_programs, positions = programs, len(programs.positions_m)
         self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))
         sky = programs.sky_seen(cameras.unlit)
@@ -99,9 +94,6 @@ class CubeLayers:
             self._positions.write(positions)
         if shadows is not None:
             shadows.prepare(rigs[0, :3, 3], objects[0])
-        for program in self._programs:  # which cameras of other plans use, too
-            uniform(program, "u_cameras").value = len(poses)
-            uniform(program, "u_tiles").value = self._tile_count
         self._tiles.begin(self._target, (*self._background, 1.0))
         if self._sky is not None:
             self._sky.draw(self._target, rigs)

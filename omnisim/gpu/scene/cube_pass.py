@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
+from omnisim.gpu.gl_functions import generate_mipmaps
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, begin_blending, fits
@@ -85,6 +86,8 @@ class CubePass:
             depth = self._depth or float_depth(context, size, samples)
             self._target = context.framebuffer([color], depth)
         self.atlas.repeat_x = self.atlas.repeat_y = False
+        if plan.max_level:
+            self.atlas.build_mipmaps(0, plan.max_level)  # allocates the levels
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
         self._is_multisampled = samples > 1
@@ -140,7 +143,7 @@ class CubePass:
         """Draw all tiles from a pose (4, 4), dynamic objects at theirs, and return the atlas."""
         self._draw(world_from_rig, world_from_objects)
         if self.plan.max_level:
-            self.atlas.build_mipmaps(0, self.plan.max_level)
+            generate_mipmaps(self.atlas.glo)
         return self.atlas
 
     def render_layers(
@@ -158,7 +161,7 @@ class CubePass:
         else:
             layers.draw(poses)
         if self.plan.max_level:
-            atlases.build_mipmaps(0, self.plan.max_level)
+            generate_mipmaps(atlases.glo)
 
     @property
     def bytes_of_layer(self) -> int:
@@ -259,8 +262,7 @@ class CubePass:
         views = tiles.views.at(world_from_rig)
         blended = self._back_to_front(views, transforms, time_of(world_from_objects))
         self._drawer.begin(transforms)
-        for view in views:
-            tiles.draw_items(target, view, transforms, blended, self._drawer)
+        tiles.draw_items(target, views, transforms, blended, self._drawer)
 
     def _back_to_front(
         self, views: Sequence[TileView], transforms: InstanceTransforms, time_s: float

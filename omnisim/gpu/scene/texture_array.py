@@ -68,4 +68,4 @@ def bind_maps(maps: Sequence[TextureArray | None]) -> None:
     """Bind the arrays of a material's maps, behind that of its base colour."""
     for unit, one in enumerate(maps, start=1):
         if one is not None:
-            one.array.use(unit)
+            gl_functions.bind_texture(unit, one.array.glo)

@@ -13,6 +13,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.gpu.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
 from omnisim.gpu.culling.views import Views
+from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
@@ -128,9 +129,9 @@ class TileRenderer:
     def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
         """Clear a target and use it, with depth."""
         context = self._context
-        target.use()
         _draw_everywhere(target)
         target.depth_mask = True
+        target.use()
         target.clear(color=color, depth=CLEAR_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = DEPTH_FUNCTION
@@ -168,9 +169,7 @@ class TileRenderer:
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         drawer.begin(transforms)
         order = self._buffers.front_to_back(self._items, transforms)
-        for view in self.views.at(world_from_rig):
-            self.draw_items(target, view, transforms, order, drawer)
-        _draw_everywhere(target)
+        self.draw_items(target, self.views.at(world_from_rig), transforms, order, drawer)
 
     def draw_clusters(
         self,
@@ -180,11 +179,25 @@ class TileRenderer:
         """Draw the clusters of all tiles, of one camera or of several, see `Views.write`."""
         if self.culler is not None:
             self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
-            for pass_index in range(self.culler.passes):
-                self.culler.run(pass_index)
-                self._clusters.draw(pass_index)
+            with clip_distances(self._context):
+                for pass_index in range(self.culler.passes):
+                    self.culler.run(pass_index)
+                    self._clusters.draw(pass_index)
 
     def draw_items(
+        self,
+        target: moderngl.Framebuffer,
+        views: Sequence[TileView],
+        transforms: InstanceTransforms,
+        order: NDArray[np.intp],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the items of `order` (n,), in that order, in the tiles that may show them."""
+        for view in views:
+            self._draw_in_tile(target, view, transforms, order, drawer)
+        _draw_everywhere(target)
+
+    def _draw_in_tile(
         self,
         target: moderngl.Framebuffer,
         view: TileView,
@@ -192,7 +205,6 @@ class TileRenderer:
         order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the items of `order` (n,) that a tile may show, in that order."""
         tile = view.tile
         target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
         if order.size:
@@ -213,8 +225,6 @@ class TileRenderer:
 
     def end(self, target: moderngl.Framebuffer) -> None:
         """Leave the state that later passes expect."""
-        _draw_everywhere(target)
-        target.depth_mask = True
         self._context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
 
 

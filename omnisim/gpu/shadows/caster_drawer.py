@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_views import frustum_planes
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.views import Views
+from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
 from omnisim.gpu.scene.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
@@ -116,7 +117,8 @@ class CasterDrawer:
             culler.views.clips_from_rig.write(columns_first(seen))
             culler.show(self._shown[dynamic])
             culler.run(0)
-            drawer.draw(0)
+            with clip_distances(context):
+                drawer.draw(0)
         if self._items[dynamic].size:
             self._draw_items(target, clips, active, world_from_objects, self._items[dynamic])
         context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)

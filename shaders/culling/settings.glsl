@@ -1,0 +1,19 @@
+// Settings of culling. They stay bound where its commands are drawn.
+// The layout is that of omnisim/gpu/culling/cluster_culling.py.
+
+layout(std140, binding = 0) uniform Settings {
+    uint u_cameras;
+    uint u_tiles;  // of a camera
+    uint u_groups;
+    uint u_objects;
+    vec2 u_atlas_px;
+    vec2 u_depths_m;    // of the near and far plane
+    vec2 u_depth;       // a and b in a + b / w, w along the view
+    uint u_ranges;  // of commands, of all slices
+    bool u_both_sides;  // back faces are seen, too
+    float u_radius_px;  // distance from a texel's centre up to which it is covered
+    uint u_clusters;
+    uint u_pass;        // of those that draw: each leaves out what those before it occlude
+    float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits
+    uint u_first_range;  // of the slice of clusters whose commands are made
+};
