@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, partial
+
+import moderngl
 
 _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
@@ -122,6 +124,7 @@ class IndirectDraws:
     def __init__(self) -> None:
         self.use_program = gl_function("glUseProgram", _ENUM)
         self.bind_vertex_array = gl_function("glBindVertexArray", _ENUM)
+        self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
         self._bind_buffer = gl_function("glBindBuffer", _ENUM, _ENUM)
         self._draw = gl_function(
             "glMultiDrawElementsIndirectCountARB",
@@ -133,10 +136,12 @@ class IndirectDraws:
         self._bind_buffer(_DRAW_INDIRECT_BUFFER, commands)
         self._bind_buffer(_PARAMETER_BUFFER, counts)
 
-    def draw(self, first_command: int, count_index: int, max_commands: int) -> None:
-        """Draw as many commands as the count says; the vertex array and the program are bound."""
-        self._draw(
-            _TRIANGLES, _UNSIGNED_INT,
+    def drawing(
+        self, first_command: int, count_index: int, max_commands: int
+    ) -> Callable[[], None]:
+        """Call that draws as many commands as the count says, by what is then bound."""
+        return partial(
+            self._draw, _TRIANGLES, _UNSIGNED_INT,
             COMMAND_BYTES * first_command, 4 * count_index, max_commands, COMMAND_BYTES,
         )  # fmt: skip
 
@@ -151,8 +156,25 @@ def generate_mipmaps(texture: int) -> None:
     gl_function("glGenerateTextureMipmap", _ENUM)(texture)
 
 
-def bind_storage_buffers(buffers: Sequence[int], first: int = 0) -> None:
-    """Bind buffers to consecutive storage bindings."""
-    bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)
-    names = (ctypes.c_uint * len(buffers))(*buffers)
-    bind(_SHADER_STORAGE_BUFFER, first, len(buffers), ctypes.addressof(names))
+class StorageBindings:
+    """Buffers at consecutive storage bindings.
+
+    Args:
+        buffers: to bind.
+        first: binding.
+
+    Attributes:
+        buffers: as given.
+    """
+
+    def __init__(self, buffers: Sequence[moderngl.Buffer], first: int = 0):
+        self.buffers = tuple(buffers)
+        self._names = (ctypes.c_uint * len(buffers))(*(one.glo for one in buffers))
+        bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)
+        address = ctypes.addressof(self._names)
+        self.bind = partial(bind, _SHADER_STORAGE_BUFFER, first, len(buffers), address)
+
+    @property
+    def size(self) -> int:
+        """Memory of the buffers."""
+        return sum(one.size for one in self.buffers)

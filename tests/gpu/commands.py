@@ -35,7 +35,8 @@ class _ShowAll:
     """Shader that culls, and then shows all clusters in all of up to 32 tiles."""
 
     def __init__(self, shader, culler):
-        self._shader, self._visible, self._of_group = shader, culler._bound[6], culler._bound[13]
+        self._shader, bound = shader, culler._bound.buffers
+        self._visible, self._of_group = bound[6], bound[13]
         self._shown = culler._buffers.all_shown
         self._tiles = np.uint32((1 << culler.views.tiles) - 1)
 
@@ -64,5 +65,5 @@ def show_all(culler):
 def show_occluded(culler):
     """Let a culler draw in two passes, but leave what is occluded."""
     with culler._context:
-        culler._bound[11].clear()
+        culler._bound.buffers[11].clear()
     culler._shaders = culler._shaders._replace(hi_z=(_NoDepth(),) * 2)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
-from omnisim.gpu.gl_functions import bind_storage_buffers
+from omnisim.gpu.gl_functions import StorageBindings
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import uniform
@@ -80,11 +80,12 @@ class RemapPass:
         target.clear(-1.0, -1.0)
         samples.vertex_array(Emit.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
-        self._buffers = [context.buffer(uvs)]
+        tables = [context.buffer(uvs)]
         defines = ["REMAP"]
         if plan.max_level:
-            self._buffers.append(context.buffer(_by_pixel(target, 1, supersampling)))
+            tables.append(context.buffer(_by_pixel(target, 1, supersampling)))
             defines.append("MIP_LEVELS")
+        self._tables = StorageBindings(tables, _FIRST_TABLE)
         valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
         self._array = picture_array(context, valid, supersampling, *defines)
         self._make_batch_array = partial(
@@ -95,12 +96,12 @@ class RemapPass:
     @property
     def table_bytes(self) -> int:
         """Size of the table of UVs."""
-        return self._buffers[0].size
+        return self._tables.buffers[0].size
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
         """See `PicturePass`."""
         atlas.use(0)
-        self._bind_tables()
+        self._tables.bind()
         target.use()
         self._array.render()
 
@@ -115,7 +116,7 @@ class RemapPass:
             count: of the pictures, from the first layer on.
         """
         atlases.use(0)
-        self._bind_tables()
+        self._tables.bind()
         target.use()
         pictures = target.height // self._picture_height_px
         if pictures != self._pictures:
@@ -126,9 +127,6 @@ class RemapPass:
     @cached_property
     def _batch_array(self) -> moderngl.VertexArray:
         return self._make_batch_array()
-
-    def _bind_tables(self) -> None:
-        bind_storage_buffers([one.glo for one in self._buffers], _FIRST_TABLE)
 
 
 class SamplePass:

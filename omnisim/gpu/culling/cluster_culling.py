@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
 from omnisim.gpu.culling.command_slices import BANDS, command_slices
 from omnisim.gpu.culling.views import Views
-from omnisim.gpu.gl_functions import COMMAND_BYTES, bind_storage_buffers
+from omnisim.gpu.gl_functions import COMMAND_BYTES, StorageBindings
 from omnisim.gpu.memory import gpu_allocation
 
 # Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
@@ -131,12 +131,11 @@ class ClusterCuller:
         self._settings = [[context.buffer(one.tobytes()) for one in row] for row in settings]
         self._written_cameras = views.cameras
         self._shown = context.buffer(buffers.all_shown)
-        self._bound = [
+        self._bound = StorageBindings([
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
             self._lists, buffers.index_ranges, visible_tiles, self.commands, self.counts,
             context.buffer(table), self._shown, hi_z, bins, visible_of_group,
-        ]  # fmt: skip
-        self._names = [one.glo for one in self._bound]
+        ])  # fmt: skip
         self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
         self._shaders = buffers.shaders
         is_layered = isinstance(depth, moderngl.TextureArray)
@@ -145,7 +144,7 @@ class ClusterCuller:
     @property
     def memory_bytes(self) -> int:
         """Memory of the buffers, for all cameras."""
-        return sum(one.size for one in self._bound)
+        return self._bound.size
 
     def show(self, shown: NDArray[np.bool_]) -> None:
         """Show some clusters (clusters,), and no others."""
@@ -158,7 +157,7 @@ class ClusterCuller:
             for settings in chain.from_iterable(self._settings):
                 settings.write(np.uint32(self.views.cameras))
         self._settings[pass_index][slice_index].bind_to_uniform_block(0)
-        bind_storage_buffers(self._names)
+        self._bound.bind()
         self._buffers.bounds.use(BOUNDS_UNIT)
 
     def run(self, pass_index: int) -> None:

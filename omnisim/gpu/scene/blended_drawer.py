@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
-from omnisim.gpu.gl_functions import COMMAND_BYTES, IndirectDraws, bind_storage_buffers
+from omnisim.gpu.gl_functions import COMMAND_BYTES, IndirectDraws, StorageBindings
 from omnisim.gpu.scene.clip_distances import clip_distances
 from omnisim.gpu.scene.clustered_geometry import (
     ClusteredGeometry,
@@ -112,10 +112,11 @@ class BlendedDrawer:
         )
         self._shader = build_compute_shader(context, "culling/blended.comp")
         self._shader["u_items"], self._shader["u_triangles"] = len(items), total
-        self._bound = [
+        bound = [
             self._commands, context.buffer(_packed(items, geometry.anchor_m)),
             context.buffer(centres), context.buffer(triangles.astype("<u4")), indices,
         ]  # fmt: skip
+        self._bound = StorageBindings(bound, _COMMANDS_BINDING)
         self._draws = IndirectDraws()
 
     @property
@@ -133,7 +134,7 @@ class BlendedDrawer:
         if commands != self._written:
             self._written = commands
             self._count.write(np.uint32(commands))
-        bind_storage_buffers([one.glo for one in self._bound], _COMMANDS_BINDING)
+        self._bound.bind()
         self._shader.run(self._items, views.cameras)
         context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
         for unit, array in enumerate(self._arrays):
@@ -144,7 +145,7 @@ class BlendedDrawer:
             draws.bind(self._commands.glo, self._count.glo)
             draws.use_program(self._program.glo)
             draws.bind_vertex_array(self._vertices.glo)
-            draws.draw(0, 0, commands)
+            draws.drawing(0, 0, commands)()
 
     def _kind(self, item: DrawItem) -> int:
         array = item.texture_layer.array
