@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from omnisim.image_files import write_image
+from omnisim.image_files import read_radiance, write_image
 from omnisim.scene.baked_fingerprint import baked_fingerprint
 
 CELL_PX = 8  # of a triangle's chart, which its cell holds with a texel to spare
@@ -54,6 +54,22 @@ def write_baked(folder, scene, light, without=(), spacing_m=0.5):
     }  # fmt: skip
     (folder / "baked.json").write_text(json.dumps(contents))
     return folder
+
+
+def add_backs(folder, level):
+    """Give all instances backs of one level of light, below the fronts in the lightmap."""
+    path = folder / "baked.json"
+    contents = json.loads(path.read_text())
+    texels = read_radiance(folder / "irradiance.exr")
+    texels = np.concatenate((texels, np.full_like(texels, level)))
+    write_image(folder / "irradiance.exr", texels)
+    fronts = {
+        name: [left, 0.5 * top, width, 0.5 * height]
+        for name, (left, top, width, height) in contents["rects"].items()
+    }
+    contents["rects"] = fronts
+    contents["back_rects"] = {name: [u, v + 0.5, *size] for name, (u, v, *size) in fronts.items()}
+    path.write_text(json.dumps(contents))
 
 
 def _cells(mesh):

@@ -95,7 +95,8 @@ class Geometry:
         normals: (n, 3) float32, not of unit length; zero: flat.
         texture_coordinates: (n, 2) float32.
         second_coordinates: (n, 2) float32, or None: no mesh has any.
-        light_coordinates: (n, 2) float32 places in the scene's baked light, or None: there is none.
+        light_coordinates: (n, 4) float32 places in the scene's baked light, of front and back, or
+            None: there is none.
         colors: (n, 4) float32 linear RGBA, or None: all are white.
         part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
         is_double_sided: (surfaces,).
@@ -253,23 +254,24 @@ def _is_lightmapped(scene: Scene, instance: Instance) -> bool:
 def _light_coordinates(
     scene: Scene, dynamic_objects: Sequence[Scene]
 ) -> NDArray[np.float32] | None:
-    """Places (n, 2) of all vertices in baked light; None: the scene has none."""
+    """Places (n, 4) of all vertices in baked light; None: the scene has none."""
     if scene.lighting.baked is None:
         return None
     places = []
     for instance in scene.instances:
         mesh, rectangle = scene.meshes[instance.mesh], instance.light_rectangle
         if mesh.light_coordinates is None or rectangle is None:
-            places.append(_floats(len(mesh.positions), 2))
+            places.append(_floats(len(mesh.positions), 4))
         else:
-            own = np.array(rectangle[:2]) + mesh.light_coordinates * np.array(rectangle[2:])
-            places.append(own.astype(np.float32))
+            sides = np.array((rectangle, instance.light_back_rectangle or rectangle))
+            own = sides[:, :2] + mesh.light_coordinates[:, None] * sides[:, 2:]
+            places.append(own.reshape(-1, 4).astype(np.float32))
     others = [
-        _floats(len(part.meshes[one.mesh].positions), 2)
+        _floats(len(part.meshes[one.mesh].positions), 4)
         for part in dynamic_objects
         for one in part.instances
     ]
-    return np.concatenate([_floats(0, 2), *places, *others])
+    return np.concatenate([_floats(0, 4), *places, *others])
 
 
 class _Vertices(NamedTuple):

@@ -215,10 +215,18 @@ class Shading:
         static, others = np.flatnonzero(is_lightmapped), np.flatnonzero(~is_lightmapped)
         places = self._geometry.light_coordinates
         if places is not None and len(static):
-            light[static] = baked.light(self._interpolated(places, hits.take(static)))
+            seen = hits.take(static)
+            front, back = np.split(self._interpolated(places, seen), 2, axis=1)
+            light[static] = baked.light(np.where(self._is_front(seen)[:, None], front, back))
         if len(others):
             light[others] = baked.probes.light(points_m[others], normals[others])
         return light
+
+    def _is_front(self, hits: RayHits) -> NDArray[np.bool_]:
+        """Mask (n,) of hits on static triangles that are seen from the front."""
+        a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles), 1, 0)
+        front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
+        return front
 
     def _surroundings(
         self,

@@ -20,7 +20,8 @@ from omnisim.npz_file import read_arrays
 from omnisim.parameters import Positive, Signed, Table, parse_table
 from omnisim.scene.baked_fingerprint import baked_fingerprint
 from omnisim.scene.baked_light import FACTORS, LARGEST, BakedLight, Probes
-from omnisim.scene.model import Instance, Mesh, Scene
+from omnisim.scene.model import Mesh, Scene
+from omnisim.scene.parts import LightRectangle
 
 CONTENTS, IRRADIANCE = "baked.json", "irradiance.exr"
 UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
@@ -48,6 +49,7 @@ class _Contents(_OpenTable):
     version: Literal[1]
     fingerprint: str
     rects: dict[str, tuple[Share, Share, Share, Share]]
+    back_rects: dict[str, tuple[Share, Share, Share, Share]] = Field(default_factory=dict)
     probes: _Grid
 
 
@@ -67,14 +69,19 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
             f"{folder}: expected the light of {scene.name}, got that of another scene, or of this "
             f"one before its surfaces or lights changed: {_advice(scene, folder)}"
         )
-    rectangles = _rectangles(contents, scene, folder / CONTENTS)
+    rectangles = _rectangles(contents.rects, "rects", scene, folder / CONTENTS)
+    backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
     baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
     used = sorted({scene.instances[number].mesh for number in rectangles})
     return dataclasses.replace(
         scene,
         meshes=_split_meshes(scene.meshes, used, folder / UNWRAPPING),
         instances=tuple(
-            _with_rectangle(one, rectangles.get(number))
+            dataclasses.replace(
+                one, light_rectangle=rectangles[number], light_back_rectangle=backs.get(number)
+            )
+            if number in rectangles
+            else one
             for number, one in enumerate(scene.instances)
         ),
         lighting=dataclasses.replace(scene.lighting, baked=baked),
@@ -101,30 +108,22 @@ def _read_contents(path: Path) -> _Contents:
 
 
 def _rectangles(
-    contents: _Contents, scene: Scene, path: Path
-) -> dict[int, tuple[float, float, float, float]]:
+    rects: dict[str, LightRectangle], key: str, scene: Scene, path: Path
+) -> dict[int, LightRectangle]:
     """Rectangles by the number of an instance, of those that have one and do not deform."""
     found, instances = {}, len(scene.instances)
-    for key, rectangle in contents.rects.items():
+    for name, rectangle in rects.items():
         left, top, width, height = rectangle
-        if not (key.isascii() and key.isdigit() and len(key) < 10 and int(key) < instances):
+        if not (name.isascii() and name.isdigit() and len(name) < 10 and int(name) < instances):
             raise SceneError(
-                f"{path}: rects: expected numbers of instances, up to {instances - 1}, got {key!r}"
+                f"{path}: {key}: expected numbers of instances, up to {instances - 1}, got {name!r}"
             )
         if left + width > 1.0 + _TOLERANCE or top + height > 1.0 + _TOLERANCE:
-            raise SceneError(f"{path}: rects.{key} = {list(rectangle)}: expected it within 0 to 1")
-        is_rigid = scene.meshes[scene.instances[int(key)].mesh].deformation is None
+            raise SceneError(f"{path}: {key}.{name} = {list(rectangle)}: expected it within 0 to 1")
+        is_rigid = scene.meshes[scene.instances[int(name)].mesh].deformation is None
         if width > 0.0 and height > 0.0 and is_rigid:
-            found[int(key)] = rectangle
+            found[int(name)] = rectangle
     return found
-
-
-def _with_rectangle(
-    instance: Instance, rectangle: tuple[float, float, float, float] | None
-) -> Instance:
-    return (
-        instance if rectangle is None else dataclasses.replace(instance, light_rectangle=rectangle)
-    )
 
 
 def _read_irradiance(path: Path) -> NDArray[np.float16]:

@@ -73,6 +73,7 @@ def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content
             world_from_mesh=displacement @ one.world_from_mesh,
             world_from_node=displacement @ one.world_from_node,
             light_rectangle=None,  # which was baked where it stood
+            light_back_rectangle=None,
         )
         if one.name == name
         else one

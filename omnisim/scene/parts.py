@@ -15,6 +15,8 @@ from omnisim.scene.deformation import Deformation
 from omnisim.scene.environment import Environment
 from omnisim.short_repr import counted, short_repr
 
+LightRectangle = tuple[float, float, float, float]
+
 
 class Wrap(Enum):
     """Wrapping mode of a texture beyond its edges."""
@@ -190,13 +192,15 @@ class Instance:
             not turned; by default the world's own frame.
         light_rectangle: left, top, width and height in the scene's baked light, from 0 to 1, which
             the mesh's light coordinates are of; None: it takes the probes'.
+        light_back_rectangle: of the back sides; None: they have the light of the front.
     """
 
     name: str
     mesh: int
     world_from_mesh: NDArray[np.float64]
     world_from_node: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    light_rectangle: tuple[float, float, float, float] | None = None
+    light_rectangle: LightRectangle | None = None
+    light_back_rectangle: LightRectangle | None = None
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), f"mesh {self.mesh}")

@@ -1,17 +1,23 @@
 // Baked light of a scene: its lamps, sky and bounces, with their shadows.
 // vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in metres from
 // the effective viewpoint, normal a unit vector, both in axes of the world.
-// LIGHTMAP: of static surfaces, by their places in the lightmap. PROBES: of all else, by spherical
-// harmonics of order 2 between the probes of a grid. With both: the lightmap's, unless the place is
-// negative.
+// LIGHTMAP: of static surfaces, by their places in the lightmap, with BOTH_SIDES by that of the side
+// seen. PROBES: of all else, by spherical harmonics of order 2 between the probes of a grid. With both:
+// the lightmap's, unless the place is negative.
 // Twin of omnisim/scene/baked_light.py.
 
 #ifdef LIGHTMAP
+#ifdef BOTH_SIDES
+in vec4 v_light_coordinate;
+#define LIGHT_PLACE (gl_FrontFacing ? v_light_coordinate.xy : v_light_coordinate.zw)
+#else
 in vec2 v_light_coordinate;
+#define LIGHT_PLACE v_light_coordinate
+#endif
 uniform sampler2D u_lightmap;
 
 vec3 lightmap_light() {
-    return textureLod(u_lightmap, v_light_coordinate, 0.0).rgb;
+    return textureLod(u_lightmap, LIGHT_PLACE, 0.0).rgb;
 }
 #endif
 

@@ -89,6 +89,9 @@ void main() {
 #endif
 #endif
 #if defined(LIGHTMAP) && !defined(LIT)
+#ifdef BLENDED_ARRAYS
+    if ((MATERIAL_KIND & UNLIT_BIT) == 0)
+#endif
     color.rgb *= lightmap_light();
 #endif
 #if defined(ALPHA_MASK) && defined(REFLECTANCE)

@@ -2,7 +2,8 @@
 // u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, metres
 // u_normal_from_mesh  cofactors of the above: normals under any scale
 // With BAKED in_light is the light on a white surface, linear RGB.
-// u_light_rectangle  left, top, width and height of an item in the lightmap; of clusters it is applied
+// u_light_rectangles  left, top, width and height of an item's sides in the lightmap; those of clusters
+// are applied
 #version 430 core
 
 #include "scene/vertex.glsl"
@@ -20,9 +21,16 @@ out vec2 v_texture_coordinate;
 #ifdef BAKED
 in vec3 in_light;
 #endif
+#ifdef BOTH_SIDES
+#define SIDES 2
+#define LIGHT_COORDINATE vec4
+#else
+#define SIDES 1
+#define LIGHT_COORDINATE vec2
+#endif
 #ifdef LIGHTMAP
-in vec2 in_light_coordinate;
-out vec2 v_light_coordinate;
+in LIGHT_COORDINATE in_light_coordinate;  // of the front, and of the back
+out LIGHT_COORDINATE v_light_coordinate;
 #endif
 #ifdef LIT
 in vec3 in_normal;
@@ -49,7 +57,7 @@ uniform mat4 u_viewpoint_from_mesh;
 uniform mat3 u_normal_from_mesh;
 #endif
 #ifdef LIGHTMAP
-uniform vec4 u_light_rectangle;
+uniform vec4 u_light_rectangles[SIDES];
 #endif
 #endif
 
@@ -77,7 +85,12 @@ void main() {
 #ifdef CLUSTERED
     v_light_coordinate = in_light_coordinate;
 #else
-    v_light_coordinate = u_light_rectangle.xy + in_light_coordinate * u_light_rectangle.zw;
+    v_light_coordinate.xy = u_light_rectangles[0].xy
+        + in_light_coordinate.xy * u_light_rectangles[0].zw;
+#ifdef BOTH_SIDES
+    v_light_coordinate.zw = u_light_rectangles[1].xy
+        + in_light_coordinate.zw * u_light_rectangles[1].zw;
+#endif
 #endif
 #endif
 #ifdef POSITION

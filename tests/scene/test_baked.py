@@ -68,6 +68,10 @@ DAMAGES = {
         lambda f: _with_json(f, rects={"0": [0.5, 0, 0.6, 1]}),
         "rects.0 = [0.5, 0.0, 0.6, 1.0]: expected it within 0 to 1",
     ),
+    "a back": (
+        lambda f: _with_json(f, back_rects={"1": [0, 0.5, 1, 0.6]}),
+        "back_rects.1 = [0.0, 0.5, 1.0, 0.6]: expected it within 0 to 1",
+    ),
     "a side": (lambda f: _with_json(f, rects={"0": [0, 0, 2, 1]}), "baked.json: rects.0"),
     "probes": (
         lambda f: _with_json(f, probes=_grid(shape=[1000, 1000, 1000])),

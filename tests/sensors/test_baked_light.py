@@ -10,12 +10,12 @@ from omnisim.poses import pose
 from omnisim.scene.baked import with_baked_light
 from omnisim.scene.environment import Environment, map_directions
 from omnisim.scene.labels import BODY
-from omnisim.scene.model import Instance
+from omnisim.scene.model import AlphaMode, Instance, Material
 from omnisim.validation.psnr import psnr_of_levels_db
 from omnisim.world import WorldState
-from tests.baked import write_baked
+from tests.baked import add_backs, write_baked
 from tests.gpu.scene.test_cluster_drawer import assert_same, reference_stage
-from tests.scenes import room, room_color, scene_of
+from tests.scenes import room, room_color, scene_of, square
 from tests.vehicles import CAMERA, body, box, surroundings
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -167,6 +167,25 @@ def test_an_instance_without_a_rectangle_has_the_light_of_the_probes(tmp_path):
     some = baked(tmp_path / "some.baked", scene, without=(1, 2))
     assert [one.light_rectangle is None for one in some.instances] == [False, True, True]
     np.testing.assert_allclose(_linear(some, "cube"), _linear(whole, "cube"), atol=HALF_FLOATS)
+
+
+@pytest.mark.parametrize("flips", [False, True])
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+@pytest.mark.parametrize("alpha", [1.0, 0.999])
+def test_the_sides_of_a_sheet_have_light_of_their_own(tmp_path, backend, flips, alpha):
+    """Also of a mirror image, whose front is where it was, and of glass."""
+    mode = AlphaMode.OPAQUE if alpha == 1.0 else AlphaMode.BLEND
+    sheet = Material(base_color=(1, 1, 1, alpha), double_sided=True, alpha_mode=mode)
+    place = np.diag([-1.0, 1.0, 1.0, 1.0]) if flips else np.eye(4)
+    scene = scene_of([square(9.0)], [sheet], [place])
+    folder = write_baked(tmp_path / "sheet.baked", scene, lambda p: 0.25 + 0.0 * p, spacing_m=9.0)
+    add_backs(folder, 0.75)
+    scene = with_baked_light(scene, folder)
+    for height_m, level in ((0.8, 0.25), (-0.8, 0.75)):
+        picture = _linear(scene, backend, pose((0.0, 0.0, height_m)))
+        seen = picture[picture > 0.0]
+        assert len(seen) > 5000
+        np.testing.assert_allclose(np.median(seen), alpha * level, atol=HALF_FLOATS)
 
 
 def test_instances_of_one_mesh_have_light_of_their_own(tmp_path):

@@ -278,7 +278,7 @@ def item_light_coordinates(
         return None
     bases = np.cumsum([0, *(len(item.mesh.positions) for item in items)]).tolist()
     parts = [
-        (base, item.mesh, item.light_rectangle) for base, item in zip(bases, items, strict=False)
+        (base, item.mesh, item.light_rectangles) for base, item in zip(bases, items, strict=False)
     ]
     return context.buffer(light_coordinates(parts, bases[-1]))
 

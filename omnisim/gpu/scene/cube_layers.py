@@ -72,8 +72,8 @@ class CubeLayers:
         self._blended: BlendedDrawer | None = None
         geometry, culler = buffers.clustered_geometry, self._tiles.culler
         if blended and geometry is not None and culler is not None:
-            is_baked = blended[0].light.is_baked
-            program = layered(variant_of_blended(len(arrays_of(blended)), cameras.unlit, is_baked))
+            variant = variant_of_blended(len(arrays_of(blended)), cameras.unlit, blended)
+            program = layered(variant)
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._surface_programs, positions = programs, len(programs.positions_m)
         self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))

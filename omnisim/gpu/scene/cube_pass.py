@@ -129,8 +129,7 @@ class CubePass:
         items = [self._buffers.draw_items[index] for index in self._blended.tolist()]
         if geometry is None or culler is None or not fits(items, geometry):
             return None
-        is_baked = items[0].light.is_baked
-        variant = variant_of_blended(len(arrays_of(items)), self._cameras.unlit, is_baked)
+        variant = variant_of_blended(len(arrays_of(items)), self._cameras.unlit, items)
         program = self._programs[variant]
         self._programs_used.add(program)
         return BlendedDrawer(self._context, geometry, culler, items, program.program)

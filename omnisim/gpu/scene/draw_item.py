@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.scene.textures import MaterialTexture
 from omnisim.scene.deformation import Sphere
 from omnisim.scene.model import Material, Mesh
+from omnisim.scene.parts import LightRectangle
 
 MAX_DISTANCE_M = 1500.0
 
@@ -29,6 +30,11 @@ class LightSource(Enum):
     def is_baked(self) -> bool:
         """It is the scene's baked light."""
         return self is not LightSource.COMPUTED
+
+    @property
+    def is_mapped(self) -> bool:
+        """It is the lightmap's, at least of some vertices."""
+        return "LIGHTMAP" in self.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +54,7 @@ class DrawItem:
         flips_winding: its triangles are wound the other way round in the world.
         centre_m, radius_m: its bounding sphere in the world or the dynamic object's frame.
         light: on it.
-        light_rectangle: in the lightmap, see `Instance`; None: it has none.
+        light_rectangles: of its front and back in the lightmap, if it has any.
     """
 
     name: str
@@ -65,7 +71,7 @@ class DrawItem:
     centre_m: NDArray[np.float64]
     radius_m: float
     light: LightSource = LightSource.COMPUTED
-    light_rectangle: tuple[float, float, float, float] | None = None
+    light_rectangles: tuple[LightRectangle, ...] = ()
 
     @property
     def triangles(self) -> int:

@@ -80,7 +80,7 @@ class GeometryStore:
     def light_coordinates(self) -> moderngl.Buffer:
         """Upload the light coordinates of all vertices."""
         whole = (0.0, 0.0, 1.0, 1.0)
-        parts = [(one.base, one.mesh, whole) for one in self.ranges]
+        parts = [(one.base, one.mesh, (whole, whole)) for one in self.ranges]
         return _buffer(self._context, light_coordinates(parts, self._vertex_count))
 
     def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:

@@ -23,6 +23,7 @@ from omnisim.gpu.scene.mesh_deformer import MeshDeformer
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
 from omnisim.scene.model import Instance, Scene
+from omnisim.scene.parts import LightRectangle
 from omnisim.world import ObjectPart, time_of
 
 # Extensions of OpenGL 4.5, parts of 4.6.
@@ -365,11 +366,11 @@ def make_draw_items(
         radius = np.linalg.norm(mesh.positions - centre, axis=1).max()
         object_from_mesh = instance.world_from_mesh
         light = LightSource.PROBES if is_baked else LightSource.COMPUTED
-        rectangle = instance.light_rectangle if is_baked and object_index is None else None
-        if mesh.light_coordinates is None:
-            rectangle = None
-        if rectangle is not None:
-            light = LightSource.LIGHTMAP
+        rectangles: tuple[LightRectangle, ...] = ()
+        has_places = mesh.light_coordinates is not None and object_index is None
+        if is_baked and has_places and instance.light_rectangle is not None:
+            light, front = LightSource.LIGHTMAP, instance.light_rectangle
+            rectangles = front, instance.light_back_rectangle or front
         items.append(
             DrawItem(
                 name=instance.name,
@@ -386,7 +387,7 @@ def make_draw_items(
                 centre_m=object_from_mesh[:3, :3] @ centre + object_from_mesh[:3, 3],
                 radius_m=float(radius) * float(scales[number]),
                 light=light,
-                light_rectangle=rectangle,
+                light_rectangles=rectangles,
             )
         )
     return items

@@ -49,6 +49,7 @@ class SurfaceVariant(NamedTuple):
         second_coordinates: place some of the maps.
         in_fog: it is seen through the scene's fog, if there is some.
         light: on it, if it is lit.
+        both_sides: have light of their own in the lightmap.
     """
 
     lit: bool
@@ -62,6 +63,7 @@ class SurfaceVariant(NamedTuple):
     second_coordinates: bool = False
     in_fog: bool = True
     light: LightSource = LightSource.COMPUTED
+    both_sides: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -98,6 +100,8 @@ class SurfaceVariant(NamedTuple):
             defines.append("BAKED")
         if self.lit:
             defines += self.light.value
+        if self.both_sides:
+            defines.append("BOTH_SIDES")
         if is_placed:
             defines.append("POSITION")
         if in_fog:
@@ -121,7 +125,9 @@ def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
     textured = material.texture is not None
     if unlit or material.unlit:
         return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
-    variant = SurfaceVariant(True, material.alpha_mode, textured, light=item.light)
+    variant = SurfaceVariant(True, material.alpha_mode, textured)._replace(
+        light=item.light, both_sides=material.double_sided and item.light.is_mapped
+    )
     return variant if found is None else _reflective(variant, found.maps, found.second_coordinates)
 
 
@@ -138,15 +144,23 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     if unlit or bucket.unlit:
         return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
     variant = SurfaceVariant(
-        True, bucket.alpha_mode, textured, bucket.shading, clustered=True, light=bucket.light
+        True,
+        bucket.alpha_mode,
+        textured,
+        bucket.shading,
+        clustered=True,
+        light=bucket.light,
+        both_sides=bucket.double_sided and bucket.light.is_mapped,
     )
     if bucket.maps is None:
         return variant
     return _reflective(variant, bucket.maps, bucket.second_coordinates)
 
 
-def variant_of_blended(arrays: int, unlit: bool, is_baked: bool) -> SurfaceVariant:
+def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> SurfaceVariant:
     """Variant that draws all blended items, of so many texture arrays."""
+    sources = {item.light for item in items}
+    light = sources.pop() if len(sources) == 1 else LightSource.LIGHTMAP_OR_PROBES
     return SurfaceVariant(
         not unlit,
         AlphaMode.BLEND,
@@ -154,7 +168,8 @@ def variant_of_blended(arrays: int, unlit: bool, is_baked: bool) -> SurfaceVaria
         clustered=True,
         blended_arrays=arrays,
         in_fog=not unlit,
-        light=LightSource.LIGHTMAP_OR_PROBES if is_baked and not unlit else LightSource.COMPUTED,
+        light=LightSource.COMPUTED if unlit else light,
+        both_sides=light.is_mapped and not unlit,
     )
 
 
@@ -183,7 +198,7 @@ class SurfaceProgram:
         self._shadows = shadows
         self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
         self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
-        self._light_rectangle = find_uniform(program, "u_light_rectangle")
+        self._light_rectangles = find_uniform(program, "u_light_rectangles")
         self._baked = lighting.baked
         if lighting.baked is not None:
             baked_textures.connect(program, lighting.baked)
@@ -254,8 +269,9 @@ class SurfaceProgram:
         if self._record is not None and found is not None:
             self._record.value = found.record
             bind_maps(found.maps)
-        if self._light_rectangle is not None and item.light_rectangle is not None:
-            self._light_rectangle.value = item.light_rectangle
+        if self._light_rectangles is not None and item.light_rectangles:
+            sides = item.light_rectangles[: self._light_rectangles.array_length]
+            self._light_rectangles.write(np.array(sides, dtype=np.float32))
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; colours need no IDs."""

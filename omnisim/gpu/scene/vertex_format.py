@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.model import Mesh
+from omnisim.scene.parts import LightRectangle
 
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
@@ -84,20 +85,21 @@ def cluster_vertex_array(
 
 
 def light_coordinates(
-    parts: Sequence[tuple[int, Mesh, tuple[float, float, float, float] | None]], count: int
+    parts: Sequence[tuple[int, Mesh, Sequence[LightRectangle]]], count: int
 ) -> NDArray[np.float32]:
-    """Places (count, 2) of vertices in the lightmap; negative: they have none.
+    """Places (count, 4) of vertices in the lightmap, of both sides; negative: they have none.
 
     Args:
-        parts: first vertex of a mesh, the mesh, and its rectangle.
+        parts: first vertex of a mesh, the mesh, and its rectangles of front and back, if any.
         count: of all vertices.
     """
-    places = np.full((count, 2), -1.0, dtype=np.float32)
-    for base, mesh, rectangle in parts:
-        if mesh.light_coordinates is not None and rectangle is not None:
-            places[base : base + len(mesh.positions)] = np.array(
-                rectangle[:2]
-            ) + mesh.light_coordinates * np.array(rectangle[2:])
+    places = np.full((count, 4), -1.0, dtype=np.float32)
+    for base, mesh, rectangles in parts:
+        of_mesh = places[base : base + len(mesh.positions)]
+        for side, rectangle in enumerate(rectangles):
+            if mesh.light_coordinates is not None:
+                within = mesh.light_coordinates * np.array(rectangle[2:])
+                of_mesh[:, 2 * side : 2 * side + 2] = np.array(rectangle[:2]) + within
     return places
 
 
@@ -106,7 +108,9 @@ def _light(
 ) -> list[tuple[moderngl.Buffer, str, str]]:
     if light_coordinates is None or _LIGHT_COORDINATE not in program:
         return []
-    return [(light_coordinates, "2f4", _LIGHT_COORDINATE)]
+    attribute = program[_LIGHT_COORDINATE]
+    is_one_side = isinstance(attribute, moderngl.Attribute) and attribute.dimension == 2
+    return [(light_coordinates, "2f4 8x" if is_one_side else "4f4", _LIGHT_COORDINATE)]
 
 
 def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
