@@ -14,6 +14,7 @@ _RENDERBUFFER, _DEPTH_COMPONENT32F, _DEPTH_COMPONENT = 0x8D41, 0x8CAC, 0x1902
 _TEXTURE_2D, _TEXTURE_2D_ARRAY, _RGBA = 0x0DE1, 0x8C1A, 0x1908
 _UNSIGNED_BYTE, _UNSIGNED_INT, _FLOAT, _TRIANGLES = 0x1401, 0x1405, 0x1406, 4
 _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
+_BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 
 COMMAND_BYTES = 20  # of an indirect draw
@@ -54,13 +55,24 @@ def allocate_float_depth(renderbuffer: int, size: tuple[int, int], samples: int)
     allocate(_RENDERBUFFER, samples, _DEPTH_COMPONENT32F, *size)
 
 
-def allocate_depth_texture(size: tuple[int, int]) -> None:
-    """Give the 2D texture that is bound storage of 32-bit float depth."""
+def allocate_depth_texture(size: tuple[int, int], levels: int = 1) -> None:
+    """Give the 2D texture that is bound storage of 32-bit float depth, with so many mip levels."""
     allocate = gl_function(
         "glTexImage2D",
         _ENUM, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p,
     )  # fmt: skip
-    allocate(_TEXTURE_2D, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None)
+    for level in range(levels):
+        halved = [max(1, side >> level) for side in size]
+        allocate(
+            _TEXTURE_2D, level, _DEPTH_COMPONENT32F, *halved, 0, _DEPTH_COMPONENT, _FLOAT, None
+        )
+
+
+def limit_levels(texture: int, first: int, last: int) -> None:
+    """Sample no other mip levels of a texture: while one is drawn into, the others may be read."""
+    limit = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
+    limit(texture, _BASE_LEVEL, first)
+    limit(texture, _MAX_LEVEL, last)
 
 
 def allocate_texture_array(internal_format: int, levels: int, size: tuple[int, int, int]) -> None:

@@ -14,11 +14,13 @@ _DEPTH_COMPONENT, _FLOAT = 0x1902, 0x1406
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 
 
-def attach_texture(framebuffer: int, texture: int, attachment: int = COLORS) -> None:
-    """Make a texture, or all layers of an array, the colours of a framebuffer, or another
-    attachment."""  # fmt: skip
+def attach_texture(
+    framebuffer: int, texture: int, attachment: int = COLORS, level: int = 0
+) -> None:
+    """Make a mip level of a texture, or all layers of an array, the colours of a framebuffer, or
+    another attachment."""  # fmt: skip
     attach = gl_function("glNamedFramebufferTexture", _ENUM, _ENUM, _ENUM, _INT)
-    attach(framebuffer, attachment, texture, 0)
+    attach(framebuffer, attachment, texture, level)
 
 
 def attach_layer(framebuffer: int, array: int, layer: int, attachment: int = COLORS) -> None:

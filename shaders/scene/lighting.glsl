@@ -1,6 +1,6 @@
 // vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
-// Lamp directional_lamp(int i, vec3 position, vec3 normal), punctual_lamp likewise: one light, for any
-// reflectance; the normal is that of the surface's shape, which its shadow is looked up beside.
+// Lamp directional_lamp(int i, vec3 position), punctual_lamp(int i, vec3 position, vec3 area): one light,
+// for any reflectance; the area is surface_area(position), of scene/shadow.glsl.
 // vec3 ambient_light(vec3 normal): light of the environment on a white surface.
 // vec3 environment_light(vec3 direction, float roughness): radiance of the environment around a
 // direction, as a surface of this roughness reflects it.
@@ -19,33 +19,12 @@ uniform vec3 u_ambient;
 uniform vec3 u_directional_color[DIRECTIONAL_LIGHTS];      // intensity and exposure multiplied in
 uniform vec3 u_directional_direction[DIRECTIONAL_LIGHTS];  // unit, the way the light travels
 #endif
-#ifdef SHADOWS
-const int PROBES_POSITION = PUNCTUAL_LIGHTS + 1;
-#else
-const int PROBES_POSITION = PUNCTUAL_LIGHTS;
-#endif
-#ifdef BAKED_LIGHT
-const int POSITIONS = PROBES_POSITION + 1;
-#else
-const int POSITIONS = PROBES_POSITION;
-#endif
 #ifdef LAYERED
-// Of the punctual lights, of the shadow maps' origin and of the first probe, metres from the viewpoint:
-// [camera].
-layout(std430, binding = 15) readonly buffer LightPositions { vec4 light_positions[]; };
 flat in int v_camera;
-#define PUNCTUAL_POSITION(i) light_positions[v_camera * POSITIONS + i].xyz
-#define SHADOW_VIEWPOINT (-light_positions[v_camera * POSITIONS + PUNCTUAL_LIGHTS].xyz)
-#else
-uniform vec3 u_shadow_viewpoint;  // metres from the shadow maps' origin
-#define PUNCTUAL_POSITION(i) u_punctual_position[i]
-#define SHADOW_VIEWPOINT u_shadow_viewpoint
 #endif
+#include "scene/light_positions.glsl"
 #if PUNCTUAL_LIGHTS > 0
 uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];      // intensity and exposure multiplied in
-#ifndef LAYERED
-uniform vec3 u_punctual_position[PUNCTUAL_LIGHTS];   // metres from the effective viewpoint
-#endif
 uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light travels
 uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone
 #endif
@@ -71,13 +50,13 @@ struct Lamp {
 };
 
 #if DIRECTIONAL_LIGHTS > 0
-Lamp directional_lamp(int i, vec3 position, vec3 normal) {
-    float level = directional_visibility(i, position, normal);
+Lamp directional_lamp(int i, vec3 position) {
+    float level = directional_visibility(i, position);
     return Lamp(u_directional_color[i], level, -u_directional_direction[i]);
 }
 #endif
 #if PUNCTUAL_LIGHTS > 0
-Lamp punctual_lamp(int i, vec3 position, vec3 normal) {
+Lamp punctual_lamp(int i, vec3 position, vec3 area) {
     vec3 away = position - PUNCTUAL_POSITION(i);
     float distance_m = max(length(away), 1e-3);
     away /= distance_m;
@@ -87,7 +66,7 @@ Lamp punctual_lamp(int i, vec3 position, vec3 normal) {
     float inside = (dot(away, u_punctual_direction[i]) - u_punctual_limits[i].z)
         / max(u_punctual_limits[i].y - u_punctual_limits[i].z, 1e-3);
     float cone = clamp(inside, 0.0, 1.0);
-    float visibility = punctual_visibility(i, distance_m * away, normal);
+    float visibility = punctual_visibility(i, distance_m * away, area);
     return Lamp(u_punctual_color[i], level * cone * cone * visibility, -away);
 }
 #endif
@@ -97,13 +76,13 @@ vec3 illuminance(Lamp lamp, vec3 normal) {
 }
 
 vec3 with_lamps(vec3 light, vec3 position, vec3 normal) {
-    vec3 total = light;
+    vec3 total = light, area = surface_area(position);
 #if DIRECTIONAL_LIGHTS > 0
-#define ADD_DIRECTIONAL(i) total += illuminance(directional_lamp(i, position, normal), normal);
+#define ADD_DIRECTIONAL(i) total += illuminance(directional_lamp(i, position), normal);
     EACH_DIRECTIONAL(ADD_DIRECTIONAL)
 #endif
 #if PUNCTUAL_LIGHTS > 0
-#define ADD_PUNCTUAL(i) total += illuminance(punctual_lamp(i, position, normal), normal);
+#define ADD_PUNCTUAL(i) total += illuminance(punctual_lamp(i, position, area), normal);
     EACH_PUNCTUAL(ADD_PUNCTUAL)
 #endif
     return total;

@@ -127,17 +127,15 @@ vec3 reflected_light(
     vec3 light = light_of_surroundings(position, normal, coat_normal);
     vec3 total = (1.0 - coat) * surface.emissive
         + reflected_environment(surface, normal, coat_normal, view, coat, light);
+    vec3 area = surface_area(position);
+#define REFLECT(lamp) total += reflected_lamp(surface, lamp, normal, coat_normal, view, coat);
 #if DIRECTIONAL_LIGHTS > 0
-    for (int i = 0; i < DIRECTIONAL_LIGHTS; ++i)
-        total += reflected_lamp(
-            surface, directional_lamp(i, position, coat_normal),
-            normal, coat_normal, view, coat);
+#define REFLECT_DIRECTIONAL(i) REFLECT(directional_lamp(i, position))
+    EACH_DIRECTIONAL(REFLECT_DIRECTIONAL)
 #endif
 #if PUNCTUAL_LIGHTS > 0
-    for (int i = 0; i < PUNCTUAL_LIGHTS; ++i)
-        total += reflected_lamp(
-            surface, punctual_lamp(i, position, coat_normal),
-            normal, coat_normal, view, coat);
+#define REFLECT_PUNCTUAL(i) REFLECT(punctual_lamp(i, position, area))
+    EACH_PUNCTUAL(REFLECT_PUNCTUAL)
 #endif
     return total;
 }

@@ -1,99 +1,159 @@
-// float directional_visibility(int i, vec3 position, vec3 normal): share of a light that reaches a
-// surface at a position in metres from the effective viewpoint; 1 without SHADOWS.
-// float punctual_visibility(int i, vec3 away, vec3 normal): likewise, `away` in metres from the light.
-// normal: unit, of the surface's side that is seen.
+// float directional_visibility(int i, vec3 position): share of a light that reaches a surface at a
+// position in metres from the effective viewpoint; 1 without SHADOWS.
+// float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in metres from the light.
+// vec3 surface_area(vec3 position): of the surface in a texel of the picture, times its normal.
 // DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bits of the lights that cast shadows; CUBE_CASTERS: of those
 // punctual ones whose maps are the faces of a cube. SHADOW_CASCADES: maps of each directional light.
-// The layouts are those in omnisim/gpu/shadows/shadow_plan.py.
+// SHADOW_REGIONS: middle and half size of each caster's first map, in the texture. SHADOW_TEXELS: size of
+// their texels, on maps from -1 to 1. SHADOW_SCALES: inverse of the tangent of half the field of view;
+// of directional lights depth of half a map's width. Loads would take longer than what is computed.
+// Surfaces are offset along their triangles' normals, as those of vertices may point elsewhere.
 // Source of the normal offset: Holbert, "Saying Goodbye to Shadow Acne", GDC 2011.
 
 #ifdef SHADOWS
 
-struct DirectionalMaps {
-    vec4 rows[3];  // x, y and forward of the light; scale and shift of depth in the first two
-    vec4 cascades[2 * SHADOW_CASCADES];  // middle, inverse of half the width, metres in a texel; region
-};
-struct PunctualMaps {
-    vec4 rows[3];  // x, y and forward of the first map
-    vec4 region;   // of the first map
-    vec4 scales;   // inverse of the tangent of half the field of view; tangents in a texel
-};
-layout(std140, binding = 1) uniform ShadowMaps {
-#if DIRECTIONAL_LIGHTS > 0
-    DirectionalMaps u_directional_maps[DIRECTIONAL_LIGHTS];
-#endif
-#if PUNCTUAL_LIGHTS > 0
-    PunctualMaps u_punctual_maps[PUNCTUAL_LIGHTS];
-#endif
-};
 uniform sampler2DShadow u_shadow_maps;
+const vec4 REGIONS[] = SHADOW_REGIONS;
+const float TEXELS[] = SHADOW_TEXELS, SCALES[] = SHADOW_SCALES;
 
-// Distance in front of a surface at which it is looked up, in texels: more than its depth differs by
-// within the filter, a texel to each side. The normal is along the axes of the map.
-float offset_texels(vec3 normal) {
-    return 0.2 + abs(normal.x) + abs(normal.y);
+#if PLACES > 0
+#include "scene/shadow_places.glsl"
+#ifdef VERTEX_PLACES
+in vec3 v_places[PLACES];
+#define PLACE(place, position) v_places[place]
+#else
+#define PLACE(place, position) place_on_map(place, position)
+#endif
+#endif
+
+int bits_below(uint bits, int i) {
+    return bitCount(bits & ((1u << i) - 1u));
 }
 
-float visibility_at(vec2 local, vec4 region, float depth) {
-    return textureLod(u_shadow_maps, vec3(region.xy + local * region.zw, depth), 0.0);
+vec3 surface_area(vec3 position) {
+    return cross(dFdx(position), dFdy(position));
 }
 
-#if DIRECTIONAL_LIGHTS > 0
-float directional_visibility(int i, vec3 position, vec3 normal) {
+// Level of a map.
+struct MapLevel {
+    float number;
+    float texel;  // its size, on maps from -1 to 1
+};
+
+// Level whose texels are at most twice as large as one of the picture; area: of that, on the map.
+MapLevel level_for(float area, float finest) {
+    float texels = area / (finest * finest);
+    return texels < 1.0 ? MapLevel(0.0, finest)
+        : texels < 4.0 ? MapLevel(1.0, 2.0 * finest)
+        : texels < 16.0 ? MapLevel(2.0, 4.0 * finest) : MapLevel(3.0, 8.0 * finest);
+}
+
+// From a surface to where it is looked up, in texels: in front of it by more than its depth differs by
+// within the filter, a texel to each side. area: along the axes of the map, and towards the light.
+vec3 offset_texels(vec3 area) {
+    vec3 normal = area * inversesqrt(max(dot(area, area), 1e-37));
+    return normal * (0.2 + abs(normal.x) + abs(normal.y));
+}
+
+// slope: of depth on the surface, along x and y together. The offset is that of the finest level, as it
+// moves a shadow's edge, too; coarser ones compare with a depth that is as much nearer.
+float visibility_at(
+    vec2 local, float depth, float slope, vec4 region, MapLevel level, float finest) {
+    float coarser = level.texel - finest, most = 1.0 - 0.5 * level.texel;
+    depth += coarser * slope;
+    // a coarse texel is the first of those that it covers
+    local = clamp(local + 0.5 * coarser, -most, most);
+    return textureLod(u_shadow_maps, vec3(region.xy + local * region.zw, depth), level.number);
+}
+
+#if DIRECTIONAL_CASTERS != 0u
+float directional_visibility(int i, vec3 position) {
     if ((DIRECTIONAL_CASTERS >> i & 1u) == 0u) return 1.0;
-    mat3 axes = transpose(mat3(u_directional_maps[i].rows[0].xyz,
-                               u_directional_maps[i].rows[1].xyz,
-                               u_directional_maps[i].rows[2].xyz));
-    vec3 at = axes * (position + SHADOW_VIEWPOINT);
-    vec4 cascade = u_directional_maps[i].cascades[2 * SHADOW_CASCADES - 2];
-    vec4 region = u_directional_maps[i].cascades[2 * SHADOW_CASCADES - 1];
+    int caster = bits_below(DIRECTIONAL_CASTERS, i);
+    vec4 region = REGIONS[caster];
+    float finest = TEXELS[caster];
+    vec3 at = PLACE(caster, position), area = cross(dFdx(at), dFdy(at));
+    area *= area.z < 0.0 ? -1.0 : 1.0;
+    vec3 cascade = vec3(0.0, 0.0, 1.0);
+#if SHADOW_CASCADES > 1
+    int first = caster * (SHADOW_CASCADES - 1), number = SHADOW_CASCADES - 1;
     for (int finer = SHADOW_CASCADES - 2; finer >= 0; --finer) {
-        vec4 other = u_directional_maps[i].cascades[2 * finer];
-        vec2 local = abs(at.xy - other.xy) * other.z;
+        vec3 other = u_cascade_from_place[first + finer].xyz;
+        vec2 local = abs(at.xy * other.z + other.xy);
         bool holds = max(local.x, local.y) < 0.98;
         cascade = holds ? other : cascade;
-        region = holds ? u_directional_maps[i].cascades[2 * finer + 1] : region;
+        number = holds ? finer : number;
     }
-    vec3 toward = axes * normal;
-    at += toward * (cascade.w * offset_texels(toward));
-    vec2 local = (at.xy - cascade.xy) * cascade.z;
-    float depth = u_directional_maps[i].rows[0].w - at.z * u_directional_maps[i].rows[1].w;
-    vec2 inside = abs(local);
-    float visibility = visibility_at(clamp(local, -0.999, 0.999), region, depth);
-    return max(inside.x, inside.y) < 0.999 ? visibility : 1.0;
+    region.x += 2.0 * float(number) * region.z;
+#endif
+    MapLevel level = level_for(area.z * cascade.z * cascade.z, finest);
+    at += offset_texels(area) * (finest / cascade.z);
+    vec2 local = at.xy * cascade.z + cascade.xy, inside = abs(local);
+    float slope = SCALES[caster] * (abs(area.x) + abs(area.y)) / max(area.z * cascade.z, 1e-37);
+    float visibility = visibility_at(local, SCALES[caster] * at.z, slope, region, level, finest);
+    return max(inside.x, inside.y) < 1.0 ? visibility : 1.0;
+}
+#else
+float directional_visibility(int i, vec3 position) {
+    return 1.0;
 }
 #endif
 
-#if PUNCTUAL_LIGHTS > 0
-float punctual_visibility(int i, vec3 away, vec3 normal) {
+#if PUNCTUAL_CASTERS != 0u
+// at: from the light, along the axes of the map.
+float perspective_visibility(vec3 at, vec3 area, vec4 region, float scale, float finest) {
+    float volume = dot(area, at), inverse = 1.0 / max(at.z, 1e-6);
+    float on_map = abs(volume) * inverse * inverse * inverse * scale * scale;
+    MapLevel level = level_for(on_map, finest);
+    area *= volume > 0.0 ? -1.0 : 1.0;
+    at += offset_texels(area) * (finest * at.z / scale);
+    inverse = 1.0 / max(at.z, 1e-6);
+    float slope = LAMP_NEAR_M * (abs(area.x) + abs(area.y)) / (scale * max(abs(volume), 1e-37));
+    return visibility_at(
+        at.xy * (inverse * scale), LAMP_NEAR_M * inverse, slope, region, level, finest);
+}
+
+float punctual_visibility(int i, vec3 away, vec3 area) {
     if ((PUNCTUAL_CASTERS >> i & 1u) == 0u) return 1.0;
-    vec4 region = u_punctual_maps[i].region, scales = u_punctual_maps[i].scales;
-    mat3 axes = transpose(mat3(u_punctual_maps[i].rows[0].xyz, u_punctual_maps[i].rows[1].xyz,
-                               u_punctual_maps[i].rows[2].xyz));
-    bool is_cube = (CUBE_CASTERS >> i & 1u) != 0u;  // known when compiled, as the light is
-    vec3 at = is_cube ? away : axes * away, toward = is_cube ? normal : axes * normal;
-    vec3 size = abs(at);
-    bool is_z = !is_cube || size.z >= max(size.x, size.y), is_x = size.x >= size.y;
+    int directional = bitCount(DIRECTIONAL_CASTERS);
+    int caster = directional + bits_below(PUNCTUAL_CASTERS, i);
+    vec4 region = REGIONS[caster];
+#if PLACES > 0
+    if ((CUBE_CASTERS >> i & 1u) == 0u) {
+        int place = directional + bits_below(PUNCTUAL_CASTERS & ~CUBE_CASTERS, i);
+        vec3 at = PLACE(place, away + PUNCTUAL_POSITION(i));
+        return perspective_visibility(
+            at, cross(dFdx(at), dFdy(at)), region, SCALES[caster], TEXELS[caster]);
+    }
+#endif
+    vec3 size = abs(away);
+    bool is_z = size.z >= max(size.x, size.y), is_x = size.x >= size.y;
     // x, y and forward of the face, see lamp_views.py
-    at = is_z ? at : is_x ? at.yzx : at.zxy;
-    toward = is_z ? toward : is_x ? toward.yzx : toward.zxy;
-    vec2 tile = vec2(is_z ? 0.0 : is_x ? 1.0 : 2.0, at.z > 0.0 || !is_cube ? 0.0 : 1.0);
-    at += toward * (scales.y * abs(at.z) * offset_texels(toward));
-    float depth = max(is_cube ? abs(at.z) : at.z, 1e-6);
-    // beyond a spot's map is no light
-    vec2 local = clamp(at.xy / depth * scales.x, -0.999, 0.999);
+    vec3 at = is_z ? away : is_x ? away.yzx : away.zxy;
+    area = is_z ? area : is_x ? area.yzx : area.zxy;
+    vec2 tile = vec2(is_z ? 0.0 : is_x ? 1.0 : 2.0, at.z > 0.0 ? 0.0 : 1.0);
+    area.z *= at.z > 0.0 ? 1.0 : -1.0;
+    at.z = abs(at.z);
     region.xy += 2.0 * tile * region.zw;
-    return visibility_at(local, region, LAMP_NEAR_M / depth);
+    return perspective_visibility(at, area, region, SCALES[caster], TEXELS[caster]);
+}
+#else
+float punctual_visibility(int i, vec3 away, vec3 area) {
+    return 1.0;
 }
 #endif
 
 #else
 
-float directional_visibility(int i, vec3 position, vec3 normal) {
+vec3 surface_area(vec3 position) {
+    return vec3(0.0);
+}
+
+float directional_visibility(int i, vec3 position) {
     return 1.0;
 }
 
-float punctual_visibility(int i, vec3 away, vec3 normal) {
+float punctual_visibility(int i, vec3 away, vec3 area) {
     return 1.0;
 }
 

@@ -50,7 +50,7 @@ void main() {
 #endif
 #ifdef ALPHA_MASK
     bool is_hole = color.a < ALPHA_CUTOFF;
-#ifndef REFLECTANCE
+#if !defined(REFLECTANCE) && !defined(SHADOWS)
     if (is_hole) discard;  // not yet where maps are sampled, which needs derivatives, too
 #endif
 #endif
@@ -94,7 +94,7 @@ void main() {
 #endif
     color.rgb *= lightmap_light();
 #endif
-#if defined(ALPHA_MASK) && defined(REFLECTANCE)
+#if defined(ALPHA_MASK) && (defined(REFLECTANCE) || defined(SHADOWS))
     if (is_hole) discard;
 #endif
 #ifdef FOG

@@ -64,6 +64,11 @@ uniform vec4 u_light_rectangles[SIDES];
 #ifdef REFLECTANCE
 #include "scene/vertex_details.glsl"
 #endif
+#ifdef VERTEX_PLACES
+#include "scene/light_positions.glsl"
+#include "scene/shadow_places.glsl"
+out vec3 v_places[PLACES];
+#endif
 
 void main() {
     gl_Position = clip_position();
@@ -109,5 +114,8 @@ void main() {
 #endif
 #ifdef REFLECTANCE
     pass_details();
+#endif
+#ifdef VERTEX_PLACES
+    for (int place = 0; place < PLACES; ++place) v_places[place] = place_on_map(place, v_position);
 #endif
 }

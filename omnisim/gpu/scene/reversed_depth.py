@@ -26,12 +26,14 @@ def float_depth(
     return buffer
 
 
-def depth_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """Depth buffer of 32-bit floats that shaders can read."""
+def depth_texture(
+    context: moderngl.Context, size: tuple[int, int], levels: int = 1
+) -> moderngl.Texture:
+    """Depth buffer of 32-bit floats that shaders can read, with so many mip levels."""
     texture = context.depth_texture(size)
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     texture.compare_func = ""
     texture.repeat_x = texture.repeat_y = False
     texture.use()
-    allocate_depth_texture(size)
+    allocate_depth_texture(size, levels)
     return texture

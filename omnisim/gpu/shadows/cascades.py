@@ -7,6 +7,8 @@ Source: Engel, "Cascaded Shadow Maps", ShaderX5, 2006.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,7 @@ class Cascades:
         axes: as given.
         halves_m: half their widths, small to large.
         depths_m: nearest and farthest z along the axes.
+        depth_scale: half the largest width as a share of the depth.
     """
 
     def __init__(self, axes: NDArray[np.float64], boxes_m: NDArray[np.float64], count: int):
@@ -38,8 +41,11 @@ class Cascades:
         self._middle_m = 0.5 * (low_m + high_m)[:2]
         half_m = _half_m(low_m, high_m)
         self.halves_m = tuple(half_m / _RATIO**level for level in reversed(range(count)))
-        beyond_m = _LEAST_DEPTH_M + (high_m[2] - low_m[2])
-        self.depths_m = float(low_m[2] - beyond_m), float(high_m[2] + beyond_m)
+        depth_m = 2.0 * _LEAST_DEPTH_M + 3.0 * float(high_m[2] - low_m[2])
+        # a power of two, as shaders are compiled with it
+        self.depth_scale = 2.0 ** -math.ceil(math.log2(depth_m / half_m))
+        near_m = 0.5 * float(low_m[2] + high_m[2] - half_m / self.depth_scale)
+        self.depths_m = near_m, near_m + half_m / self.depth_scale
 
     def middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Middles (cascades, 2) along the axes, for a viewpoint (3,) from the anchor."""

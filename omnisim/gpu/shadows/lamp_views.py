@@ -36,8 +36,9 @@ class PunctualView(NamedTuple):
 
 
 def is_cube(light: Light) -> bool:
-    """Tell whether a point or spot light needs a whole cube."""
-    return light.kind is LightKind.POINT or math.acos(light.cone_cosines[1]) > _WIDEST_SPOT_RAD
+    """Tell whether a light needs a whole cube: point lights and wide spots do."""
+    is_wide = math.acos(light.cone_cosines[1]) > _WIDEST_SPOT_RAD
+    return light.kind is LightKind.POINT or (light.kind is LightKind.SPOT and is_wide)
 
 
 def punctual_view(light: Light, size_px: int) -> PunctualView:

@@ -14,25 +14,16 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.gl_functions import copy_regions
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, depth_texture
+from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.shadows.caster_drawer import CasterDrawer
+from omnisim.gpu.shadows.depth_levels import DepthLevels
 from omnisim.gpu.shadows.map_regions import covered_px
 from omnisim.gpu.shadows.shadow_plan import make_shadow_plan
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
 from omnisim.world import time_of
 
 _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
-
-
-class _DepthMaps:
-    """Texture of all maps' depth, and its target."""
-
-    def __init__(self, context: moderngl.Context, size_px: tuple[int, int]):
-        self.texture = depth_texture(context, size_px)
-        self.texture.compare_func = ">="
-        self.texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self.target = context.framebuffer(depth_attachment=self.texture)
 
 
 class ShadowMaps:
@@ -51,7 +42,7 @@ class ShadowMaps:
 
     def __init__(self, buffers: SceneBuffers, lighting: Lighting):
         self._buffers, self._lighting = buffers, lighting
-        self._maps: list[_DepthMaps] = []
+        self._maps: list[DepthLevels] = []
         self.refresh()
 
     def refresh(self) -> None:
@@ -68,7 +59,9 @@ class ShadowMaps:
             self._maps = []
         while len(self._maps) < 1 + self._drawer.has_dynamic:
             self._maps.append(_allocate(context, size_px))
-        self._block = context.buffer(plan.block_data(plan.middles_m(np.zeros(3))))
+        at_anchor = plan.clips(plan.middles_m(np.zeros(3)), self.anchor_m)
+        # of cubes alone it has nothing
+        self._block = context.buffer(reserve=max(16, plan.block_data(at_anchor).nbytes))
         self._drawn: NDArray[np.float64] | None = None  # matrices of the static maps
         self._posed: tuple[float, NDArray[np.float64]] | None = None  # time and poses of what moves
         self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
@@ -108,7 +101,7 @@ class ShadowMaps:
             stale = np.any(clips != self._drawn, axis=(1, 2))
         if stale.any():
             self._draw_static(clips, stale, world_from_objects)
-            self._block.write(self._plan.block_data(middles_m))
+            self._block.write(self._plan.block_data(clips))
             self._drawn = clips
         if len(self._maps) > 1:
             self._draw_dynamic(clips, stale, world_from_objects)
@@ -125,6 +118,8 @@ class ShadowMaps:
         for rectangle_px in self._rectangles_px[stale].astype(int).tolist():
             target.clear(depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
         self._drawer.draw(target, clips, stale, world_from_objects, dynamic=False)
+        if len(self._maps) == 1:
+            self._maps[0].coarsen(self._rectangles_px[stale].astype(int).tolist())
 
     def _draw_dynamic(
         self,
@@ -157,14 +152,15 @@ class ShadowMaps:
         )
         every = np.ones(len(clips), dtype=np.bool_)
         self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
+        live.coarsen(restored + self._covered.tolist())
         self._posed = time_s, poses
 
 
-def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> _DepthMaps:
+def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> DepthLevels:
     with gpu_allocation(
         f"shadow maps of {size_px[0]} × {size_px[1]} px", "switch the lamps' shadows off"
     ):
-        return _DepthMaps(context, size_px)
+        return DepthLevels(context, size_px)
 
 
 def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from omnisim.gpu.shadows.lamp_views import (
     perspective_clips,
     punctual_view,
 )
-from omnisim.scene.model import Light, Lighting
+from omnisim.scene.model import Light, Lighting, LightKind
 
 # Texels to a side of a map, where they fit: of a parallel one alone and of several, of a spot's and
 # of a face of a cube.
@@ -25,6 +25,7 @@ _SINGLE_PX, _CASCADE_PX, _SPOT_PX, _FACE_PX = 4096, 2048, 2048, 1024
 _MAX_TEXELS = 1 << 25
 _MIN_PX = 64
 _CUBE_COLUMNS = 3  # beside each other; opposite faces are below
+_MAX_VERTEX_PLACES = 8  # vectors that vertices pass on: as many as all GPUs take
 
 
 class Block(NamedTuple):
@@ -106,44 +107,66 @@ class ShadowPlan:
         return np.array(clips)
 
     @property
+    def casters(self) -> tuple[Light, ...]:
+        """Lights of the blocks."""
+        directional = zip(self.directional, self.cascades, strict=True)
+        casting = [light for light, cascades in directional if cascades is not None]
+        return (*casting, *self.punctual_casters)
+
+    @property
     def defines(self) -> tuple[str, ...]:
         """Defines of shaders that look shadows up."""
+        size_px = np.array([self.width_px, self.height_px], dtype=np.float64)
+        regions = _regions(np.array([block.rectangles_px[0] for block in self.blocks]), size_px)
+        vectors = [f"vec4({', '.join(map(str, region))})" for region in regions.tolist()]
+        texels = [str(2.0 / block.size_px) for block in self.blocks]
+        places = sum(not is_cube(light) for light in self.casters)
         return (
             "SHADOWS",
             f"SHADOW_CASCADES {self.cascade_count}",
             f"DIRECTIONAL_CASTERS {_bits([one is not None for one in self.cascades])}",
             f"PUNCTUAL_CASTERS {_bits([light.casts_shadow for light in self.punctual])}",
             f"CUBE_CASTERS {_bits([is_cube(light) for light in self.punctual])}",
+            f"SHADOW_REGIONS vec4[]({', '.join(vectors)})",
+            f"SHADOW_TEXELS float[]({', '.join(texels)})",
+            f"SHADOW_SCALES float[]({', '.join(map(str, self._scales()))})",
+            f"PLACES {places}",
+            *(("VERTEX_PLACES",) if 0 < places <= _MAX_VERTEX_PLACES else ()),
         )
 
-    def block_data(self, middles_m: Sequence[NDArray[np.float64]]) -> NDArray[np.float32]:
-        """Values (n, 4) of the uniform block of shaders/scene/shadow.glsl."""
-        texture_px = np.array([self.width_px, self.height_px], dtype=np.float64)
-        blocks, middles = iter(self.blocks), iter(middles_m)
-        values: list[NDArray[np.float64]] = []
-        for cascades in self.cascades:
-            if cascades is None:
-                values.append(np.zeros((3 + 2 * self.cascade_count, 4)))
+    def _scales(self) -> list[float]:
+        """Scales of the casters, see shaders/scene/shadow.glsl."""
+        scales = [one.depth_scale for one in self.cascades if one is not None]
+        blocks = self.blocks[len(scales) :]
+        for light, block in zip(self.punctual_casters, blocks, strict=True):
+            scales.append(1.0 / punctual_view(light, block.size_px).tangent)
+        return scales
+
+    def block_data(self, clips: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Values (n, 4) of the uniform block of shaders/scene/shadow_places.glsl.
+
+        Args:
+            clips: (maps, 4, 4) clip_from_anchor.
+        """
+        places = [np.zeros((0, 4))]
+        cascades = [np.zeros((0, 4))]
+        ends = np.cumsum([block.columns * block.rows for block in self.blocks]).tolist()
+        shapes = zip(self.casters, self.blocks, self._scales(), ends, strict=True)
+        for light, block, scale, end in shapes:
+            if is_cube(light):
                 continue
-            block, middle_m = next(blocks), next(middles)
-            halves_m, (near_m, far_m) = np.array(cascades.halves_m), cascades.depths_m
-            rows = np.zeros((3 + 2 * self.cascade_count, 4))
-            rows[:3, :3] = cascades.axes
-            rows[:2, 3] = far_m / (far_m - near_m), 1.0 / (far_m - near_m)
-            rows[3::2, :2], rows[3::2, 2] = middle_m, 1.0 / halves_m
-            rows[3::2, 3] = 2.0 * halves_m / block.size_px
-            rows[4::2] = _regions(block.rectangles_px, texture_px)
-            values.append(rows)
-        for light in self.punctual:
-            rows = np.zeros((5, 4))
-            if light.casts_shadow:
-                block = next(blocks)
-                view = punctual_view(light, block.size_px)
-                rows[:3, :3] = view.axes[0]
-                rows[3] = _regions(block.rectangles_px[:1], texture_px)[0]
-                rows[4, :2] = 1.0 / view.tangent, 2.0 * view.tangent / block.size_px
-            values.append(rows)
-        return np.concatenate(values).astype(np.float32)
+            maps, finer = clips[end - block.columns : end], np.zeros((self.cascade_count - 1, 4))
+            place = maps[-1, :3].copy()
+            if light.kind is LightKind.DIRECTIONAL:
+                place[2] /= scale
+                widths = np.linalg.norm(maps[:, 0, :3], axis=1, keepdims=True)
+                finer[:, 2:3] = widths[:-1] / widths[-1]
+                finer[:, :2] = maps[:-1, :2, 3] - finer[:, 2:3] * maps[-1, :2, 3]
+            else:
+                place = np.concatenate((place[:2] / scale, maps[-1, 3:]))
+            places.append(place)
+            cascades.append(finer)
+        return np.concatenate((*places, *cascades)).astype(np.float32)
 
 
 def make_shadow_plan(

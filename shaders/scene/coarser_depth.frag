@@ -1,0 +1,9 @@
+// Depth of a coarser level of the shadow maps: of the first of four texels.
+#version 430 core
+
+uniform sampler2D u_finer;  // it has no other levels here, and is not filtered
+
+void main() {
+    vec2 size = vec2(textureSize(u_finer, 0));
+    gl_FragDepth = textureLod(u_finer, (2.0 * floor(gl_FragCoord.xy) + 0.5) / size, 0.0).r;
+}
